@@ -14,7 +14,7 @@ from typing import Final
 from bench.study_command import add_options, complete_by_command
 from estimator.evaluation.validate import BEST, POPULATION, RANDOM, PredictionErrors, Validation
 from estimator.readings.modalities import MODALITIES
-from estimator.report.evaluation_files import TRUTH
+from estimator.report.evaluations import TRUTH
 from estimator.reproduction.harness import made_by
 from estimator.reproduction.paper_runs import (
     ALL_MODALITIES,

@@ -11,10 +11,9 @@ from functools import cache
 import numpy as np
 
 from estimator.body.morphology import Array
-from estimator.export.formats import in_words_of
-from estimator.export.urdf import urdf
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
+from estimator.report.export.formats import in_words_of, urdf
 from protocol.wire.capabilities import Capabilities
 from robot.service.daemon import describe
 from sim_robot.simulator.pc104_set import configure

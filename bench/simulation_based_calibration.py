@@ -209,7 +209,7 @@ def trial(seed: int, problem_name: str, interactions: int) -> list[dict[str, Any
                 "inside": ((low <= lengths) & (lengths <= high)).tolist(),
                 "widths_mm": (1000 * (high - low)).tolist(),
                 "expected_bits": chosen.bits,
-                "gained_bits": belief.gained,
+                "gained_bits": belief.information_gain_bits,
                 "true_bits": information_gained(before, truth, predictor, data, noise),
             }
         )

@@ -40,16 +40,15 @@ Room               What is in it
 ================== ==============================================================================
 ``cli``            the command line; beside it ``api``, for programs
 ``reproduction``   studies of many runs, resumed by the same command: the paper's figures
-``live``           a page in the browser that follows a run
-``report``         a run in numbers, tables and plots
+``report``         a run in numbers, tables, plots and pages, also while it goes on; a body as
+                   URDF, MJCF or JSON
 ``evaluation``     how good a run is: beside the true body (objective error), and on fresh motor
                    programs (prediction error)
 ``identification`` a run: act, sense, model; the robot, a table or a recorded run that it acts on.
                    Two methods: ``posterior_method`` and, with its search and objectives, ``paper``
 ``exploration``    which motor program is next: the rules
 ``posterior``      every body that explains the readings, as samples with weights
-``storage``        a run on disk: settings, interactions, generations, beliefs
-``export``         a body as URDF, MJCF or JSON
+``storage``        a run on disk: settings, interactions, generations, posteriors
 ``problem``        what is known and what is to be found; genes to bodies
 ``physics``        what a body's sensors read at rest: back-ends by name
 ``readings``       what was observed and what is predicted; the modalities

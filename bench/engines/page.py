@@ -18,7 +18,7 @@ from bench.engines.figures import CLOSE, COVERED, Compared, differences, risk_co
 from bench.engines.runs import CEILINGS, RIVALS, RUNS
 from estimator.body.morphology import Array
 from estimator.errors import EstimatorError
-from estimator.report.plots.leg_styles import COLOURS
+from estimator.report.canvas import COLOURS
 
 _BEGIN: Final = "<!-- measured: begin (make compare-engines writes from here) -->"
 _END: Final = "<!-- measured: end -->"

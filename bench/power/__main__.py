@@ -12,7 +12,7 @@ from bench.power.study import PICTURES, REPORTED, SEEDS, study
 from bench.power.tables import by_group, page, plot_success
 from bench.power.trial import Trial, TrialRun
 from bench.study_command import add_options, complete_by_command
-from estimator.report.plots.canvas import as_png
+from estimator.report.canvas import as_png
 from estimator.reproduction.harness import made_by
 from sim_robot.world.body import DEFAULT
 

@@ -13,8 +13,7 @@ import numpy as np
 from bench.power.study import FAULTY, KNOWN_ATTACHMENTS, PICTURES, SUBJECTS
 from bench.power.trial import Figures, Step, Trial, TrialRun
 from estimator.identification.doubting import SURE
-from estimator.report.plots.canvas import new_figure
-from estimator.report.plots.leg_styles import COLOURS
+from estimator.report.canvas import COLOURS, new_figure
 
 Runs = Sequence[tuple[Trial, Sequence[Figures]]]
 Steps = Sequence[tuple[Figures, Step]]

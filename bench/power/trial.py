@@ -298,7 +298,7 @@ def held_against(
 
 
 def _beliefs(store: RunStore) -> Iterator[_Belief]:
-    for belief, _ in store.beliefs():
+    for belief, _ in store.posteriors():
         yield _Belief(
             np.array(belief.best),
             belief.probability,

@@ -10,36 +10,24 @@ from typing import Annotated
 
 import typer
 
-from estimator.cli import (
-    compare,
-    doctor,
-    export,
-    identify,
-    report,
-    reproduce,
-    resume,
-    score,
-    show,
-    validate,
-    watch,
-)
+from estimator.cli import doctor, evaluate, identify, live, reproduce, results, resume
 
 app = typer.Typer(
-    help="Identifies a robot's body from what it feels when it moves.",
+    help="Identifies a robot's body from what its sensors read when it moves.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
 )
 app.command("identify")(identify.command)
 app.command("resume")(resume.command)
-app.command("show")(show.command)
-app.command("score")(score.command)
-app.command("report")(report.command)
-app.command("compare")(compare.command)
-app.command("validate")(validate.command)
-app.command("export")(export.command)
-app.command("watch")(watch.command)
-app.command("doctor")(doctor.command)
+app.command("show")(results.show)
+app.command("score")(evaluate.score)
+app.command("report")(results.report)
+app.command("compare")(results.compare)
+app.command("validate")(evaluate.validate)
+app.command("export")(results.export)
+app.command("watch")(live.watch)
+app.command("doctor")(doctor.doctor)
 app.command("reproduce")(reproduce.command)
 
 

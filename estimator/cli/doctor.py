@@ -2,17 +2,32 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+import math
+import time
+from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import dataclass
+from enum import Enum
+from importlib import metadata
+from pathlib import Path
+from typing import Annotated, Final
 
 import typer
 from rich.text import Text
 
 from estimator.cli.console import errors_as_sentences, out
-from estimator.cli.examination import ExaminedItem, Fitness, examine
 from estimator.cli.options import Keys
+from protocol.errors import CLEAR, HOLD, BodyschemaError, RobotError, RobotUnreachableError
+from protocol.rules.control import HEARTBEAT
+from protocol.security.keys import KeyDirectory
+from protocol.transport.client import RobotClient
+from protocol.transport.connection_probe import Obstacle, probe
+from protocol.transport.telemetry import TelemetrySubscriber
+from protocol.wire.capabilities import MODALITIES
+from protocol.wire.messages import ObservationReply, Status
 
 
-def command(
+def doctor(
     *,
     robot: Annotated[str, typer.Option(help="tcp://HOST:PORT: robotd, or sim-robotd.")],
     keys: Keys = None,
@@ -31,3 +46,233 @@ def _print_finding(finding: ExaminedItem) -> Fitness:
     )
     out.print(line, soft_wrap=True)
     return finding.verdict
+
+
+ROUND_TRIPS: Final = 100
+SLOW: Final = 0.05
+"""Round trips that take longer than this, s, are worth a note."""
+
+_PATIENCE: Final = 5.0  # s without any word
+_DRIFT: Final = 0.02  # of a clock against another
+_VIRTUAL: Final = 0.25  # of a clock that is not meant to keep the wall's time
+_JITTER: Final = 0.5  # s by which answers may be held up on a busy computer
+_CALM: Final = ("idle", "holding")
+_KEY_TROUBLE: Final = (
+    Obstacle.KEYS_WANTED,
+    Obstacle.NO_KEYS_THERE,
+    Obstacle.OTHER_ROBOT,
+    Obstacle.UNKNOWN_KEY,
+)
+
+
+class Fitness(Enum):
+    """How serious the result of a check is."""
+
+    FINE = "fine"
+    NOTE = "note"
+    BAD = "bad"
+
+
+@dataclass(frozen=True)
+class ExaminedItem:
+    """The result of one check."""
+
+    subject: str
+    verdict: Fitness
+    sentence: str
+
+
+def examine(uri: str, keys: Path | None = None) -> Iterator[ExaminedItem]:
+    """Checks a robot, from the network up; ends early where further checks are impossible.
+
+    Args:
+        uri: ``tcp://host:port``.
+        keys: The key directory, where the robot asks for keys.
+
+    Raises:
+        EndpointError: ``uri`` is no address of a daemon.
+        KeysError: The key directory cannot be used.
+    """
+    link = probe(uri, KeyDirectory(keys).client_keys() if keys is not None else None)
+    if link.obstacle in _KEY_TROUBLE:
+        yield ExaminedItem("reachability", Fitness.FINE, f"{uri} answers.")
+        yield ExaminedItem("keys", Fitness.BAD, link.sentence)
+        return
+    if not link.fine:
+        yield ExaminedItem("reachability", Fitness.BAD, link.sentence)
+        return
+    yield ExaminedItem("reachability", Fitness.FINE, link.sentence)
+    try:
+        client = RobotClient(uri, keys=keys, timeout=_PATIENCE, software="estimator doctor")
+    except RobotError as error:
+        subject = "version" if error.code == "unsupported_version" else "session"
+        yield ExaminedItem(subject, Fitness.BAD, f"{error.message} {error.advice}")
+        return
+    except RobotUnreachableError as error:
+        yield ExaminedItem("session", Fitness.BAD, str(error))
+        return
+    with closing(client):
+        yield _role(client, with_keys=keys is not None)
+        yield _version(client)
+        yield _robot(client)
+        try:
+            yield _latency(client)
+            status = client.status()
+            yield _control(status, client)
+            yield _state(status)
+            if status.state in _CALM:
+                yield from _freshness(client)
+        except BodyschemaError as error:
+            yield ExaminedItem("connection", Fitness.BAD, str(error))
+            return
+        yield _telemetry(client, keys)
+
+
+def _role(client: RobotClient, *, with_keys: bool) -> ExaminedItem:
+    try:
+        client.release()
+    except RobotError as error:
+        if error.code == "unauthorised":
+            return ExaminedItem(
+                "keys",
+                Fitness.BAD,
+                f"{error.message} To identify the robot, this key needs the role controller there.",
+            )
+    if with_keys:
+        return ExaminedItem("keys", Fitness.FINE, "The robot knows this key, as a controller's.")
+    return ExaminedItem(
+        "keys", Fitness.FINE, "The robot asks for none: who can reach it can control it."
+    )
+
+
+def _version(client: RobotClient) -> ExaminedItem:
+    theirs, ours = client.capabilities.software, f"bodyschema {metadata.version('bodyschema')}"
+    if theirs == ours:
+        return ExaminedItem("version", Fitness.FINE, f"Both sides run {ours}.")
+    return ExaminedItem("version", Fitness.NOTE, f"The robot runs {theirs}, this is {ours}.")
+
+
+def _robot(client: RobotClient) -> ExaminedItem:
+    robot = client.capabilities
+    missing = [modality for modality in MODALITIES if robot.sensor(modality) is None]
+    senses = [sensor.modality for sensor in robot.sensors]
+    joints = f"{robot.robot}: {len(robot.joints)} joints"
+    if not senses:
+        return ExaminedItem(
+            "robot", Fitness.BAD, f"{joints}; it has no sensors, so nothing is learnt."
+        )
+    sentence = f"{joints}; senses {', '.join(senses)}"
+    if missing:
+        return ExaminedItem("robot", Fitness.NOTE, f"{sentence}, but not {', '.join(missing)}.")
+    return ExaminedItem("robot", Fitness.FINE, f"{sentence}.")
+
+
+def _latency(client: RobotClient) -> ExaminedItem:
+    waits = []
+    for _ in range(ROUND_TRIPS):
+        begun = time.perf_counter()
+        client.status()
+        waits.append(time.perf_counter() - begun)
+    waits.sort()
+    sentence = (
+        f"{ROUND_TRIPS} round trips: median {waits[ROUND_TRIPS // 2] * 1000:.1f} ms, "
+        f"99 % within {waits[ROUND_TRIPS * 99 // 100 - 1] * 1000:.1f} ms, "
+        f"longest {waits[-1] * 1000:.1f} ms."
+    )
+    if waits[-1] > HEARTBEAT:
+        return ExaminedItem(
+            "latency",
+            Fitness.BAD,
+            f"{sentence} The robot needs a sign of life each second: mend the network.",
+        )
+    return ExaminedItem("latency", Fitness.NOTE if waits[-1] > SLOW else Fitness.FINE, sentence)
+
+
+def _control(status: Status, client: RobotClient) -> ExaminedItem:
+    if status.controller in (None, client.client_id):
+        return ExaminedItem("control", Fitness.FINE, "Nobody holds the robot.")
+    return ExaminedItem(
+        "control",
+        Fitness.BAD,
+        f"Client {status.controller} holds the robot: wait until it releases, or ask its owner.",
+    )
+
+
+def _state(status: Status) -> ExaminedItem:
+    reason = f" ({status.reason})" if status.reason else ""
+    sentence = f"The robot is {status.state}{reason}."
+    if status.state in _CALM:
+        return ExaminedItem("state", Fitness.FINE, sentence)
+    advice = {
+        "stopped": f"Make sure that it is safe, then: {CLEAR}",
+        "fault": f"Mend the cause, then: {CLEAR}",
+        "relaxed": f"Hold it first: {HOLD}",
+    }.get(status.state, "Wait for the end of its motion.")
+    return ExaminedItem("state", Fitness.BAD, f"{sentence} {advice}")
+
+
+def _freshness(client: RobotClient) -> Iterator[ExaminedItem]:
+    """Two reads: are they fresh, and do the clocks agree?"""
+    try:
+        first, heard_first = client.read(), time.monotonic()
+        client.status()
+        second, heard_second = client.read(), time.monotonic()
+    except RobotError as error:
+        yield ExaminedItem("freshness", Fitness.BAD, f"It cannot be read: {error}")
+        return
+    if second.robot_time < first.robot_time or second.monotonic <= first.monotonic:
+        yield ExaminedItem(
+            "freshness", Fitness.BAD, "A second reading is not younger than the first."
+        )
+        return
+    yield ExaminedItem(
+        "freshness",
+        Fitness.FINE,
+        f"Readings are fresh: {first.sequence}, then {second.sequence}, "
+        f"each an average of {second.samples} samples.",
+    )
+    yield _clock(first, second, heard_second - heard_first)
+
+
+def _clock(first: ObservationReply, second: ObservationReply, elapsed: float) -> ExaminedItem:
+    theirs = second.monotonic - first.monotonic
+    if not math.isclose(theirs, elapsed, rel_tol=_DRIFT, abs_tol=_JITTER):
+        return ExaminedItem(
+            "clock",
+            Fitness.BAD,
+            f"Between two readings {elapsed:.3f} s passed here and {theirs:.3f} s at the robot: "
+            "one of the clocks is wrong, or the readings were held up.",
+        )
+    robot = second.robot_time - first.robot_time
+    if not math.isclose(robot, theirs, rel_tol=_VIRTUAL):
+        return ExaminedItem(
+            "clock",
+            Fitness.FINE,
+            f"The robot's time is virtual: {robot:.3f} s passed there in {theirs:.3f} s.",
+        )
+    return ExaminedItem(
+        "clock", Fitness.FINE, f"Clocks agree to {abs(theirs - elapsed) * 1000:.1f} ms."
+    )
+
+
+def _telemetry(client: RobotClient, keys: Path | None) -> ExaminedItem:
+    rate = client.capabilities.telemetry_rate
+    place = client.telemetry_endpoint
+    try:
+        with TelemetrySubscriber(place, keys=keys) as subscriber:
+            subscriber.next(max(_PATIENCE, 3.0 / rate))
+            begun = time.monotonic()
+            subscriber.next(max(_PATIENCE, 3.0 / rate))
+            waited = time.monotonic() - begun
+    except BodyschemaError:
+        return ExaminedItem(
+            "telemetry",
+            Fitness.BAD,
+            f"Nothing is heard at {place}, although requests are answered: is that port open, too?",
+        )
+    late = waited > 2.0 / rate + _JITTER
+    return ExaminedItem(
+        "telemetry",
+        Fitness.NOTE if late else Fitness.FINE,
+        f"Publications come at {place}, the last after {waited:.2f} s of {1 / rate:.2f} s.",
+    )

@@ -21,12 +21,12 @@ from estimator.cli.console import (
     out,
     print_run_directory,
 )
-from estimator.cli.live_view import LIVE_BIND, LiveScreen, LiveView
+from estimator.cli.live import LIVE_BIND, LiveScreen, LiveView
 from estimator.cli.options import CORES, Dask, Jobs, Keys, Live, LiveBind, Strict, executors
 from estimator.identification.run import identify
 from estimator.problem.values import complaint
 from estimator.report.run_files import write_report
-from estimator.report.tables.terminal import print_result
+from estimator.report.tables import print_result
 from estimator.storage.run_config import RunConfig
 
 _NUMBERS: Final = (bool, int, float)

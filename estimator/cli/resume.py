@@ -13,7 +13,7 @@ from estimator.cli.console import (
     out,
     print_run_directory,
 )
-from estimator.cli.live_view import LIVE_BIND, LiveScreen, LiveView
+from estimator.cli.live import LIVE_BIND, LiveScreen, LiveView
 from estimator.cli.options import (
     CORES,
     Dask,
@@ -27,7 +27,7 @@ from estimator.cli.options import (
 )
 from estimator.identification.run import resume
 from estimator.report.run_files import write_report
-from estimator.report.tables.terminal import print_result
+from estimator.report.tables import print_result
 
 
 def command(

@@ -20,8 +20,7 @@ from pydantic import BaseModel, ConfigDict
 
 from estimator.body.limbs import Limb, limbs
 from estimator.body.morphology import BASE, Morphology, Part
-from estimator.evaluation.truth.body import TrueLimb, true_limbs
-from estimator.evaluation.truth.robot import check_robot
+from estimator.evaluation.truth.body import TrueLimb, check_robot, true_limbs
 from estimator.physics.equivalence import images
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
@@ -35,7 +34,7 @@ _SLIGHT: Final = 1e-3  # m, by which a length may lie outside the problem's rang
 Cell: TypeAlias = tuple[int, str]
 """One configuration: row of the genome, and trait."""
 
-Alike: TypeAlias = Callable[[Sequence[Morphology]], bool]
+Indistinguishable: TypeAlias = Callable[[Sequence[Morphology]], bool]
 """Whether at some lengths a body cannot be told from the true one; it is given at several."""
 
 
@@ -130,15 +129,17 @@ class Comparison:
         attached = (text for misfits in self._impossible.values() for text in misfits.values())
         return (*attached, *self._lengths_out_of_range())
 
-    def configurations(self, alike: Alike | None = None) -> tuple[Configuration, ...]:
+    def configurations(
+        self, indistinguishable: Indistinguishable | None = None
+    ) -> tuple[Configuration, ...]:
         """All configurations, in the order of the genome.
 
         Args:
-            alike: Whether a body can be told from ``true_body`` at all lengths; without it nothing
-                wrong is right up to equivalence.
+            indistinguishable: The test of equivalence; without it nothing wrong is right up to
+                equivalence.
         """
         wrong = self._wrong(self.true_body)
-        inexcusable = self._inexcusable(wrong, alike) if alike else wrong
+        inexcusable = self._inexcusable(wrong, indistinguishable) if indistinguishable else wrong
         return tuple(
             self._configuration(cell, right=cell not in wrong, excused=cell not in inexcusable)
             for cell in self._cells()
@@ -225,7 +226,7 @@ class Comparison:
 
     # --- up to equivalence ------------------------------------------------------------------------
 
-    def _inexcusable(self, wrong: set[Cell], alike: Alike) -> set[Cell]:
+    def _inexcusable(self, wrong: set[Cell], indistinguishable: Indistinguishable) -> set[Cell]:
         """Cells that are wrong even up to equivalence.
 
         Without tilt a square body feels the same however it is turned, and mirrored too. So the
@@ -237,12 +238,16 @@ class Comparison:
         for image in images(self.true_body):
             if least == impossible:
                 break
-            if image == self.true_body or alike([image]):
+            if image == self.true_body or indistinguishable([image]):
                 against = self._wrong(image)
-                least = min(least, against - self._excused(image, against, alike), key=len)
+                least = min(
+                    least, against - self._excused(image, against, indistinguishable), key=len
+                )
         return least
 
-    def _excused(self, reference: Morphology, wrong: Collection[Cell], alike: Alike) -> set[Cell]:
+    def _excused(
+        self, reference: Morphology, wrong: Collection[Cell], indistinguishable: Indistinguishable
+    ) -> set[Cell]:
         """Cells whose wrong values, all together, make a body that is like the truth."""
         cells = [cell for cell in wrong if cell[1] not in self._impossible[cell[0]]]
         trials = [
@@ -258,7 +263,7 @@ class Comparison:
             if together == excused or together in refused:
                 continue
             body = self._variant(reference, together)
-            if alike([body, _with_lengths_of(self._model, body)]):
+            if indistinguishable([body, _with_lengths_of(self._model, body)]):
                 excused = together
             else:
                 refused.append(together)

@@ -45,23 +45,23 @@ class Score(BaseModel):
         mean_leg_error_never_touched_m: Over the legs that never did, m.
         configurations: Parent, side and hinge of each part beside the truth.
         configurations_right: How many of them are right.
-        configurations_right_up_to_equivalence: The same, counting as right what no sensor of the
-            run could tell from the truth.
+        configurations_right_up_to_equivalence: How many are right or such as no sensor of the run
+            could tell from the truth.
         configurations_total: How many there are: three per driven part, and two per locked part
             whose joint the problem names.
         configurations_informative: How many of them were to be found and might have been wrong;
             the first part, for one, has nothing to sit on but the main body.
         configurations_informative_right: How many of those are right.
-        configurations_informative_right_up_to_equivalence: The same up to equivalence.
+        configurations_informative_right_up_to_equivalence: How many of those are right up to
+            equivalence.
         configurations_chance: How many of all a random model has right on average.
         not_representable: What the genome cannot express, which counts as wrong.
         true_body_errors: Subjective error in each interaction that the true body would have as a
-            model, as far as the genome can express it; ``None`` where its simulation cannot be
-            believed. Where one of them exceeds the best model's error, no search could have found
+            model, as far as the genome can express it; ``None`` where its simulation is
+            invalid. Where one of them exceeds the best model's error, no search could have found
             the truth: simulated, it comes to rest otherwise than the robot did.
         true_body_margins_deg: Path margin of the true body in each interaction, by statics: where
-            it is small, a trifle decides where the robot comes to rest, and it need not do so
-            twice in the same place.
+            it is small, the robot may come to rest elsewhere when it repeats the movement.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -112,7 +112,7 @@ def score(store: RunStore, truth: Path, physics: ArrayPhysics, reference: Physic
         store: The run.
         truth: The robot's URDF.
         physics: Computes the readings by which configurations are equivalent or not, and margins.
-        reference: Predicts what the true body would feel as a model.
+        reference: Predicts the readings of the true body as a model.
 
     Raises:
         TruthError: The URDF is wrong, is another robot's, or the run has no model yet.
@@ -129,7 +129,7 @@ def score(store: RunStore, truth: Path, physics: ArrayPhysics, reference: Physic
     limbs, legs = driven_limbs(body), tuple(known.legs.values())
     signed = np.array([one.length - two.limb.length for one, two in zip(limbs, legs, strict=True)])
     seen = store.observations()
-    felt = tuple(touched(limb.sensors, seen) for limb in driven_limbs(comparison.true_body))
+    touching = tuple(touched(limb.sensors, seen) for limb in driven_limbs(comparison.true_body))
     return Score(
         complete=store.complete,
         joints=tuple(limb.name for limb in legs),
@@ -139,9 +139,9 @@ def score(store: RunStore, truth: Path, physics: ArrayPhysics, reference: Physic
         leg_errors_signed_m=tuple(signed.tolist()),
         mean_leg_error_m=float(np.mean(np.abs(signed))),
         mean_signed_leg_error_m=float(np.mean(signed)),
-        touched=felt,
-        mean_leg_error_touched_m=_mean(signed, felt, which=True),
-        mean_leg_error_never_touched_m=_mean(signed, felt, which=False),
+        touched=touching,
+        mean_leg_error_touched_m=_mean(signed, touching, which=True),
+        mean_leg_error_never_touched_m=_mean(signed, touching, which=False),
         configurations=configurations,
         configurations_right=sum(item.right for item in configurations),
         configurations_right_up_to_equivalence=sum(
@@ -185,6 +185,8 @@ def length_search(store: RunStore, true_body: Morphology, physics: ArrayPhysics)
     return LengthSearch(reference, np.array([rule.length for rule in problem.parts]))
 
 
-def _mean(errors: Array, felt: Sequence[bool | None], *, which: bool) -> float | None:
-    chosen = [abs(error) for error, one in zip(errors.tolist(), felt, strict=True) if one is which]
+def _mean(errors: Array, touching: Sequence[bool | None], *, which: bool) -> float | None:
+    chosen = [
+        abs(error) for error, one in zip(errors.tolist(), touching, strict=True) if one is which
+    ]
     return float(np.mean(chosen)) if chosen else None

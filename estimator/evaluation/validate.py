@@ -47,7 +47,7 @@ class Validation(BaseModel):
         programs: Programs performed.
         best_model: Errors of the best model.
         population_median: Median over the population of each model's errors.
-        random_models: The same over models drawn at random: what knowing nothing is worth.
+        random_models: Errors of models drawn at random: what knowing nothing is worth.
         invalid_predictions: Predictions of the three groups that could not be simulated and are
             left out.
     """
@@ -139,7 +139,7 @@ def _programs(store: RunStore, link: RobotLink, count: int, number: int) -> list
         return [tuple(program.tolist()) for program in drawn]
     fitted = [item.program for item in store.interactions()]
     fresh = [
-        program for program in link.recorded if not any(_alike(program, one) for one in fitted)
+        program for program in link.recorded if not any(_equal(program, one) for one in fitted)
     ]
     if count > len(fresh):
         known = len(link.recorded) - len(fresh)
@@ -151,7 +151,7 @@ def _programs(store: RunStore, link: RobotLink, count: int, number: int) -> list
     return fresh[:count]
 
 
-def _alike(one: Program, other: Program) -> bool:
+def _equal(one: Program, other: Program) -> bool:
     """Whether two motor programs are the same, whatever was rounded when one was written down."""
     return bool(np.allclose(one, other, rtol=0.0, atol=_SAME_ANGLE))
 
@@ -196,7 +196,7 @@ def _predict(
 
 
 def _plain(readings: PredictedReadings) -> dict[str, Any]:
-    """Readings as lists for JSON; ``None`` where a simulation cannot be believed."""
+    """Readings as lists for JSON; ``None`` where a simulation is invalid."""
     columns = {name: modality.predicted(readings) for name, modality in MODALITIES.items()}
     return {
         name: [
@@ -207,7 +207,7 @@ def _plain(readings: PredictedReadings) -> dict[str, Any]:
 
 
 def _arrays(plain: Mapping[str, Any]) -> dict[str, Array]:
-    """The same as arrays of shape (models, values); NaN for ``None``."""
+    """Stored readings as arrays of shape (models, values); NaN for ``None``."""
     arrays = {}
     for name, rows in plain.items():
         width = max((len(row) for row in rows if row is not None), default=1)

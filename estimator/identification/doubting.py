@@ -24,7 +24,7 @@ from estimator.posterior.model.departures import Doubt
 from estimator.posterior.model.likelihood import Noise
 from estimator.posterior.model.possible_departures import possible_departures
 from estimator.posterior.posterior import Posterior, systematic
-from estimator.storage.beliefs import Belief, NotKnown
+from estimator.storage.posteriors import NotKnown, StoredPosterior
 from estimator.storage.store import RunStore
 
 SURE: Final = 0.95
@@ -33,7 +33,7 @@ SURE: Final = 0.95
 _FEW: Final = 100  # movements, in which a departure shows if it can be felt at all
 
 
-def attachments_known(belief: Belief, wanted: float, store: RunStore) -> bool:
+def attachments_known(belief: StoredPosterior, wanted: float, store: RunStore) -> bool:
     """Whether a run is so sure of attachments, and stands by them."""
     contradicted = store.problem.contradictions(store.capabilities)
     return (belief.probability or 0.0) >= wanted and belief.explained and not contradicted
@@ -54,7 +54,7 @@ class Doubting:
         self._workers = workers
 
     def once_sure(
-        self, belief: Belief, fitted: FittedPosterior, reference: Physics
+        self, belief: StoredPosterior, fitted: FittedPosterior, reference: Physics
     ) -> tuple[Doubt, ...]:
         """Bodies that depart, where attachments are known, beforehand or by now; else none.
 
@@ -65,14 +65,14 @@ class Doubting:
         """
         # that a robot has changed is a reason to look how
         as_stated = belief.model_copy(
-            update={"departed": 0.0, "departure": None, "overturned": None}
+            update={"misspecification_probability": 0.0, "deviation": None, "overturned": None}
         )
         if fitted.unknowns.bits and not attachments_known(as_stated, SURE, self._store):
             return ()
         return self._departing(fitted, reference, fitted.noise)
 
     def in_the_end(
-        self, belief: Belief, fitted: FittedPosterior, reference: Physics
+        self, belief: StoredPosterior, fitted: FittedPosterior, reference: Physics
     ) -> tuple[Doubt, ...]:
         """Bodies that depart, whatever is known."""
         return self._departing(fitted, reference, self._noise_for(belief, fitted))
@@ -98,7 +98,7 @@ class Doubting:
             workers=self._workers,
         )
 
-    def _noise_for(self, belief: Belief, fitted: FittedPosterior) -> Noise:
+    def _noise_for(self, belief: StoredPosterior, fitted: FittedPosterior) -> Noise:
         """As announced, or as sampled along where attachments are open and the best fits poorly.
 
         By announced noise readings of a noisier robot would speak for bodies that depart.
@@ -109,15 +109,15 @@ class Doubting:
 
     def left_of(
         self,
-        belief: Belief,
+        belief: StoredPosterior,
         doubted: Sequence[Doubt],
         fitted: FittedPosterior,
         reference: Physics,
-    ) -> Belief:
+    ) -> StoredPosterior:
         """What is believed, in the light of bodies that depart."""
         if not doubted:
             return belief
-        by_statics = np.array([one.outlier for one in belief.foretold])
+        by_statics = np.array([one.outlier_probability for one in belief.predicted])
         outliers = outliers_left(
             by_statics,
             fitted.posterior,
@@ -129,8 +129,10 @@ class Doubting:
         better = clearly_better(doubted)
         return belief.model_copy(
             update={
-                "departed": probability_departed(doubted, outliers, fitted.noise),
-                "departure": None if better is None else better.name,
+                "misspecification_probability": probability_departed(
+                    doubted, outliers, fitted.noise
+                ),
+                "deviation": None if better is None else better.name,
             }
         )
 

@@ -29,7 +29,7 @@ from estimator.posterior.alike import Alike, feel_alike, probability_of
 from estimator.posterior.belief import believe
 from estimator.posterior.checks.left_out import with_left_out
 from estimator.posterior.checks.recheck import fine, recheck
-from estimator.posterior.fitted import FittedPosterior, recalled
+from estimator.posterior.fitted import FittedPosterior, loaded
 from estimator.posterior.model.departures import Doubt
 from estimator.posterior.model.likelihood import Noise
 from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
@@ -38,7 +38,7 @@ from estimator.posterior.sampling.agreement import ENOUGH_TO_ERR
 from estimator.posterior.sampling.sampler import Effort, Sampler
 from estimator.randomness import Stream, generator, seeds
 from estimator.readings.observation import Observation
-from estimator.storage.beliefs import RIVAL, Belief, NextMovement, NotKnown
+from estimator.storage.posteriors import RIVAL, NextMovement, NotKnown, StoredPosterior
 from estimator.storage.records import Counters
 from estimator.storage.run_config import RunConfig
 from estimator.storage.store import RunStore
@@ -129,7 +129,7 @@ class PosteriorMethod:
             workers=workers,
             physics=physics,
         )
-        beliefs = store.beliefs()
+        beliefs = store.posteriors()
         self._learnt = len(beliefs)
         if self._learnt < store.settings.interactions:
             self._sampler.prepare()
@@ -148,7 +148,7 @@ class PosteriorMethod:
         checkpoint = store.checkpoint()
         if checkpoint is not None:
             self._sampler.restore(checkpoint.state)
-            self._posterior = recalled(beliefs[-1][0], self._predictor.unknowns)
+            self._posterior = loaded(beliefs[-1][0], self._predictor.unknowns)
 
     @property
     def _predictor(self) -> Predictor:
@@ -173,7 +173,7 @@ class PosteriorMethod:
         belief = belief.model_copy(update={"overturned": self._overturned(number)})
         self._doubted = self._doubting.once_sure(belief, fitted, self._reference)
         belief = self._doubting.left_of(belief, self._doubted, fitted, self._reference)
-        self._store.save_belief(number, belief, self._cost(), self._sampler.state())
+        self._store.save_posterior(number, belief, self._cost(), self._sampler.state())
         self._learnt = number + 1
         settings = self._store.settings
         self._listener.worked(
@@ -183,7 +183,7 @@ class PosteriorMethod:
 
     def posterior(self) -> FittedPosterior:
         """The samples, with doubts once attachments are sure or, where these are known, lengths."""
-        beliefs, observations = self._store.beliefs(), self._store.observations()
+        beliefs, observations = self._store.posteriors(), self._store.observations()
         if not beliefs:
             return self._fitted(self._posterior, observations)
         belief, _ = beliefs[-1]
@@ -191,9 +191,9 @@ class PosteriorMethod:
         if self._predictor.unknowns.bits or self._lengths_known(belief):
             doubts = tuple(one for one in self._doubted_of(belief) if one.is_left)
         fitted = self._fitted(self._posterior, observations)
-        return replace(fitted, best=np.array(belief.best), belief=belief, doubts=doubts)
+        return replace(fitted, best=np.array(belief.best), summary=belief, doubts=doubts)
 
-    def _doubted_of(self, belief: Belief) -> tuple[Doubt, ...]:
+    def _doubted_of(self, belief: StoredPosterior) -> tuple[Doubt, ...]:
         """Bodies that depart, fitted by ``learn``, or now if the run was resumed."""
         if self._doubted is None:
             fitted = self._fitted(self._posterior, self._store.observations())
@@ -212,7 +212,7 @@ class PosteriorMethod:
         wanted = self._store.settings.sure
         if wanted is None or number != self._learnt - 1:
             return False
-        last = [belief for belief, _ in self._store.beliefs()[-2:]]
+        last = [belief for belief, _ in self._store.posteriors()[-2:]]
         return bool(last[-1].simulated) or (
             len(last) == 2
             and all(
@@ -223,7 +223,7 @@ class PosteriorMethod:
 
     def _overturned(self, number: int) -> int | None:
         """The last interaction before after which attachments were sure that are ruled out now."""
-        beliefs = [one for one, _ in self._store.beliefs()[:number]]
+        beliefs = [one for one, _ in self._store.posteriors()[:number]]
         sure = [at for at, one in enumerate(beliefs) if attachments_known(one, SURE, self._store)]
         if not sure:
             return None
@@ -231,15 +231,15 @@ class PosteriorMethod:
         left = probability_of(was, self._posterior, self._predictor, self._alike)
         return sure[-1] if left < 1 - SURE else None
 
-    def _lengths_known(self, belief: Belief) -> bool:
-        lengths = FittedPosterior.of_belief(self._store, belief, ()).leg_lengths
+    def _lengths_known(self, belief: StoredPosterior) -> bool:
+        lengths = FittedPosterior.of_stored(self._store, belief, ()).leg_lengths
         low, high = np.quantile(lengths, (0.05, 0.95), axis=0)
         return bool(np.all(high - low <= 2 * PRECISE))
 
     def finish(self, observations: Sequence[Observation]) -> None:
         """Has some of the samples simulated, and reweights."""
         last = len(observations) - 1
-        belief, _ = self._store.beliefs()[last]
+        belief, _ = self._store.posteriors()[last]
         if belief.simulated:
             return
         sampled = self._fitted(self._posterior, observations)
@@ -267,21 +267,21 @@ class PosteriorMethod:
             final = self._doubting.left_of(final, doubted, fitted, self._reference)
         final = final.model_copy(
             update={
-                "untested": self._doubting.untested(doubted, posterior),
-                "gained": belief.gained,
+                "untested_deviations": self._doubting.untested(doubted, posterior),
+                "information_gain_bits": belief.information_gain_bits,
                 "overturned": belief.overturned,
                 "simulated": checked.simulated,
-                "effective": checked.effective,
+                "ess": checked.effective,
             }
         )
-        if any(not mode.like_the_first for mode in final.modes if mode.probability >= RIVAL):
-            final = final.model_copy(update={"decides": self._deciding(fitted)})
-        self._store.save_belief(last, final, self._cost(), None)
+        if any(not mode.indistinguishable for mode in final.modes if mode.probability >= RIVAL):
+            final = final.model_copy(update={"next_movement": self._deciding(fitted)})
+        self._store.save_posterior(last, final, self._cost(), None)
 
-    def _like_first_of(self, posterior: Posterior, belief: Belief) -> set[Attachments]:
+    def _like_first_of(self, posterior: Posterior, belief: StoredPosterior) -> set[Attachments]:
         """A posterior's leading attachments, with those that felt like them after the last."""
         leader = posterior.modes[0].attachments
-        genes = np.array([mode.genes for mode in belief.modes if mode.like_the_first])
+        genes = np.array([mode.genes for mode in belief.modes if mode.indistinguishable])
         alike = set(self._predictor.unknowns.keys(genes))
         return alike if leader in alike else {leader}
 
@@ -292,7 +292,9 @@ class PosteriorMethod:
             choice = next_program(self._store, "information", fitted, resources)
         return NextMovement(program=choice.program, reason=choice.reason, bits=choice.bits or 0.0)
 
-    def _believed(self, fitted: FittedPosterior, before: Posterior | None = None) -> Belief:
+    def _believed(
+        self, fitted: FittedPosterior, before: Posterior | None = None
+    ) -> StoredPosterior:
         return believe(
             fitted.posterior,
             self._predictor,
@@ -318,7 +320,7 @@ class PosteriorMethod:
         )
 
 
-def _how_sure(belief: Belief) -> str:
+def _how_sure(belief: StoredPosterior) -> str:
     if belief.probability is None:
         return f"how sure the best body's attachments are is not known: {belief.not_known}"
     fit = "" if belief.explained else ", but it does not explain the readings"

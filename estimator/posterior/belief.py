@@ -1,4 +1,4 @@
-"""A posterior as it is kept and told: stated probability, verdict on fit, what was foretold."""
+"""A posterior as it is kept and told: stated probability, fit, predictions."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from estimator.posterior.posterior import (
     draws_alike,
     share_met_alike,
 )
-from estimator.storage.beliefs import (
-    Belief,
-    BelievedMode,
-    Foretold,
+from estimator.storage.posteriors import (
+    PredictedInteraction,
+    StoredMode,
+    StoredPosterior,
 )
 
 _FEW: Final = 10.0  # effective draws
@@ -39,7 +39,7 @@ def believe(
     alike: Alike,
     *,
     before: Posterior | None = None,
-) -> Belief:
+) -> StoredPosterior:
     """Sums a posterior up.
 
     Args:
@@ -57,33 +57,32 @@ def believe(
     chances, met = np.array([mode.probability for mode in modes]), [mode.met for mode in modes]
     met_in_common = share_met_alike(chances, np.array(met), shares)
     behind = draws_alike(chances, np.array([mode.effective for mode in modes]), shares)
-    verdict = judge(posterior, predictor, data, noise)
     gained = None
     if before is not None:
         gained = information_gained(before, posterior, predictor, data, noise)
-    return Belief(
+    return StoredPosterior(
         genes=tuple(map(tuple, posterior.values.tolist())),
         scales=tuple(map(tuple, posterior.scales.tolist())),
         weights=tuple(posterior.weights.tolist()),
         best=tuple(_middle_body(posterior, predictor).tolist()),
         modes=tuple(
-            BelievedMode(
+            StoredMode(
                 probability=mode.probability,
-                effective=mode.effective,
+                ess=mode.effective,
                 genes=tuple(mode.point.tolist()),
-                like_the_first=bool(share >= MOSTLY),
-                met=mode.met,
+                indistinguishable=bool(share >= MOSTLY),
+                found=mode.met,
             )
             for mode, share in zip(modes, shares.tolist(), strict=True)
         ),
-        within_problem=min(float(chances @ shares), met_in_common) if posterior.credible else None,
-        met_in_common=met_in_common,
-        few_draws=bool(predictor.unknowns.choices.size) and behind < _FEW,
-        gained=gained,
-        foretold=_foretold(posterior, predictor, data, noise),
-        unexplained=verdict.unexplained,
-        noisy=verdict.noisy,
-        contradicting=verdict.contradicting,
+        probability_within_problem=(
+            min(float(chances @ shares), met_in_common) if posterior.credible else None
+        ),
+        coverage=met_in_common,
+        low_ess=bool(predictor.unknowns.choices.size) and behind < _FEW,
+        information_gain_bits=gained,
+        predicted=_predicted(posterior, predictor, data, noise),
+        **dict(judge(posterior, predictor, data, noise)),
     )
 
 
@@ -128,9 +127,9 @@ def _legs_of_several_lengths(point: Array, unknowns: Unknowns) -> dict[int, list
     return {leg: own for leg, own in columns.items() if len(own) > 1}
 
 
-def _foretold(
+def _predicted(
     posterior: Posterior, predictor: Predictor, data: SensorData, noise: Noise
-) -> tuple[Foretold, ...]:
+) -> tuple[PredictedInteraction, ...]:
     best = posterior.modes[0].point[None]
     likelihood = Likelihood(data, noise)
     readings = likelihood.readings_of(predictor, best)
@@ -139,12 +138,12 @@ def _foretold(
     inliers = likelihood.inlier_share(misfits, scales=posterior.scales)
     outlier = 1 - posterior.weights @ inliers
     return tuple(
-        Foretold(
+        PredictedInteraction(
             touch=tuple(bool(bit) for bit in readings.touch[turn]),
             tilt=(float(readings.tilt[turn, 0]), float(readings.tilt[turn, 1])),
             clearance=float(readings.clearance[turn]),
-            deviations={name: float(values[turn]) for name, values in strays.items()},
-            outlier=float(np.clip(outlier[turn], 0, 1)),
+            residuals={name: float(values[turn]) for name, values in strays.items()},
+            outlier_probability=float(np.clip(outlier[turn], 0, 1)),
         )
         for turn in range(len(data))
     )

@@ -27,8 +27,8 @@ from estimator.posterior.posterior import Mode, Posterior, systematic
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation, PredictedReadings
-from estimator.storage.beliefs import Belief
 from estimator.storage.database import reading
+from estimator.storage.posteriors import StoredPosterior
 from estimator.storage.store import RunStore
 from protocol.wire.capabilities import Capabilities
 
@@ -68,7 +68,7 @@ class FittedPosterior:
         open_predictor: Makes what computes readings, when it is first needed.
         best: The best body's genome, shape (genes,); ``None`` before the first interaction. Of a
             posterior it has the most probable attachments and the medians of their lengths.
-        belief: All that is stated of the posterior; ``None`` of a population, and before the first
+        summary: What a run stores and states of it; ``None`` of a population, and before the first
             interaction.
         errors: Of a population, subjective errors, shape (n,): by the reference back-end where it
             was asked.
@@ -86,7 +86,7 @@ class FittedPosterior:
     posterior: Posterior
     open_predictor: Callable[[], Predictor]
     best: Array | None = None
-    belief: Belief | None = None
+    summary: StoredPosterior | None = None
     errors: Array | None = None
     searched: Array | None = None
     ranking: NDArray[np.intp] | None = None
@@ -107,19 +107,19 @@ class FittedPosterior:
         """As it was after each interaction; empty of a population."""
         observations = store.observations()
         return [
-            cls.of_belief(store, belief, observations[:count])
-            for count, (belief, _) in enumerate(store.beliefs(), 1)
+            cls.of_stored(store, posterior, observations[:count])
+            for count, (posterior, _) in enumerate(store.posteriors(), 1)
         ]
 
     @classmethod
-    def of_belief(
-        cls, store: RunStore, belief: Belief, observations: Sequence[Observation]
+    def of_stored(
+        cls, store: RunStore, stored: StoredPosterior, observations: Sequence[Observation]
     ) -> FittedPosterior:
-        """As a belief of a run has it."""
+        """As a run has stored it."""
         with reading(store.directory):
-            best = np.array(belief.best, dtype=float)
-            posterior = recalled(belief, Unknowns(store.genome))
-        return replace(cls.in_run(store, posterior, observations), best=best, belief=belief)
+            best = np.array(stored.best, dtype=float)
+            posterior = loaded(stored, Unknowns(store.genome))
+        return replace(cls.in_run(store, posterior, observations), best=best, summary=stored)
 
     @classmethod
     def _of_population(cls, store: RunStore) -> FittedPosterior | None:
@@ -220,7 +220,7 @@ class FittedPosterior:
 
         Numbers in ``ranked`` are indices of these.
         """
-        if self.belief is None or self.best is None:
+        if self.summary is None or self.best is None:
             return self.samples
         return np.vstack([self.best, self.samples])
 
@@ -242,7 +242,7 @@ class FittedPosterior:
     @property
     def probability(self) -> float | None:
         """That all attachments are those of the best body; ``None``: it is not known."""
-        return None if self.belief is None else self.belief.probability
+        return None if self.summary is None else self.summary.probability
 
     @property
     def attachments(self) -> tuple[Attachment, ...]:
@@ -250,7 +250,7 @@ class FittedPosterior:
 
         Empty of a population, and before the first interaction.
         """
-        if self.belief is None or self.best is None:
+        if self.summary is None or self.best is None:
             return ()
         told, genome = [], self.genome
         for column, gene in enumerate(genome.genes):
@@ -382,18 +382,18 @@ class FittedPosterior:
         return angles
 
 
-def recalled(belief: Belief, unknowns: Unknowns) -> Posterior:
-    """The posterior of which a belief was kept."""
-    points = np.array([mode.genes for mode in belief.modes]).reshape(-1, unknowns.size)
+def loaded(stored: StoredPosterior, unknowns: Unknowns) -> Posterior:
+    """The posterior that a run has stored."""
+    points = np.array([mode.genes for mode in stored.modes]).reshape(-1, unknowns.size)
     return Posterior(
-        values=np.array(belief.genes),
-        scales=np.array(belief.scales),
-        weights=np.array(belief.weights),
+        values=np.array(stored.genes),
+        scales=np.array(stored.scales),
+        weights=np.array(stored.weights),
         modes=tuple(
-            Mode(key, mode.probability, point, mode.effective, mode.met)
-            for key, mode, point in zip(unknowns.keys(points), belief.modes, points, strict=True)
+            Mode(key, mode.probability, point, mode.ess, mode.found)
+            for key, mode, point in zip(unknowns.keys(points), stored.modes, points, strict=True)
         ),
-        credible=belief.within_problem is not None,
+        credible=stored.probability_within_problem is not None,
     )
 
 

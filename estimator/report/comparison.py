@@ -12,15 +12,13 @@ import numpy as np
 from estimator.body.morphology import Morphology
 from estimator.evaluation.score import Score
 from estimator.posterior.fitted import FittedPosterior
-from estimator.report.bodies.camera import reach, take_picture
-from estimator.report.bodies.jointed_body import model_links
-from estimator.report.bodies.scene import at_rest, solids_of
-from estimator.report.evaluation_files import score_of
-from estimator.report.plots.canvas import new_figure
-from estimator.report.plots.generations import legend_of_names
-from estimator.report.plots.leg_styles import OTHER_MARKERS, leg_colour, leg_label
-from estimator.report.posterior.summary import Interval
+from estimator.report.camera import reach, take_picture
+from estimator.report.canvas import OTHER_MARKERS, leg_colour, leg_label, new_figure
+from estimator.report.evaluations import score_of
+from estimator.report.plots import legend_of_names
+from estimator.report.posterior_report import Interval
 from estimator.report.result import Result
+from estimator.report.scene import at_rest, model_links, solids_of
 from estimator.report.summarise import summarise
 from estimator.storage.store import RunStore
 

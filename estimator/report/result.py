@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Any
+import inspect
+import json
+import re
+from typing import Any, Final
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, computed_field
 
-from estimator.report.posterior.summary import Interval, PosteriorSummary
+from estimator.report.posterior_report import Interval, PosteriorReport
+from estimator.storage.posteriors import FitVerdict
+from estimator.storage.records import BestFit
 
 
 class _Record(BaseModel):
     model_config = ConfigDict(frozen=True, json_schema_serialization_defaults_required=True)
 
 
-class PartFound(_Record):
+class PartResult(_Record):
     """One part of a model.
 
     Attributes:
@@ -36,13 +41,13 @@ class PartFound(_Record):
     agreement: float | None
 
 
-class ModelFound(_Record):
+class ModelResult(_Record):
     """One model.
 
     Attributes:
         sensor_error: Its subjective error; by the reference where that had the last word; ``None``
-            where its simulations cannot be believed.
-        searched_error: The same as the search's physics saw it.
+            where its simulations are invalid.
+        searched_error: Its subjective error by the physics that searched.
         leg_lengths_m: Length of each leg (what one motor turns as one piece), m.
         parts: Its configuration.
     """
@@ -50,10 +55,10 @@ class ModelFound(_Record):
     sensor_error: float | None
     searched_error: float | None
     leg_lengths_m: tuple[float, ...]
-    parts: tuple[PartFound, ...]
+    parts: tuple[PartResult, ...]
 
 
-class LegFound(_Record):
+class LegResult(_Record):
     """What is known about one leg.
 
     Attributes:
@@ -82,21 +87,26 @@ def in_words(touched: bool | None) -> str:
     return "not sensed" if touched is None else "yes" if touched else "never"
 
 
-class FitFound(_Record):
-    """Whether the best model of a finished search explains the readings.
+class FitReport(BestFit):
+    """How the best model of a finished search explains the readings.
 
     Attributes:
-        explained: Whether it does.
-        verdict: The same as sentences.
-        unexplained: Numbers of the interactions that it leaves unexplained, from 1.
+        contradictions: Between the problem and what the robot states of itself.
+        verdict: Whether it explains them, as sentences.
     """
 
-    explained: bool
+    contradictions: tuple[str, ...]
     verdict: str
-    unexplained: tuple[int, ...]
+
+    # mypy knows no decorators on properties; pydantic's manual says to ignore that.
+    @computed_field  # type: ignore[prop-decorator]
+    @property
+    def explained(self) -> bool:
+        """Whether it explains them, but for outliers, and the problem is the robot's."""
+        return super().explained and not self.contradictions
 
 
-class FinishFound(_Record):
+class ReferenceResult(_Record):
     """How far the reference, which has the last word, agrees with the physics that searched.
 
     Attributes:
@@ -119,8 +129,8 @@ class Result(_Record):
         complete: Whether the run has come to its end, what a simulator says of it included.
         method: ``paper`` or ``posterior``.
         problem: Name of the problem.
-        searched: What was to be found, gene by gene.
-        physics: Back-end that predicted what models feel.
+        searched: Names of the genes: what the problem leaves open.
+        physics: Back-end that predicted the readings of models.
         reference: Back-end that had the last word, where that is another.
         search: What optimised the population of the method ``paper``; like the objective, what
             counts its models and its generations, and what came of its simulations, ``None`` for
@@ -137,7 +147,7 @@ class Result(_Record):
         interactions: Interactions performed.
         simulations_requested: Models x motor programs that the search asked for.
         simulations_run: How many of them had to be simulated.
-        simulations_invalid: How many of those cannot be believed, and lost for it.
+        simulations_invalid: How many of those were invalid, which counts as the worst error.
         simulations_undecided: How many of those had no weight, since the body lay in balance.
         steps: Physics steps simulated.
         wall_seconds: Time spent.
@@ -147,7 +157,7 @@ class Result(_Record):
         best_models: The best models, best first.
         finish: How far the reference agrees, where something else searched.
         fit: Whether the best model explains the readings, once the method paper has ended.
-        posterior: What is believed of the body, by the method posterior.
+        posterior: What the posterior says, by the method posterior.
         warnings: What a person should know before trusting this.
     """
 
@@ -175,15 +185,15 @@ class Result(_Record):
     steps: int
     wall_seconds: float
     sensor_error: float | None
-    legs: tuple[LegFound, ...]
-    best_models: tuple[ModelFound, ...]
-    finish: FinishFound | None
-    fit: FitFound | None = None
-    posterior: PosteriorSummary | None = None
+    legs: tuple[LegResult, ...]
+    best_models: tuple[ModelResult, ...]
+    finish: ReferenceResult | None
+    fit: FitReport | None = None
+    posterior: PosteriorReport | None = None
     warnings: tuple[str, ...]
 
     @property
-    def judged(self) -> PosteriorSummary | FitFound | None:
+    def judged(self) -> PosteriorReport | FitReport | None:
         """What says whether any body explains the readings; ``None``: nothing does yet."""
         return self.posterior or self.fit
 
@@ -197,3 +207,31 @@ class Result(_Record):
             Interval(low=low, median=leg.length_m, high=high)
             for leg, (low, high) in zip(self.legs, ends, strict=True)
         )
+
+
+_DIALECT: Final = "https://json-schema.org/draft/2020-12/schema"
+_ATTRIBUTE: Final = re.compile(r"^ {4}(\w+): ((?:.+\n?)(?: {8}.+\n?)*)", re.MULTILINE)
+
+
+def result_schema() -> dict[str, Any]:
+    """What ``result.json`` holds, with the docstrings of its records as descriptions."""
+    schema = Result.model_json_schema(mode="serialization")
+    for record in (schema, *schema["$defs"].values()):
+        record["description"] = _describe(record, record["description"])
+    for kind in (PosteriorReport, FitReport):
+        for base in kind.__mro__[1:]:
+            if issubclass(base, FitVerdict):
+                _describe(schema["$defs"][kind.__name__], inspect.getdoc(base) or "")
+    return {"$schema": _DIALECT, **schema, "title": "result.json"}
+
+
+def _describe(record: dict[str, Any], docstring: str) -> str:
+    """Gives a record's fields the descriptions of a docstring; returns its summary."""
+    summary, _, attributes = docstring.partition("\n\nAttributes:\n")
+    for name, text in _ATTRIBUTE.findall(attributes):
+        record["properties"][name]["description"] = " ".join(text.split())
+    return summary
+
+
+if __name__ == "__main__":
+    print(json.dumps(result_schema(), indent=2))

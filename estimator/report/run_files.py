@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import csv
 import json
+import math
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Final
 
+from estimator.body.morphology import Array
 from estimator.posterior.fitted import FittedPosterior
+from estimator.problem.genome import Genome
 from estimator.readings import readings_csv
+from estimator.report.canvas import as_png
 from estimator.report.page.run_page import PageSources, run_page
-from estimator.report.plots.canvas import as_png
-from estimator.report.plots.run import run_plots
-from estimator.report.posterior import samples_csv
+from estimator.report.plots import run_plots
 from estimator.report.result import Result
 from estimator.report.summarise import summarise
 from estimator.storage.store import READINGS, ROBOT, RunStore
@@ -62,8 +67,8 @@ def write_files(store: RunStore, result: Result, *, plots: bool = True, page: bo
     robot = json.dumps(store.capabilities.to_map(), indent=2)
     replace_text(store.directory / ROBOT, robot + "\n")
     fitted = FittedPosterior.of(store)
-    if fitted is not None and fitted.belief is not None:
-        replace_file(store.directory / POSTERIOR, lambda path: samples_csv.write(path, fitted))
+    if fitted is not None and fitted.summary is not None:
+        replace_file(store.directory / POSTERIOR, lambda path: write_samples(path, fitted))
     if plots:
         drawn = run_plots(store, [leg.joint for leg in result.legs])
         for plot in drawn:
@@ -73,3 +78,32 @@ def write_files(store: RunStore, result: Result, *, plots: bool = True, page: bo
             if sources.picture is not None:
                 replace_bytes(store.directory / BODY, sources.picture)
             replace_text(store.directory / PAGE, run_page(store, sources))
+
+
+def write_samples(path: Path, fitted: FittedPosterior) -> None:
+    """Writes ``posterior.csv``: the samples of a posterior, one row each.
+
+    Columns: ``weight``; then per gene what it stands for (a word, or a quantity); then the factors
+    on the expected noise of tilt and clearance.
+
+    Args:
+        path: The file.
+        fitted: After the last interaction.
+    """
+    genome = fitted.genome
+    names = [f"{gene.name} ({gene.unit})" if gene.unit else gene.name for gene in genome.genes]
+    columns = [_values(genome, column, fitted.samples) for column in range(len(names))]
+    samples = zip(fitted.weights.tolist(), *columns, fitted.scales.tolist(), strict=True)
+    with path.open("w", newline="", encoding="utf-8") as file:
+        rows = csv.writer(file)
+        rows.writerow(["weight", *names, "tilt noise factor", "clearance noise factor"])
+        for weight, *values, scales in samples:
+            rows.writerow(
+                [f"{weight:.12g}", *values, *(f"{math.exp(scale):.3f}" for scale in scales)]
+            )
+
+
+def _values(genome: Genome, column: int, genes: Array) -> Sequence[str]:
+    if genome.genes[column].choices:
+        return genome.words(column, genes)
+    return [f"{value:.2f}" for value in genome.quantities(column, genes[:, column]).tolist()]

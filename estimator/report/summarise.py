@@ -14,17 +14,17 @@ from estimator.identification.paper.reference_check import pairs_turned
 from estimator.posterior.fitted import FittedPosterior
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation, touched
-from estimator.report.posterior.summary import posterior_summary
-from estimator.report.posterior.verdict import verdict_on_best_model
+from estimator.report.posterior_report import posterior_report
 from estimator.report.result import (
-    FinishFound,
-    FitFound,
-    LegFound,
-    ModelFound,
-    PartFound,
+    FitReport,
+    LegResult,
+    ModelResult,
+    PartResult,
+    ReferenceResult,
     Result,
 )
-from estimator.storage.records import Counters, Finish
+from estimator.report.verdict import verdict_on_best_model
+from estimator.storage.records import BestFit, Counters, Finish
 from estimator.storage.store import RunStore
 from estimator.versions import versions
 from protocol.wire.capabilities import Capabilities
@@ -36,10 +36,10 @@ def summarise(store: RunStore) -> Result:
     """The outcome of a run as far as it has come."""
     settings, capabilities, problem = store.settings, store.capabilities, store.problem
     observations, paper = store.observations(), settings.method == "paper"
-    latest, beliefs = store.latest_generation(), store.beliefs()
+    latest, posteriors = store.latest_generation(), store.posteriors()
     counters = Counters() if latest is None else latest.counters
-    if beliefs:
-        counters = beliefs[-1][1]
+    if posteriors:
+        counters = posteriors[-1][1]
     fitted, bodies, errors = FittedPosterior.of(store), [], []
     if fitted is not None:
         bodies = store.genome.decode_all(fitted.models[fitted.ranked])
@@ -47,8 +47,8 @@ def summarise(store: RunStore) -> Result:
     end = store.search_end.finish()
     if end is not None:
         counters = counters.including(end, len(observations))
-    legs = _legs(bodies, observations, capabilities, converges=not beliefs)
-    posterior = posterior_summary(store)
+    legs = _legs(bodies, observations, capabilities, converges=not posteriors)
+    posterior = posterior_report(store)
     error = errors[0][0] if errors else None
     warnings = (*_contradictions(problem, capabilities), *_warnings(legs, observations))
     if bodies and error is None and posterior is None:
@@ -88,7 +88,7 @@ def summarise(store: RunStore) -> Result:
                 both,
                 problem,
                 capabilities,
-                bodies if beliefs else [],
+                bodies if posteriors else [],
             )
             for body, both in list(zip(bodies, errors, strict=True))[:_BEST_MODELS]
         ),
@@ -108,11 +108,11 @@ def _errors(fitted: FittedPosterior) -> list[tuple[float | None, float | None]]:
     ]
 
 
-def _finish(end: Finish | None) -> FinishFound | None:
+def _finish(end: Finish | None) -> ReferenceResult | None:
     if end is None:
         return None
     turned, pairs = pairs_turned(end)
-    return FinishFound(
+    return ReferenceResult(
         models=len(end.models),
         pairs=pairs,
         pairs_turned=turned,
@@ -120,15 +120,15 @@ def _finish(end: Finish | None) -> FinishFound | None:
     )
 
 
-def _fit(store: RunStore) -> FitFound | None:
+def _fit(store: RunStore) -> FitReport | None:
     fit = store.search_end.best_fit()
     if fit is None:
         return None
-    contradictions = store.problem.contradictions(store.capabilities)
-    return FitFound(
-        explained=fit.explained and not contradictions,
+    contradictions = tuple(store.problem.contradictions(store.capabilities))
+    return FitReport(
+        **{name: getattr(fit, name) for name in BestFit.model_fields},
+        contradictions=contradictions,
         verdict=verdict_on_best_model(fit, contradictions),
-        unexplained=tuple(item.interaction + 1 for item in fit.unexplained),
     )
 
 
@@ -138,13 +138,13 @@ def _legs(
     capabilities: Capabilities,
     *,
     converges: bool,
-) -> tuple[LegFound, ...]:
+) -> tuple[LegResult, ...]:
     if not bodies:
         return ()
     lengths = leg_lengths(bodies if converges else bodies[:1])
     low, high = lengths.min(axis=0), lengths.max(axis=0)
     return tuple(
-        LegFound(
+        LegResult(
             joint=_joint(limb.motor, capabilities) or "",
             mount=limb.mount,
             length_m=limb.length,
@@ -161,14 +161,14 @@ def _model(
     problem: Problem,
     capabilities: Capabilities,
     samples: Sequence[Morphology],
-) -> ModelFound:
+) -> ModelResult:
     names = [rule.name for rule in problem.parts]
-    return ModelFound(
+    return ModelResult(
         sensor_error=errors[0],
         searched_error=errors[1],
         leg_lengths_m=tuple(limb.length for limb in driven_limbs(body)),
         parts=tuple(
-            PartFound(
+            PartResult(
                 name=name,
                 parent="main body" if part.parent == BASE else names[part.parent],
                 mount=body.mount(row).name,
@@ -203,7 +203,7 @@ def _contradictions(problem: Problem, capabilities: Capabilities) -> Iterator[st
         yield f"{sentence[0].upper()}{sentence[1:]}."
 
 
-def _warnings(legs: Sequence[LegFound], observations: Sequence[Observation]) -> tuple[str, ...]:
+def _warnings(legs: Sequence[LegResult], observations: Sequence[Observation]) -> tuple[str, ...]:
     warnings = [
         f"The leg at {leg.joint} never touched the ground: its length is little more than a guess."
         for leg in legs

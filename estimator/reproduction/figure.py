@@ -22,7 +22,7 @@ from estimator.posterior.fitted import FittedPosterior
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation
-from estimator.report.evaluation_files import TRUTH
+from estimator.report.evaluations import TRUTH
 from estimator.report.result import Result
 from estimator.reproduction.paper_runs import PlannedRun, Summary
 from estimator.storage.records import Generation, InteractionRecord, Prediction

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from estimator.report.plots.canvas import new_figure
-from estimator.report.plots.generations import draw_errors, draw_lengths
-from estimator.report.tables.terminal import number
+from estimator.report.canvas import new_figure
+from estimator.report.plots import draw_errors, draw_lengths
+from estimator.report.tables import number
 from estimator.reproduction.figure import (
     HISTORY,
     DrawnFigure,

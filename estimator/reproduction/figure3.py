@@ -13,7 +13,7 @@ from estimator.body.limbs import leg_lengths
 from estimator.body.morphology import Array
 from estimator.problem.genome import Genome
 from estimator.randomness import Stream, generator
-from estimator.report.plots.canvas import new_figure
+from estimator.report.canvas import new_figure
 from estimator.reproduction.figure import DrawnFigure, FinishedRun, Row, read_finished, write_figure
 from estimator.reproduction.paper_claims import Samples, mean_and_deviation
 from estimator.reproduction.paper_runs import VARIANTS, Budget, parametric_runs

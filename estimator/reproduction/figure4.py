@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from estimator.report.plots.canvas import new_figure
-from estimator.report.plots.generations import draw_errors, draw_lengths, mark_iterations
-from estimator.report.tables.terminal import number
+from estimator.report.canvas import new_figure
+from estimator.report.plots import draw_errors, draw_lengths, mark_iterations
+from estimator.report.tables import number
 from estimator.reproduction.figure import (
     HISTORY,
     DrawnFigure,

@@ -14,12 +14,11 @@ import numpy as np
 from estimator.evaluation.truth.urdf import read_urdf
 from estimator.physics.backends import in_this_process
 from estimator.readings.observation import Observation
-from estimator.report.bodies.camera import reach, take_picture
-from estimator.report.bodies.jointed_body import Link, model_links, robot_links
-from estimator.report.bodies.predictions import observation_of
-from estimator.report.bodies.scene import Solid, at_rest, solids_of
-from estimator.report.evaluation_files import TRUTH
-from estimator.report.plots.canvas import leg_patches, new_figure
+from estimator.report.camera import reach, take_picture
+from estimator.report.canvas import leg_patches, new_figure
+from estimator.report.evaluations import TRUTH
+from estimator.report.scene import Link, Solid, at_rest, model_links, robot_links, solids_of
+from estimator.report.shown_bodies import observation_of
 from estimator.reproduction.figure import (
     DrawnFigure,
     FinishedRun,

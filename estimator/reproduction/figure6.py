@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from estimator.readings.modalities import MODALITIES
-from estimator.report.plots.canvas import new_figure
+from estimator.report.canvas import new_figure
 from estimator.reproduction.figure import DrawnFigure, FinishedRun, Row, read_finished, write_figure
 from estimator.reproduction.paper_claims import Share, share
 from estimator.reproduction.paper_runs import TOPOLOGICAL, TOPOLOGICAL_8X4, Budget, topological_runs

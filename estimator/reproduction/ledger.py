@@ -13,7 +13,7 @@ from typing import Final
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from estimator.errors import RunDirectoryError
-from estimator.storage.locking import lock
+from estimator.storage.database import lock
 from estimator.versions import commit, versions
 from protocol.system.files import replace_text
 from protocol.system.process import Closable

@@ -25,7 +25,7 @@ from estimator.identification.run import identify, reconnect, resume
 from estimator.physics.backends import IN_THIS_PROCESS, REFERENCE, in_this_process
 from estimator.physics.statics import StaticsPhysics
 from estimator.problem.problem import Problem
-from estimator.report.evaluation_files import (
+from estimator.report.evaluations import (
     SCORE,
     TRUTH,
     VALIDATION,
@@ -35,7 +35,7 @@ from estimator.report.evaluation_files import (
 )
 from estimator.report.result import Result
 from estimator.report.run_files import RESULT, write_report
-from estimator.report.tables.terminal import number
+from estimator.report.tables import number
 from estimator.reproduction import harness
 from estimator.reproduction.robot_process import RobotProcess, catch_up
 from estimator.storage.database import holds_run

@@ -14,7 +14,7 @@ from estimator.errors import RunDirectoryError
 from estimator.physics.backends import REFERENCE
 from estimator.readings.modalities import MODALITIES
 from estimator.report.page.templates import picture, render
-from estimator.report.tables.terminal import number
+from estimator.report.tables import number
 from estimator.reproduction.claims_table import ClaimsTable
 from estimator.reproduction.figure import DrawnFigure, write_csv
 from estimator.reproduction.harness import in_words, made_by

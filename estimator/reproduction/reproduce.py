@@ -10,7 +10,7 @@ from estimator.cluster import Cluster
 from estimator.errors import EstimatorError
 from estimator.identification.listener import Listener
 from estimator.physics.backends import physics_class
-from estimator.report.evaluation_files import TRUTH
+from estimator.report.evaluations import TRUTH
 from estimator.report.run_files import PAGE
 from estimator.reproduction import figure2, figure3, figure4, figure5, figure6
 from estimator.reproduction.claims_table import ClaimsTable

@@ -11,6 +11,7 @@ transaction of the one before is committed.
 
 from __future__ import annotations
 
+import fcntl
 import os
 import re
 import sqlite3
@@ -33,8 +34,8 @@ _TABLES: Final = (
         number INTEGER PRIMARY KEY, program TEXT NOT NULL, reason TEXT NOT NULL, bits REAL,
         request_id INTEGER, session TEXT, observation TEXT
     ) STRICT""",
-    """CREATE TABLE beliefs (
-        number INTEGER PRIMARY KEY, belief TEXT NOT NULL, counters TEXT NOT NULL
+    """CREATE TABLE posteriors (
+        number INTEGER PRIMARY KEY, posterior TEXT NOT NULL, counters TEXT NOT NULL
     ) STRICT""",
     """CREATE TABLE generations (
         number INTEGER PRIMARY KEY, iteration INTEGER NOT NULL,
@@ -207,3 +208,57 @@ def _check_writer(database: RunDatabase) -> None:
             f"Another process has begun to write to {database.directory}, so this one ends: its "
             "lock was removed, or its file system has none. Let the other finish or end it first."
         )
+
+
+def lock(directory: Path, name: str) -> int:
+    """Takes a directory's lock, which the kernel frees when its holder dies.
+
+    Args:
+        directory: The directory; made if it is not there.
+        name: Of the lock's file.
+
+    Returns:
+        A descriptor; closing it frees the lock. On a file system without locks it locks nothing.
+
+    Raises:
+        RunDirectoryError: The directory cannot be made or written, or another process has it.
+    """
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RunDirectoryError(f"{directory} cannot be made: {error.strerror}.") from error
+    try:
+        descriptor = os.open(directory / name, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+    except OSError as error:
+        raise RunDirectoryError(f"{directory} cannot be written: {error.strerror}.") from error
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(descriptor)
+        raise RunDirectoryError(
+            f"Another process works on {directory}: let it finish or end it first."
+        ) from None
+    except OSError:  # a file system without locks
+        return descriptor
+    return descriptor
+
+
+def is_locked(directory: Path, name: str) -> bool:
+    """Whether a process has a directory's lock; nothing is written to find out.
+
+    The lock is taken for an instant, shared with whoever else asks: a process that wants it at just
+    that moment is refused, so this is not to be asked often.
+    """
+    try:
+        descriptor = os.open(directory / name, os.O_RDONLY | os.O_CLOEXEC)
+    except OSError:
+        return False
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:  # a file system without locks
+        return False
+    finally:
+        os.close(descriptor)
+    return False

@@ -7,10 +7,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Final
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, computed_field
 
 from estimator.readings.observation import Observation, Program
-from estimator.storage.beliefs import Count, UnexplainedInteraction, are_outliers
+from estimator.storage.posteriors import Count, FitVerdict
 
 _IDS_PER_CONNECTION: Final = 2**20
 
@@ -22,8 +22,8 @@ class Counters(BaseModel):
         simulations_requested: Models x motor programs that the search asked for; the size by which
             searches are compared.
         simulations_run: How many of them had to be simulated.
-        simulations_invalid: How many of those cannot be believed, and lost for it; see
-            ``physics.base.PredictedReadings``.
+        simulations_invalid: How many of those were invalid, which counts as the worst error; see
+            ``readings.observation.PredictedReadings``.
         simulations_undecided: How many of those had no weight, since the body lay in balance.
         steps: Physics steps simulated.
         wall_seconds: Time spent, over all processes that worked on the run.
@@ -39,7 +39,7 @@ class Counters(BaseModel):
     wall_seconds: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
 
     def including(self, finish: Finish, interactions: int) -> Counters:
-        """The same with what the reference back-end cost at the end."""
+        """With what the reference back-end cost at the end."""
         return self.model_copy(
             update={
                 "simulations_requested": self.simulations_requested
@@ -57,10 +57,10 @@ class Finish(BaseModel):
     Attributes:
         models: Indices in the final population, best first by the search's own physics.
         searched: Their subjective errors there.
-        simulated: Their subjective errors in the reference back-end; infinite where it cannot be
-            believed.
+        simulated: Their subjective errors in the reference back-end; infinite where a simulation
+            is invalid.
         simulations: Simulations that this took.
-        invalid: How many of them cannot be believed.
+        invalid: How many of them were invalid.
         steps: Physics steps that this took.
     """
 
@@ -74,28 +74,21 @@ class Finish(BaseModel):
     steps: Count
 
 
-class BestFit(BaseModel):
+class BestFit(FitVerdict):
     """How the best model of a finished search explains the readings.
 
     Attributes:
         interactions: How many there were.
-        unexplained: Those that it leaves unexplained.
-        noisy: As in ``Belief``.
-        contradicting: Likewise.
     """
 
-    model_config = ConfigDict(frozen=True)
-
     interactions: Count
-    unexplained: tuple[UnexplainedInteraction, ...]
-    noisy: tuple[str, ...]
-    contradicting: tuple[Count, ...]
 
+    # mypy knows no decorators on properties; pydantic's manual says to ignore that.
+    @computed_field  # type: ignore[prop-decorator]
     @property
     def explained(self) -> bool:
-        """Whether it explains them; an outlier leaves others explained."""
-        few = are_outliers(self.unexplained, self.interactions)
-        return few and not (self.noisy or self.contradicting)
+        """Whether it explains them, but for outliers."""
+        return self.is_adequate(self.interactions)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,7 +136,7 @@ def performed(
         joints: Of the robot.
         program: JSON.
         request_id: The ticket's.
-        session: Likewise.
+        session: The robot's, of the ticket.
         observation: JSON.
 
     Raises:

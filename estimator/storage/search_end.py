@@ -53,7 +53,7 @@ class SearchEnd:
         return self._text("best fit") is not None
 
     def _save(self, key: str, record: BaseModel | None) -> None:
-        text = _NOTHING if record is None else record.model_dump_json()
+        text = _NOTHING if record is None else record.model_dump_json(round_trip=True)
         with transaction(self._database):
             self._database.execute("INSERT INTO meta VALUES (?, ?)", (key, text))
 

@@ -29,7 +29,6 @@ from estimator.physics.base import WorldSettings
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation, Program
-from estimator.storage.beliefs import ROUNDING, Belief
 from estimator.storage.database import (
     DATABASE,
     RunDatabase,
@@ -38,11 +37,12 @@ from estimator.storage.database import (
     connect,
     holds_run,
     is_empty,
+    lock,
     make_tables,
     reading,
     transaction,
 )
-from estimator.storage.locking import lock
+from estimator.storage.posteriors import ROUNDING, StoredPosterior
 from estimator.storage.records import (
     Checkpoint,
     Counters,
@@ -61,7 +61,7 @@ from protocol.wire.capabilities import Capabilities
 LOCK: Final = "run.lock"
 READINGS: Final = "readings.csv"
 ROBOT: Final = "robot.json"
-FORMAT: Final = 4
+FORMAT: Final = 5
 
 
 class RunStore(Closable):
@@ -267,21 +267,25 @@ class RunStore(Closable):
             )
             self._save_checkpoint(generation.number, state)
 
-    def save_belief(
-        self, number: int, belief: Belief, counters: Counters, state: Mapping[str, Any] | None
+    def save_posterior(
+        self,
+        number: int,
+        posterior: StoredPosterior,
+        counters: Counters,
+        state: Mapping[str, Any] | None,
     ) -> None:
-        """Commits what is believed after an interaction, with the sampler's state.
+        """Commits the posterior after an interaction, with the sampler's state.
 
         Args:
             number: Of the interaction.
-            belief: Replaces what was believed after it so far.
+            posterior: Replaces what was stored of that interaction before.
             counters: What the run has cost by then.
             state: ``None`` leaves the checkpoint as it is.
         """
         with transaction(self._database):
             self._database.execute(
-                "INSERT OR REPLACE INTO beliefs VALUES (?, ?, ?)",
-                (number, belief.model_dump_json(), counters.model_dump_json()),
+                "INSERT OR REPLACE INTO posteriors VALUES (?, ?, ?)",
+                (number, posterior.model_dump_json(round_trip=True), counters.model_dump_json()),
             )
             if state is not None:
                 self._save_checkpoint(number, state)
@@ -290,17 +294,22 @@ class RunStore(Closable):
         checkpoint = json.dumps({"number": number, "state": state})
         self._database.execute("INSERT OR REPLACE INTO checkpoint VALUES (0, ?)", (checkpoint,))
 
-    def beliefs(self) -> list[tuple[Belief, Counters]]:
-        """What was believed after each interaction, with what the run had cost by then."""
+    def posteriors(self) -> list[tuple[StoredPosterior, Counters]]:
+        """The posterior after each interaction, with what the run had cost by then."""
         with reading(self.directory):
-            rows = self._database.execute("SELECT belief, counters FROM beliefs ORDER BY number")
-            found = [
-                (Belief.model_validate_json(belief), Counters.model_validate_json(counters))
-                for belief, counters in rows
+            rows = self._database.execute(
+                "SELECT posterior, counters FROM posteriors ORDER BY number"
+            )
+            stored = [
+                (
+                    StoredPosterior.model_validate_json(posterior),
+                    Counters.model_validate_json(counters),
+                )
+                for posterior, counters in rows
             ]
-            for belief, _ in found:
-                self.check_genes(np.array([belief.best]))
-            return found
+            for posterior, _ in stored:
+                self.check_genes(np.array([posterior.best]))
+            return stored
 
     def checkpoint(self) -> Checkpoint | None:
         """The search's latest committed state."""
@@ -346,8 +355,8 @@ class RunStore(Closable):
     def complete(self) -> bool:
         """Whether the run has come to its end: nothing is left that ``resume`` would do."""
         if self.settings.method == "posterior":
-            beliefs = self.beliefs()
-            return bool(beliefs) and beliefs[-1][0].simulated > 0
+            stored = self.posteriors()
+            return bool(stored) and stored[-1][0].simulated > 0
         return self.search_end.is_reached
 
     # --- the database -----------------------------------------------------------------------------

@@ -20,7 +20,7 @@ from typer.testing import CliRunner
 
 from estimator import Result, RunConfig, identify
 from estimator.cli.command_line import app
-from estimator.report.result_schema import result_schema
+from estimator.report.result import result_schema
 from sim_robot.world.sensor_noise import NoiseLevels, load_noise
 from tests.estimator.little_effort import little_effort
 from tests.once import made_once
@@ -116,7 +116,7 @@ def result_of(run: Path) -> dict[str, Any]:
 
 
 def test_the_schema_is_that_of_the_program() -> None:
-    advice = "run: python -m estimator.report.result_schema > docs/result.schema.json"
+    advice = "run: python -m estimator.report.result > docs/result.schema.json"
     assert result_schema() == SCHEMA, advice
     Draft202012Validator.check_schema(SCHEMA)
     for record in (SCHEMA, *SCHEMA["$defs"].values()):

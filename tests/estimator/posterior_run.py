@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from estimator.readings.observation import Observation
-from estimator.storage.beliefs import Belief, BelievedMode, NextMovement
+from estimator.storage.posteriors import NextMovement, StoredMode, StoredPosterior
 from estimator.storage.records import Counters
 from estimator.storage.store import RunStore
 from tests.estimator.evaluation.test_score import make_run
@@ -23,12 +23,12 @@ def make_posterior_run(
     mount: float | None = None,
     askew: float | None = None,
     radius: float = 0.006,
-    rivals: Sequence[BelievedMode] = (),
-    decides: NextMovement | None = None,
+    rivals: Sequence[StoredMode] = (),
+    next_movement: NextMovement | None = None,
     untested: Sequence[str] = (),
-    departed: float = 0.0,
+    misspecified: float = 0.0,
 ) -> RunStore:
-    """A run that believes in the first of some bodies, the others being its samples.
+    """A run whose best body is the first of some, the others being its samples.
 
     Args:
         folder: Where it is to be, as ``posterior``.
@@ -38,9 +38,9 @@ def make_posterior_run(
         askew: Gene of the accelerometer's tilt left/right, where its tilt is to be found.
         radius: Of the left leg, as the problem has it, m.
         rivals: Modes after the first.
-        decides: What would tell most.
-        untested: How else the robot may be built.
-        departed: How probably it is.
+        next_movement: The most informative one.
+        untested: Deviations from the problem that were not tested.
+        misspecified: Probability that the problem does not describe the robot.
     """
     text = PROBLEM.replace("radius = 0.006", f"radius = {radius}", 1)
     if mount is not None:
@@ -58,25 +58,25 @@ def make_posterior_run(
         tilt = () if askew is None else (askew, 0.5)
         bodies.append((*genes[:-1], *choices, genes[-1], *tilt))
     best, *samples = bodies
-    first = BelievedMode(
-        probability=0.75, effective=50.0, genes=best, like_the_first=True, met=(True, True)
+    first = StoredMode(
+        probability=0.75, ess=50.0, genes=best, indistinguishable=True, found=(True, True)
     )
-    belief = Belief(
+    stored = StoredPosterior(
         genes=tuple(samples),
         scales=((0.0, 0.0),) * len(samples),
         weights=(1 / len(samples),) * len(samples),
         best=best,
         modes=(first, *rivals),
-        within_problem=0.75,
-        foretold=(),
+        probability_within_problem=0.75,
+        predicted=(),
         unexplained=(),
         noisy=(),
-        decides=decides,
-        untested=tuple(untested),
-        departed=departed,
+        next_movement=next_movement,
+        untested_deviations=tuple(untested),
+        misspecification_probability=misspecified,
     )
     store = RunStore.create(folder / "posterior", settings, make_capabilities(), "me")
     store.plan(0, (0.0,) * 4)
     store.observe(0, Observation(angles=(0.0,) * 4))
-    store.save_belief(0, belief, Counters(), None)
+    store.save_posterior(0, stored, Counters(), None)
     return store

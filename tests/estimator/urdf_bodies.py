@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from estimator.body.morphology import Morphology
-from estimator.export.description import describe
-from estimator.export.urdf import urdf
+from estimator.report.export.description import describe
+from estimator.report.export.formats import urdf
 from protocol.wire.capabilities import Joint
 
 

@@ -48,7 +48,7 @@ LARGEST: Final = 4 * 2**20
 """Bytes of a file; the descriptions of whole humanoids have a tenth of that."""
 
 MAX_ELEMENTS: Final = 20_000
-"""XML elements of a file, likewise."""
+"""XML elements of a file, at most."""
 
 _ZERO: Final = "0 0 0"
 _SKIPPED: Final = frozenset(

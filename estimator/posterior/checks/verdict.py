@@ -26,7 +26,7 @@ from estimator.posterior.model.special import at_least, logsumexp
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Posterior
 from estimator.readings.modalities import MODALITIES
-from estimator.storage.beliefs import UnexplainedInteraction
+from estimator.storage.posteriors import FitVerdict, UnexplainedInteraction
 
 SURE_PATH: Final = math.radians(1.0)
 """A body answers for an interaction where its path margin is larger, rad."""
@@ -40,21 +40,6 @@ POOR: Final = 1.0
 _SURELY: Final = 0.95
 _BY_CHANCE: Final = 1e-3  # probability of so many wrong bits of a touch sensor
 _STRIKING: Final = 3.0  # standard deviations
-
-
-@dataclass(frozen=True, kw_only=True)
-class FitVerdict:
-    """Whether the problem describes the robot.
-
-    Attributes:
-        unexplained: Interactions that the best body leaves unexplained.
-        noisy: Modalities whose noise factor surely lies above ``TOO_NOISY``.
-        contradicting: Touch sensors that feel otherwise than the best body too often.
-    """
-
-    unexplained: tuple[UnexplainedInteraction, ...]
-    noisy: tuple[str, ...]
-    contradicting: tuple[int, ...]
 
 
 def judge(posterior: Posterior, predictor: Predictor, data: SensorData, noise: Noise) -> FitVerdict:
@@ -100,7 +85,7 @@ def _judged(
         UnexplainedInteraction(
             interaction=index,
             sensors=tuple(name for name, stray in strays.items() if abs(stray[index]) > _STRIKING),
-            deviation=float(farthest[index]),
+            residual=float(farthest[index]),
         )
         for index in np.flatnonzero(outliers & (margins > SURE_PATH)).tolist()
     )

@@ -20,7 +20,7 @@ from estimator.posterior.model.special import softmax
 from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
 from estimator.posterior.posterior import met_by_each, share_met
 from estimator.posterior.sampling.evidence import EvidenceEstimator
-from estimator.storage.beliefs import OUTLIERS
+from estimator.storage.posteriors import OUTLIERS
 
 CONSIDERED: Final = 16.0
 """Nats below the best fit, which may be a mere spike."""

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+import shlex
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from markupsafe import Markup
@@ -13,25 +15,23 @@ from estimator.evaluation.score import Score
 from estimator.evaluation.validate import Validation
 from estimator.readings.modalities import MODALITIES
 from estimator.readings.observation import Observation
-from estimator.report.bodies.body_picture import body_picture
-from estimator.report.bodies.shown_bodies import ShownBodies, shown_bodies
-from estimator.report.evaluation_files import read_true_body, read_validation, score_of
-from estimator.report.page.commands import commands
+from estimator.report.camera import body_picture
+from estimator.report.canvas import as_png, as_svg, leg_colour
+from estimator.report.evaluations import read_true_body, read_validation, score_of
 from estimator.report.page.templates import render
-from estimator.report.plots.canvas import as_png, as_svg
-from estimator.report.plots.leg_styles import leg_colour
-from estimator.report.plots.predictions import plot_predictions
-from estimator.report.plots.run import RunPlot, run_plots
+from estimator.report.plots import RunPlot, plot_predictions, run_plots
 from estimator.report.result import Result
-from estimator.report.tables.posterior import (
-    built_otherwise,
+from estimator.report.shown_bodies import ShownBodies, shown_bodies
+from estimator.report.tables import (
+    WHAT_TO_CHECK,
+    deviations_introduced,
     nuisance_in_words,
     percent,
+    probability_after,
+    probability_sentence,
     sum_of_lengths,
-    sureness,
-    sureness_after,
 )
-from estimator.report.tables.verdict import WHAT_TO_CHECK
+from estimator.storage.run_config import RunSettings
 from estimator.storage.store import RunStore
 
 if TYPE_CHECKING:
@@ -103,8 +103,8 @@ def run_page(store: RunStore, sources: PageSources) -> str:
     if shown.predicted:
         drawings["predictions"] = _drawing(
             plot_predictions(seen, shown.predicted),
-            "Tilt and clearance in each interaction, as felt and as foretold; the table above has "
-            "the numbers.",
+            "Tilt and clearance in each interaction, as measured and as predicted; the table above "
+            "has the numbers.",
         )
     return render(
         "run.html",
@@ -120,16 +120,16 @@ def run_page(store: RunStore, sources: PageSources) -> str:
         samples=len(shown.bodies[0].samples) if shown.bodies else 0,
         flat=sources.picture,
         flat_caption=_PICTURE.format("; ".join(f"{b.title}, {b.note}" for b in shown.bodies)),
-        sureness="" if posterior is None else sureness(posterior),
+        probability_sentence="" if posterior is None else probability_sentence(posterior),
         sums=[] if posterior is None else [sum_of_lengths(result, one) for one in posterior.sums],
         nuisance_in_words=nuisance_in_words,
         searched_attachments=any(not name.startswith("length") for name in result.searched),
         percent=percent,
-        sureness_after=sureness_after,
-        built_otherwise=built_otherwise,
+        probability_after=probability_after,
+        deviations_introduced=deviations_introduced,
         legs=list(zip(result.legs, result.leg_intervals, strict=True)),
         modalities=tuple(MODALITIES),
-        felt=_felt(result, seen, shown.predicted, driven),
+        readings=_readings(result, seen, shown.predicted, driven),
         plots=drawings,
         commands=commands(store.settings, store.directory, len(seen)),
         problem_text=store.settings.problem_text,
@@ -163,8 +163,8 @@ def _facts(result: Result) -> list[tuple[str, str]]:
     posterior = result.posterior
     facts = []
     if posterior is not None and posterior.attachments:
-        sure = "not known" if posterior.probability is None else percent(posterior.probability)
-        facts.append(("attachments sure to", sure))
+        stated = "not known" if posterior.probability is None else percent(posterior.probability)
+        facts.append(("probability of the attachments", stated))
     if posterior is not None and posterior.lengths_m:
         widest = max(500 * (length.high - length.low) for length in posterior.lengths_m)
         facts.append(("lengths known to", f"± {widest:.1f} mm"))
@@ -176,32 +176,35 @@ def _facts(result: Result) -> list[tuple[str, str]]:
     return facts
 
 
-def _felt(
+def _readings(
     result: Result,
     seen: Sequence[Observation],
     predicted: Sequence[Observation | None],
     driven: Sequence[int],
 ) -> list[dict[str, Any]]:
-    foretold = () if result.posterior is None else result.posterior.foretold
-    unexplained = () if result.judged is None else result.judged.unexplained
+    predictions = () if result.posterior is None else result.posterior.predicted
+    judged = result.judged
+    unexplained = set() if judged is None else {one.interaction for one in judged.unexplained}
     rows = []
     for index, item in enumerate(seen):
-        told = predicted[index] if index < len(predicted) else None
-        belief = foretold[index] if index < len(foretold) else None
+        readings = predicted[index] if index < len(predicted) else None
+        prediction = predictions[index] if index < len(predictions) else None
         rows.append(
             {
                 "number": index + 1,
                 "angles": _degrees(item, driven),
                 "cells": [
                     {
-                        "felt": modality.say(item),
-                        "foretold": "not foretold" if told is None else modality.say(told),
-                        "deviation": belief and belief.deviations.get(name),
+                        "measured": modality.say(item),
+                        "predicted": "no prediction"
+                        if readings is None
+                        else modality.say(readings),
+                        "residual": prediction and prediction.residuals.get(name),
                     }
                     for name, modality in MODALITIES.items()
                 ],
-                "outlier": belief and belief.outlier,
-                "unexplained": index + 1 in unexplained,
+                "outlier": prediction and prediction.outlier_probability,
+                "unexplained": index in unexplained,
             }
         )
     return rows
@@ -261,3 +264,33 @@ def _data(store: RunStore, shown: ShownBodies, seen: Sequence[Observation]) -> d
 def _degrees(item: Observation, driven: Sequence[int]) -> str:
     angles = (round(math.degrees(item.angles[motor])) for motor in driven)
     return ", ".join(f"{angle:+d}°".replace("-", "−") for angle in angles)
+
+
+def commands(settings: RunSettings, directory: Path, recorded: int) -> tuple[str, str]:
+    """Command lines that make a run again: with its robot, and from its recorded readings.
+
+    Args:
+        settings: What the run was asked to do.
+        directory: Where it is.
+        recorded: How many interactions it has had so far.
+    """
+    again = settings.model_copy(update={"interactions": recorded})
+    return (
+        shlex.join(["estimator", "identify", "--robot", settings.robot, *_options(settings)]),
+        shlex.join(["estimator", "identify", "--robot", f"replay:{directory}", *_options(again)]),
+    )
+
+
+def _options(settings: RunSettings) -> Iterator[str]:
+    yield from ("--problem", settings.problem, "--method", settings.method)
+    yield from ("--interactions", str(settings.interactions), "--seed", str(settings.seed))
+    yield from ("--modalities", ",".join(settings.modalities))
+    yield from ("--physics", settings.physics, "--explore", settings.explore)
+    if settings.sure is not None:
+        yield from ("--sure", str(settings.sure))
+    if settings.method == "paper":
+        yield from ("--search", settings.search, "--objective", settings.objective)
+        yield from ("--population", str(settings.population))
+        yield from ("--generations", str(settings.generations))
+        if settings.full_steps:
+            yield "--full-steps"

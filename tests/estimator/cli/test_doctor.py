@@ -17,9 +17,9 @@ import pytest
 from typer.testing import CliRunner
 
 from bench.still_robot import still_robot
-from estimator.cli import examination
+from estimator.cli import doctor
 from estimator.cli.command_line import app
-from estimator.cli.examination import ExaminedItem, Fitness, examine
+from estimator.cli.doctor import ExaminedItem, Fitness, examine
 from protocol.errors import EndpointError, KeysError, RobotError
 from protocol.rules.robot_interface import Robot
 from protocol.security.keys import KeyDirectory
@@ -83,7 +83,7 @@ class SoundRobot(FakeRobot):
 def busy(monkeypatch: pytest.MonkeyPatch) -> None:
     """A computer that runs many tests holds up answers, and the doctor would say so."""
     for name in ("HEARTBEAT", "SLOW", "_JITTER"):
-        monkeypatch.setattr(examination, name, 60.0)
+        monkeypatch.setattr(doctor, name, 60.0)
 
 
 def remarkable(findings: Iterable[ExaminedItem]) -> list[ExaminedItem]:
@@ -262,7 +262,7 @@ def test_readings_that_are_not_to_be_trusted(
 
 
 def test_telemetry_that_does_not_arrive(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(examination, "_PATIENCE", 0.5)
+    monkeypatch.setattr(doctor, "_PATIENCE", 0.5)
     with serving(SoundRobot(), FAULTS["publishes at another address"][1]) as uri:
         subject, sentence = the_trouble(uri)
     assert subject == "telemetry"
@@ -270,8 +270,8 @@ def test_telemetry_that_does_not_arrive(monkeypatch: pytest.MonkeyPatch) -> None
 
 
 def test_a_slow_network(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(examination, "ROUND_TRIPS", 3)
-    monkeypatch.setattr(examination, "HEARTBEAT", 0.0)
+    monkeypatch.setattr(doctor, "ROUND_TRIPS", 3)
+    monkeypatch.setattr(doctor, "HEARTBEAT", 0.0)
     with serving(SoundRobot()) as uri:
         subject, sentence = the_trouble(uri)
     assert subject == "latency"

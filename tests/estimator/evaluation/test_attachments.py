@@ -11,7 +11,7 @@ import pytest
 
 from estimator.body.morphology import BASE, Morphology, Part
 from estimator.errors import TruthError
-from estimator.evaluation.attachments import Alike, Comparison, Configuration, Truth
+from estimator.evaluation.attachments import Comparison, Configuration, Indistinguishable, Truth
 from estimator.evaluation.length_search import LengthSearch
 from estimator.physics.equivalence import Reference, turned
 from estimator.physics.statics import StaticsPhysics
@@ -249,7 +249,7 @@ def test_a_locked_joint_must_be_in_the_truth(tmp_path: Path) -> None:
 # --- up to equivalence ----------------------------------------------------------------------------
 
 
-def only(truth: Morphology, *allowed: tuple[int, str]) -> Alike:
+def only(truth: Morphology, *allowed: tuple[int, str]) -> Indistinguishable:
     """A test of equivalence that lets bodies differ in some cells, whatever their values."""
 
     def alike(starts: Sequence[Morphology]) -> bool:
@@ -286,7 +286,7 @@ def test_cells_that_are_only_right_each_alone_are_not_both_excused(tmp_path: Pat
 
 def felt_alike(
     comparison: Comparison, case: Case, statics: StaticsPhysics, modalities: Sequence[str] = ALL
-) -> Alike:
+) -> Indistinguishable:
     """The test of equivalence by what bodies feel."""
     programs = np.radians(np.random.default_rng(0).uniform(-30, 30, (500, 4)))
     reference = Reference(comparison.true_body, programs, statics, modalities)

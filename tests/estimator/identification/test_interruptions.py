@@ -32,7 +32,7 @@ from estimator.__main__ import main
 from estimator.body.arrays import Bodies
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import StaticsPhysics
-from estimator.report.plots.canvas import as_png, as_svg, new_axes
+from estimator.report.canvas import as_png, as_svg, new_axes
 from tests.estimator.little_effort import little_effort
 StaticsPhysics().read_bodies(Bodies.of([]), numpy.zeros(0))
 PyBulletPhysics().close()
@@ -122,7 +122,7 @@ def content(directory: Path) -> dict[str, Any]:
     with RunStore.open(directory, to_write=False) as store:
         found["errors"] = [item.errors for item in store.generations()]
         found["best"] = [item.best for item in store.generations()]
-        found["believed"] = [belief for belief, _ in store.beliefs()]
+        found["believed"] = [belief for belief, _ in store.posteriors()]
         observations = [item.observation for item in store.interactions()]
     assert None not in observations
     found["felt"] = [

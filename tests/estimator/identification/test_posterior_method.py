@@ -24,7 +24,7 @@ from estimator.posterior.model.densities import MODEL_TILT
 from estimator.posterior.model.departures import Doubt, Thickness, Travel
 from estimator.report.result import Result
 from estimator.report.run_files import write_report
-from estimator.storage.beliefs import Belief, NotKnown
+from estimator.storage.posteriors import NotKnown, StoredPosterior
 from estimator.storage.run_config import RunConfig
 from estimator.storage.store import RunStore
 from tests.estimator.little_effort import little_effort
@@ -94,25 +94,27 @@ def test_lengths_are_found_with_intervals_that_hold_them(
     result, _ = uninterrupted
     assert result.posterior is not None
     assert result.posterior.explained
-    assert result.posterior.probability == 1 - result.posterior.departed  # of known attachments
-    assert 0 < result.posterior.departed < 0.15
+    assert (
+        result.posterior.probability == 1 - result.posterior.misspecification_probability
+    )  # of known attachments
+    assert 0 < result.posterior.misspecification_probability < 0.15
     assert result.interactions == 2
     assert result.simulations_requested >= result.simulations_run > 0
     for length, true in zip(result.posterior.lengths_m, TRUE_LENGTHS, strict=True):
         assert length.low - 0.003 < true < length.high + 0.003
     assert result.posterior.simulated > 0
-    assert len(result.posterior.steps) == len(result.posterior.foretold) == 2
+    assert len(result.posterior.steps) == len(result.posterior.predicted) == 2
     assert result.best_models[0].leg_lengths_m == pytest.approx(TRUE_LENGTHS, abs=0.02)
 
 
 def test_everything_is_on_disk(uninterrupted: tuple[Result, Path]) -> None:
     result, directory = uninterrupted
-    for name in ("result.json", "posterior.csv", "plots/belief.png", "plots/lengths.png"):
+    for name in ("result.json", "posterior.csv", "plots/probability.png", "plots/lengths.png"):
         assert (directory / name).stat().st_size > 100
     with RunStore.open(directory, to_write=False) as store:
         assert store.complete
-        assert len(store.beliefs()) == 2
-        weights = store.beliefs()[-1][0].weights
+        assert len(store.posteriors()) == 2
+        weights = store.posteriors()[-1][0].weights
     assert np.sum(weights) == pytest.approx(1.0)
     assert result.posterior is not None
     rows = (directory / "posterior.csv").read_text().splitlines()
@@ -167,7 +169,7 @@ def test_bodies_that_depart_are_not_fitted_again_in_the_end(
             tmp_path / "run", asked, IN_THIS_PROCESS, Interrupting(), report=without_plots
         )
     assert result.posterior is not None
-    assert result.posterior.untested
+    assert result.posterior.untested_deviations
     assert len(fitted) == asked.interactions
 
 
@@ -188,8 +190,8 @@ def test_what_is_left_open_comes_with_the_movement_that_would_decide(
         )
     assert result.posterior is not None
     assert result.posterior.explained  # who is not sure of a body says nothing of all others
-    assert any(not rival.alike for rival in result.posterior.rivals)
-    movement = result.posterior.decides
+    assert any(not rival.indistinguishable for rival in result.posterior.rivals)
+    movement = result.posterior.next_movement
     assert movement is not None
     assert movement.bits > 0.5
     assert movement.reason.startswith("tells apart: ")
@@ -226,14 +228,14 @@ def test_a_run_ends_as_soon_as_it_is_sure(tmp_path: Path) -> None:
     assert result.interactions < 9
     assert result.posterior is not None
     with RunStore.open(tmp_path / "run") as store:
-        (before, _), (belief, cost) = store.beliefs()[-2:]
+        (before, _), (belief, cost) = store.posteriors()[-2:]
         # the last one was reweighted since, the one before it stands as it was
         lengths = leg_lengths(store.genome.decode_all(np.array(before.genes)))
         low, high = np.quantile(lengths, (0.05, 0.95), axis=0)
         assert np.all(high - low <= 2 * posterior_method.PRECISE)
         # as if the simulator had made it less sure
-        unsure = belief.model_copy(update={"departed": 0.5})
-        store.save_belief(result.interactions - 1, unsure, cost, None)
+        unsure = belief.model_copy(update={"misspecification_probability": 0.5})
+        store.save_posterior(result.interactions - 1, unsure, cost, None)
     again = resume(tmp_path / "run", IN_THIS_PROCESS, Listener(), report=without_plots)
     assert again.interactions == result.interactions  # no robot is there that could be moved
 
@@ -266,7 +268,9 @@ def test_a_robot_that_is_built_otherwise_is_noticed_on_the_way(
     for step in result.posterior.steps:  # nobody knows of one movement how the robot is built
         assert step.probability is not None
         assert 0.9 < step.probability < 1.0
-    assert result.posterior.probability == pytest.approx(1 - result.posterior.departed)
+    assert result.posterior.probability == pytest.approx(
+        1 - result.posterior.misspecification_probability
+    )
     assert not any(step.explained for step in result.posterior.steps)
     assert "as well as one with thick parts" in result.posterior.verdict
 
@@ -274,10 +278,10 @@ def test_a_robot_that_is_built_otherwise_is_noticed_on_the_way(
 def test_what_departs_is_not_forgotten_where_the_simulator_leaves_less_sure(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def stated(*args: Any, **before: Any) -> Belief:
+    def stated(*args: Any, **before: Any) -> StoredPosterior:
         within = 0.97 if before else 0.94  # in the end nobody asks what was learnt
         return believe(*args, **before).model_copy(
-            update={"within_problem": within, "few_draws": False, "met_in_common": 1.0}
+            update={"probability_within_problem": within, "low_ess": False, "coverage": 1.0}
         )
 
     monkeypatch.setattr(posterior_method, "believe", stated)

@@ -21,7 +21,7 @@ from estimator.physics.backends import REFERENCE, Executors, in_this_process, on
 from estimator.physics.base import Physics, WorldSettings
 from estimator.report.result import Result
 from estimator.report.run_files import write_report
-from estimator.report.tables.terminal import print_result
+from estimator.report.tables import print_result
 from estimator.storage.records import Generation
 from estimator.storage.run_config import RunConfig
 from estimator.storage.store import RunStore

@@ -15,7 +15,7 @@ from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.belief import believe
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.posterior import Mode, Posterior
-from estimator.storage.beliefs import Belief, NotKnown
+from estimator.storage.posteriors import NotKnown, StoredPosterior
 from tests.estimator.exploration.test_few_limbs import genome_of
 from tests.estimator.two_unknown_rows import NOISE, draw, equally_likely, programs
 
@@ -30,7 +30,7 @@ def posterior(met: Callable[[int], tuple[bool, ...]]) -> Posterior:
     return replace(alone, modes=modes)
 
 
-def believed(predictor: Predictor, one: Posterior, *, alike: bool) -> Belief:
+def believed(predictor: Predictor, one: Posterior, *, alike: bool) -> StoredPosterior:
     data = draw(predictor, POINT, programs(3), np.random.default_rng(2))
 
     def same(ones: Array, others: Array) -> Flags:
@@ -61,7 +61,7 @@ def test_where_the_populations_have_met_different_bodies_nothing_is_stated(
     by_one = posterior(lambda number: (True, False))
     for one, alike in ((in_turns, False), (by_one, True)):
         belief = believed(predictor, one, alike=alike)
-        assert belief.met_in_common == 0.0
+        assert belief.coverage == 0.0
         assert belief.probability is None
         assert belief.not_known is NotKnown.DIFFERENT_BODIES
 
@@ -69,9 +69,9 @@ def test_where_the_populations_have_met_different_bodies_nothing_is_stated(
 def test_a_small_probability_is_stated_where_little_was_met_in_common(predictor: Predictor) -> None:
     few = posterior(lambda number: (number < 28, number >= 16))
     belief = believed(predictor, few, alike=False)
-    assert 1 / COUNT < belief.met_in_common < 0.9
+    assert 1 / COUNT < belief.coverage < 0.9
     assert belief.probability == pytest.approx(1 / COUNT)
-    agreeing = belief.model_copy(update={"met_in_common": 0.6, "within_problem": 0.6})
+    agreeing = belief.model_copy(update={"coverage": 0.6, "probability_within_problem": 0.6})
     assert agreeing.probability == 0.6
 
 
@@ -91,7 +91,7 @@ def test_of_what_few_samples_stand_for_only_that_it_is_improbable_is_stated(
     one = replace(everything, modes=(replace(few[0], probability=0.9), *others))
     belief = believed(predictor, one, alike=True)
     assert belief.probability is None
-    assert belief.not_known is NotKnown.FEW_DRAWS
+    assert belief.not_known is NotKnown.FEW_SAMPLES
     improbable = believed(predictor, replace(everything, modes=few), alike=False)
     assert improbable.probability == pytest.approx(1 / COUNT)
 

@@ -11,7 +11,12 @@ import numpy as np
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation
-from estimator.storage.beliefs import Belief, BelievedMode, Foretold, UnexplainedInteraction
+from estimator.storage.posteriors import (
+    PredictedInteraction,
+    StoredMode,
+    StoredPosterior,
+    UnexplainedInteraction,
+)
 from estimator.storage.records import Counters, Generation
 from estimator.storage.run_config import RunSettings
 from estimator.storage.store import RunStore
@@ -87,8 +92,8 @@ def made_run(
                 _save_generations(store, number, rng.random((4, size)))
             else:
                 last = complete and number == INTERACTIONS - 1
-                belief = _belief(rng, size, number + 1, simulated=8 * last, explained=explained)
-                store.save_belief(number, belief, Counters(simulations_run=10), None)
+                stored = _posterior(rng, size, number + 1, simulated=8 * last, explained=explained)
+                store.save_posterior(number, stored, Counters(simulations_run=10), None)
         if method == "paper" and complete:
             store.search_end.save_best_fit(None)
     return directory
@@ -113,35 +118,35 @@ def _save_generations(store: RunStore, iteration: int, population: np.ndarray) -
         store.save(generation, {"population": population.tolist()})
 
 
-def _belief(
+def _posterior(
     rng: np.random.Generator, size: int, interactions: int, *, simulated: int, explained: bool
-) -> Belief:
+) -> StoredPosterior:
     shares, modes = (0.6, 0.2, 0.15, 0.05), rng.random((4, size)).tolist()
     outliers = range(0 if explained else min(2, interactions))
-    return Belief(
+    return StoredPosterior(
         genes=tuple(map(tuple, rng.random((8, size)).tolist())),
         scales=((0.0, 0.1),) * 8,
         weights=(0.125,) * 8,
         best=tuple(modes[0]),
         modes=tuple(
-            BelievedMode(
+            StoredMode(
                 probability=share,
-                effective=50.0,
+                ess=50.0,
                 genes=tuple(genes),
-                like_the_first=False,
-                met=(True, True),
+                indistinguishable=False,
+                found=(True, True),
             )
             for share, genes in zip(shares, modes, strict=True)
         ),
-        within_problem=0.6,
-        gained=1.5,
-        foretold=(
-            Foretold(
+        probability_within_problem=0.6,
+        information_gain_bits=1.5,
+        predicted=(
+            PredictedInteraction(
                 touch=(True,) * 4,
                 tilt=(0.1, -0.1),
                 clearance=0.05,
-                deviations={"touch": 1.0, "tilt": 2.0},
-                outlier=0.01,
+                residuals={"touch": 1.0, "tilt": 2.0},
+                outlier_probability=0.01,
             ),
         )
         * interactions,
@@ -150,5 +155,5 @@ def _belief(
         ),
         noisy=(),
         simulated=simulated,
-        effective=6.0 if simulated else None,
+        ess=6.0 if simulated else None,
     )

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from estimator.report.evaluation_files import TRUTH
+from estimator.report.evaluations import TRUTH
 from estimator.reproduction.paper_runs import Budget, PlannedRun, topological_runs
 from estimator.reproduction.robot_process import print_body
 

@@ -12,7 +12,7 @@ import pytest
 from estimator.errors import RunDirectoryError
 from estimator.identification.listener import Listener
 from estimator.readings.observation import Observation
-from estimator.report.evaluation_files import SCORE, TRUTH, VALIDATION
+from estimator.report.evaluations import SCORE, TRUTH, VALIDATION
 from estimator.report.result import Result
 from estimator.report.run_files import RESULT
 from estimator.reproduction.figure import FinishedRun

@@ -14,7 +14,7 @@ import pytest
 
 from estimator.cluster import Cluster
 from estimator.identification.listener import Listener
-from estimator.report.evaluation_files import TRUTH
+from estimator.report.evaluations import TRUTH
 from estimator.reproduction.harness import complete
 from estimator.reproduction.paper_runs import Budget, PlannedRun, typical_runs
 from estimator.reproduction.robot_process import print_body

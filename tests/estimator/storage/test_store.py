@@ -18,8 +18,7 @@ import pytest
 from estimator.errors import ProblemError, RunDirectoryError
 from estimator.posterior.fitted import FittedPosterior
 from estimator.readings.observation import Observation
-from estimator.storage.database import DATABASE
-from estimator.storage.locking import is_locked
+from estimator.storage.database import DATABASE, is_locked
 from estimator.storage.records import (
     Counters,
     Finish,
@@ -188,7 +187,7 @@ def test_a_file_system_without_locks_has_one_writer_too(
 ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT"
 
 
-@pytest.mark.parametrize("table", ["meta", "beliefs", "interactions", "predictions"])
+@pytest.mark.parametrize("table", ["meta", "posteriors", "interactions", "predictions"])
 @pytest.mark.parametrize(
     "instead",
     [
@@ -211,7 +210,7 @@ def test_tables_that_compute_what_is_read_are_refused_unread(
 def test_a_trigger_is_no_part_of_a_run(directory: Path) -> None:
     with closing(sqlite3.connect(directory / DATABASE)) as database:
         database.execute(
-            "CREATE TRIGGER more AFTER INSERT ON beliefs BEGIN DELETE FROM interactions; END"
+            "CREATE TRIGGER more AFTER INSERT ON posteriors BEGIN DELETE FROM interactions; END"
         )
     with pytest.raises(RunDirectoryError, match="what it holds as more is not the table"):
         RunStore.open(directory)
@@ -341,24 +340,24 @@ def test_a_run_of_the_posterior_can_be_read(tmp_path: Path) -> None:
         {"weights": [-0.125, 0.375, *[0.125] * 6]},
         {"weights": [0.1] * 8},
         {"weights": [1.0]},
-        {"within_problem": 7},
-        {"met_in_common": -0.1},
-        {"departed": 1.5},
-        {"gained": math.inf},
+        {"probability_within_problem": 7},
+        {"coverage": -0.1},
+        {"misspecification_probability": 1.5},
+        {"information_gain_bits": math.inf},
         {"simulated": -1},
-        {"effective": -1.0},
+        {"ess": -1.0},
         {"best": [0.5]},
         {"best": [0.5, 0.5, 0.5, 1.5]},
         {"unexplained": [{"interaction": 9, "sensors": []}]},
         {"scales": [[0.0]] * 8},
     ],
 )
-def test_a_belief_that_cannot_be_is_a_sentence(tmp_path: Path, damage: dict[str, object]) -> None:
+def test_an_impossible_posterior_is_a_sentence(tmp_path: Path, damage: dict[str, object]) -> None:
     run = made_run(tmp_path / "run", PROBLEM, "posterior", capabilities=make_capabilities())
     with closing(sqlite3.connect(run / DATABASE, isolation_level=None)) as database:
-        (belief,) = database.execute("SELECT belief FROM beliefs WHERE number = 0").fetchone()
-        damaged = json.dumps({**json.loads(belief), **damage})
-        database.execute("UPDATE beliefs SET belief = ? WHERE number = 0", (damaged,))
+        (stored,) = database.execute("SELECT posterior FROM posteriors WHERE number = 0").fetchone()
+        damaged = json.dumps({**json.loads(stored), **damage})
+        database.execute("UPDATE posteriors SET posterior = ? WHERE number = 0", (damaged,))
     with pytest.raises(RunDirectoryError, match=r"is not a run: .* copy of it") as refused:
         read_all(run)
     assert "validation error" not in str(refused.value)

@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 
 from estimator.errors import TruthError
-from estimator.evaluation.truth.robot import check_robot
+from estimator.evaluation.truth.body import check_robot
 from protocol.wire.capabilities import Capabilities
 from tests.estimator.evaluation.test_score import write_truth
 from tests.estimator.model_robot import make_capabilities

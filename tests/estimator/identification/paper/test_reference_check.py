@@ -22,7 +22,7 @@ from estimator.physics.base import Pair, Physics
 from estimator.posterior.fitted import FittedPosterior
 from estimator.problem.genome import Genome
 from estimator.readings.observation import PredictedReadings
-from estimator.report.plots.run import with_last_word
+from estimator.report.plots import with_last_word
 from estimator.report.result import Result
 from estimator.report.run_files import write_report
 from estimator.storage.records import Finish

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from estimator.posterior.checks.verdict import (
-    FitVerdict,
     deviations,
     fit_of,
     judge,
@@ -14,7 +13,7 @@ from estimator.posterior.checks.verdict import (
 )
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Posterior
-from estimator.storage.beliefs import are_outliers
+from estimator.storage.posteriors import FitVerdict
 from tests.estimator.two_unknown_rows import NOISE, draw, equally_likely, programs
 
 POINT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
@@ -96,10 +95,10 @@ def test_one_such_interaction_is_named_alone(predictor: Predictor) -> None:
         verdict.unexplained,
         judge(certain(0.5), predictor, data, NOISE).unexplained,
     )
-    assert one.deviation == pytest.approx(0.3 / NOISE.tilt, abs=3)
-    assert noisier.deviation == pytest.approx(one.deviation / np.exp(0.5))
+    assert one.residual == pytest.approx(0.3 / NOISE.tilt, abs=3)
+    assert noisier.residual == pytest.approx(one.residual / np.exp(0.5))
     # be it as probable as an outlier as any: so far off it is none
-    assert not are_outliers(verdict.unexplained, len(MOVED))
+    assert not verdict.has_only_outliers(len(MOVED))
     assert not verdict.noisy
     assert not verdict.contradicting
 

@@ -30,7 +30,13 @@ def predictor() -> Predictor:
 @pytest.fixture(scope="module")
 def data(predictor: Predictor) -> SensorData:
     rng = np.random.default_rng(2)
-    return draw(predictor, quadruped(), rng.uniform(-0.5, 0.5, (_POSES, PARTS)), rng, outlier=0.0)
+    return draw(
+        predictor,
+        quadruped(),
+        rng.uniform(-0.5, 0.5, (_POSES, PARTS)),
+        rng,
+        outlier=0.0,
+    )
 
 
 def but_for(unknowns: Unknowns, *legs: int) -> Array:

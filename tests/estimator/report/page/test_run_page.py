@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from estimator.body.morphology import tips
 from estimator.cli.command_line import app
-from estimator.report.evaluation_files import SCORE, TRUTH
+from estimator.report.evaluations import SCORE, TRUTH
 from estimator.report.page.run_page import PageSources
 from estimator.report.summarise import summarise
 from estimator.storage.store import RunStore
@@ -40,7 +40,7 @@ def report(directory: Path, *options: str | Path) -> Path:
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A finished run that believes in several bodies."""
+    """A finished run with rivals."""
     directory = made_run(tmp_path_factory.mktemp("page") / "run", "topological-24", "posterior")
     report(directory)
     return directory
@@ -64,7 +64,7 @@ def ends(page: Page) -> np.ndarray:
 def test_the_page_poses_bodies_as_our_own_kinematics_do(run: Path, browser: Browser) -> None:
     with RunStore.open(run, to_write=False) as store:
         genome = store.genome
-        modes = store.beliefs()[-1][0].modes
+        modes = store.posteriors()[-1][0].modes
         performed = store.observations()[1].angles
     angles = [-25.0, 30.0, 12.5, -7.5, 22.0, -18.0, 3.0, 28.5]
     with watched_page(browser, *OWN, device_scale_factor=COARSE) as page:
@@ -227,7 +227,7 @@ def test_damaged_files_beside_a_run_are_passed_over(tmp_path: Path) -> None:
 def test_a_damaged_run_is_a_sentence(tmp_path: Path) -> None:
     directory = made_run(tmp_path / "run", "parametric", "posterior")
     with RunStore.open(directory) as store:
-        store._database.execute("UPDATE beliefs SET belief = '{}'")
+        store._database.execute("UPDATE posteriors SET posterior = '{}'")
     ended = CliRunner().invoke(app, ["report", str(directory)])
     assert ended.exit_code == 1
     assert "it is damaged" in ended.stderr

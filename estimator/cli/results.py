@@ -1,0 +1,216 @@
+"""``estimator show``, ``report``, ``compare`` and ``export``: what runs have found."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Final
+
+import typer
+
+from estimator.cli.console import (
+    errors_as_sentences,
+    out,
+    print_run_directory,
+    unless_unwritable,
+)
+from estimator.cli.options import Directory
+from estimator.errors import EstimatorError, RunDirectoryError
+from estimator.posterior.fitted import FittedPosterior
+from estimator.report.canvas import as_png
+from estimator.report.comparison import ComparedRun, comparison_picture, joints_of
+from estimator.report.export.formats import BODY_FORMATS, BodyFormat, in_words_of
+from estimator.report.formats import FORMATS
+from estimator.report.page.run_page import PageSources, run_page
+from estimator.report.run_files import PAGE, write_files
+from estimator.report.summarise import summarise
+from estimator.report.tables import number, percent, plain_table, print_result
+from estimator.reproduction.report import reproduction_page
+from estimator.storage.store import RunStore
+from protocol.system.files import replace_bytes, replace_text
+from protocol.text import printable
+
+
+def show(
+    directory: Directory,
+    form: Annotated[
+        str | None,
+        typer.Option(
+            "--format",
+            metavar="NAME",
+            help=f"Print it as {', '.join(FORMATS.own)}, or as a plug-in does. Default: as tables.",
+        ),
+    ] = None,
+) -> None:
+    """Show how far a run has come; rewrites its result.json, readings.csv and plots if it can."""
+    with errors_as_sentences(None), RunStore.open(directory, to_write=False) as store:
+        write = None if form is None else FORMATS.load(form)
+        result = summarise(store)
+        if write is None:
+            print_result(out, result)
+        with unless_unwritable(directory):
+            write_files(store, result)
+            if write is None:
+                print_run_directory(directory)
+        if write is not None:
+            typer.echo(printable(write(result, directory), keep="\n\t"))
+
+
+def report(
+    directory: Directory,
+    *,
+    paper: Annotated[
+        bool, typer.Option("--paper", help="DIR is what estimator reproduce made.")
+    ] = False,
+    file: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="FILE", help="Default: report.html and plots in DIR."),
+    ] = None,
+) -> None:
+    """Write report.html: the body to be turned and posed, and all that is known of it."""
+    place = file or directory / PAGE
+    with errors_as_sentences(None):
+        if paper:
+            replace_text(place, reproduction_page(directory))
+        else:
+            _write_run(directory, file)
+    out.print(f"Report: {place}", soft_wrap=True)
+
+
+def _write_run(directory: Path, file: Path | None) -> None:
+    with RunStore.open(directory, to_write=False) as store:
+        result = summarise(store)
+        if not result.complete:
+            out.print("The run is not finished: the report says what is known so far.")
+        if file is None:
+            try:
+                write_files(store, result, page=True)
+            except OSError as error:
+                raise RunDirectoryError(
+                    f"{directory} cannot be written ({error.strerror}): say where the report is "
+                    "to go, with --out FILE."
+                ) from error
+        else:
+            sources = PageSources.of(store, result)
+            replace_text(file, run_page(store, sources))
+
+
+_NONE: Final = "–"
+
+
+def compare(
+    directories: Annotated[
+        list[Path], typer.Argument(help="Run directories, two or more.", metavar="DIR DIR...")
+    ],
+    picture: Annotated[
+        Path, typer.Option("--out", metavar="FILE", dir_okay=False, help="The picture, a PNG.")
+    ] = Path("comparison.png"),
+) -> None:
+    """Compare runs, finished or not, as a table and as a picture."""
+    if len(directories) < 2:
+        raise typer.BadParameter("give two run directories or more")
+    if picture.suffix.lower() != ".png":
+        raise typer.BadParameter(f"the picture is a PNG: let --out {picture} end in .png")
+    with errors_as_sentences(None):
+        runs = [ComparedRun.read(directory) for directory in directories]
+        _print_runs(runs)
+        _print_lengths(runs)
+        for place, run in enumerate(runs, 1):
+            if not run.result.complete:
+                out.print(f"Run {place} is not finished: what it knows so far.", soft_wrap=True)
+        with unless_unwritable(picture.absolute().parent):
+            replace_bytes(picture, as_png(comparison_picture(runs)))
+            out.print(f"Picture: {picture}", soft_wrap=True)
+
+
+def _print_runs(runs: list[ComparedRun]) -> None:
+    table = plain_table("run", *(f"{place}" for place in range(1, len(runs) + 1)), justify="left")
+    rows = [_summary(run) for run in runs]
+    for name in rows[0]:
+        table.add_row(name, *(row[name] for row in rows))
+    out.print(table)
+
+
+def _summary(run: ComparedRun) -> dict[str, str]:
+    result, posterior, score = run.result, run.result.posterior, run.score
+    probability = None if posterior is None else posterior.probability
+    explained = None if result.judged is None else result.judged.explained
+    return {
+        "directory": run.name,
+        "state": "complete" if result.complete else "not finished",
+        "problem": result.problem,
+        "robot": str(result.robot["robot"]),
+        "method": f"{result.method}, {result.physics}",
+        "modalities": ", ".join(result.modalities),
+        "seed": str(result.seed),
+        "interactions": str(result.interactions),
+        "readings explained": _NONE if explained is None else "yes" if explained else "NO",
+        "probability of attachments": _NONE if probability is None else percent(probability),
+        "subjective error": number(result.sensor_error, 3),
+        "mean leg error (mm)": _NONE if score is None else number(1000 * score.mean_leg_error_m, 1),
+        "configurations right": _NONE
+        if score is None
+        else f"{score.configurations_right} of {score.configurations_total}",
+        "simulations": f"{result.simulations_run:,}",
+        "time (s)": f"{result.wall_seconds:.0f}",
+    }
+
+
+def _print_lengths(runs: list[ComparedRun]) -> None:
+    """Of the best bodies."""
+    joints = joints_of(runs)
+    if not joints:
+        return
+    places = range(1, len(runs) + 1)
+    table = plain_table("length (mm)", *map(str, places), justify="left")
+    for joint in joints:
+        lengths = [run.lengths.get(joint) for run in runs]
+        table.add_row(
+            joint,
+            *(
+                _NONE
+                if one is None
+                else f"{1000 * one.median:.1f} ({1000 * one.low:.1f}–{1000 * one.high:.1f})"
+                for one in lengths
+            ),
+        )
+    out.print(table)
+    out.print("In brackets: the 90 % interval; of the method paper, the range in its population.")
+
+
+def export(
+    directory: Directory,
+    form: Annotated[BodyFormat, typer.Option("--format", help="Of the file.")],
+    sample: Annotated[
+        int, typer.Option(min=0, help="Another than the best model (0): 1 is the second best.")
+    ] = 0,
+    file: Annotated[
+        Path | None, typer.Option("--out", dir_okay=False, help="Default: standard output.")
+    ] = None,
+) -> None:
+    """Write a run's best model, or another one, as URDF, MJCF or JSON."""
+    with errors_as_sentences(None):
+        text = exported(directory, form, sample)
+        if file is None:
+            typer.echo(text, nl=False)
+        else:
+            replace_text(file, text)
+
+
+def exported(directory: Path, form: BodyFormat, sample: int) -> str:
+    """A model of a run in a format.
+
+    Raises:
+        EstimatorError: The run has no such model.
+    """
+    with RunStore.open(directory, to_write=False) as store:
+        fitted = FittedPosterior.of(store)
+    if fitted is None:
+        raise EstimatorError(f"{directory} has no model yet: resume the run first")
+    count = len(fitted.models)
+    if sample >= count:
+        raise EstimatorError(
+            f"{directory} holds {count} models, so there is no sample {sample}: choose 0 to "
+            f"{count - 1}"
+        )
+    body = fitted.genome.decode(fitted.models[fitted.ranked[sample]])
+    return BODY_FORMATS[form](in_words_of(fitted.problem, fitted.capabilities, body))

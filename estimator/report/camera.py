@@ -1,0 +1,196 @@
+"""Pictures of scenes without a screen, drawn by Matplotlib: shaded faces, the farthest first."""
+
+from __future__ import annotations
+
+import importlib
+import math
+import textwrap
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.body.morphology import Array
+from estimator.report.canvas import DPI, leg_colour, leg_patches, new_figure
+from estimator.report.scene import MAIN_BODY, Solid
+from estimator.report.shown_bodies import ShownBody
+from protocol.text import printable
+
+WIDTH: Final = 480
+HEIGHT: Final = 360
+_ELEVATION, _AZIMUTH = 25.0, -32.0  # degrees, towards the camera: ahead of the robot, to its right
+_FOCAL_LENGTH: Final = 4.0  # in half-widths of what is seen: hardly any perspective
+_ZOOM: Final = 1.3  # the sphere around the main body fills the height
+_LIGHT: Final = np.array([0.28, -0.39, 0.88])
+_AMBIENT: Final = 0.55  # share of the light that comes from everywhere
+_GROUND: Final = (0.93, 0.93, 0.90)
+_SHADE: Final = 0.86  # of shadows and lines on the ground, times the ground's colour
+_MESH: Final = 0.1
+"""Lines on the ground, m apart, so that lengths can be read off."""
+_SEEN: Final = 3.0  # radii of ground on either side
+_BODY: Final = (0.36, 0.41, 0.50)
+_AROUND: Final = 20  # faces around a cylinder or a sphere
+_ALONG: Final = 6  # along a box's edge or a cylinder: small faces are sorted by distance rightly
+
+Picture = NDArray[np.uint8]
+
+
+def reach(solids: Sequence[Solid]) -> float:
+    """How far a scene extends from the middle of its main body, m."""
+    middle = next(item.place for item in solids if item.limb == MAIN_BODY)
+    return max(float(np.linalg.norm(item.place - middle)) + max(item.size) / 2 for item in solids)
+
+
+def take_picture(solids: Sequence[Solid], radius: float) -> Picture:
+    """Renders a scene, seen from where a sphere around the main body fills the picture.
+
+    Args:
+        solids: In the world, m.
+        radius: Of that sphere, m: the same for scenes that are to be compared.
+
+    Returns:
+        Red, green and blue, shape (``HEIGHT``, ``WIDTH``, 3).
+    """
+    figure = new_figure(WIDTH / DPI, HEIGHT / DPI)
+    figure.set_layout_engine("none")  # one panel, all of it
+    figure.set_facecolor(_GROUND)
+    canvas = importlib.import_module("matplotlib.backends.backend_agg").FigureCanvasAgg(figure)
+    square = (0, (1 - WIDTH / HEIGHT) / 2, 1, WIDTH / HEIGHT)  # as wide as the picture
+    axes: Any = figure.add_axes(square, projection="3d", computed_zorder=False)
+    _aim(axes, next(item.place for item in solids if item.limb == MAIN_BODY), radius)
+    faces, colours = _shaded(solids)
+    art3d = importlib.import_module("mpl_toolkits.mplot3d.art3d")
+    dark = tuple(_SHADE * light for light in _GROUND)
+    # Along the light onto the ground; the same colour everywhere, so shadows do not add up.
+    shadows = faces - faces[..., 2:] * (_LIGHT / _LIGHT[2])
+    axes.add_collection3d(art3d.Line3DCollection(_mesh(radius), colors=[dark], linewidths=0.8))
+    axes.add_collection3d(art3d.Poly3DCollection(shadows, facecolors=[dark], edgecolors=[dark]))
+    axes.add_collection3d(
+        art3d.Poly3DCollection(faces, facecolors=colours, edgecolors=colours, linewidths=0.4)
+    )
+    for order, collection in enumerate(axes.collections):
+        collection.set_zorder(order)
+    canvas.draw()
+    picture: Picture = np.array(canvas.buffer_rgba())[..., :3].copy()
+    return picture
+
+
+def _aim(axes: Any, middle: Array, radius: float) -> None:
+    for name, at in zip("xyz", middle.tolist(), strict=True):
+        getattr(axes, f"set_{name}lim")(at - radius, at + radius)
+    axes.set_proj_type("persp", focal_length=_FOCAL_LENGTH)
+    axes.view_init(_ELEVATION, _AZIMUTH)
+    axes.set_box_aspect((1, 1, 1), zoom=_ZOOM)
+    axes.set_axis_off()
+    axes.patch.set_visible(False)
+
+
+def _mesh(radius: float) -> Array:
+    """Lines on the ground as their two ends, m, shape (lines, 2, 3)."""
+    count = math.ceil(_SEEN * radius / _MESH)
+    at, end = _MESH * np.arange(-count, count + 1), _MESH * count
+    lines = np.zeros((2, len(at), 2, 3))
+    for line, along in zip(lines, (0, 1), strict=True):
+        line[..., 1 - along] = at[:, None]
+        line[..., along] = [-end, end]
+    return lines.reshape(-1, 2, 3)
+
+
+def _shaded(solids: Sequence[Solid]) -> tuple[Array, Array]:
+    """All faces, m, shape (n, 4, 3), and their colours, shape (n, 3)."""
+    faces, colours = [], []
+    for item in solids:
+        own = np.concatenate([grid.reshape(-1, 4, 3) for grid in _surfaces(item)])
+        placed = own @ item.turn.T + item.place
+        normals = np.cross(placed[:, 2] - placed[:, 0], placed[:, 3] - placed[:, 1])
+        sizes = np.linalg.norm(normals, axis=1, keepdims=True)
+        light = (normals / np.where(sizes, sizes, 1.0)) @ _LIGHT
+        shade = _AMBIENT + (1 - _AMBIENT) * np.clip(light, 0, None)
+        faces.append(placed)
+        colours.append(shade[:, None] * np.array(_colour(item.limb)))
+    return np.concatenate(faces), np.concatenate(colours).clip(0, 1)
+
+
+def _surfaces(item: Solid) -> Iterator[Array]:
+    """A solid's surface in its own frame, as grids of faces whose normals point outwards."""
+    steps = np.linspace(-1, 1, _ALONG + 1)
+    turn = np.linspace(0, 2 * np.pi, _AROUND + 1)
+    if item.kind == "box":
+        across, up = np.meshgrid(steps, steps, indexing="ij")
+        for axis in range(3):
+            for side in (-1, 1):
+                grid = np.empty((*across.shape, 3))
+                grid[..., axis] = side
+                grid[..., (axis + 1) % 3], grid[..., (axis + 2) % 3] = (
+                    (across, up) if side > 0 else (up, across)
+                )
+                yield _quads(grid * np.array(item.size) / 2)
+    elif item.kind == "cylinder":
+        radius, length = item.size
+        heights = steps * length / 2
+        yield _quads(_ring(turn[:, None], radius + 0 * heights, heights))
+        for side in (-1, 1):  # from the rim to the middle, or back
+            radii = np.array([radius, 0.0])[::side]
+            yield _quads(_ring(turn[:, None], radii, side * length / 2 + 0 * radii))
+    else:
+        (radius,) = item.size
+        latitudes = np.linspace(-np.pi / 2, np.pi / 2, _AROUND // 2 + 1)
+        yield _quads(_ring(turn[:, None], radius * np.cos(latitudes), radius * np.sin(latitudes)))
+
+
+def _ring(turn: Array, radii: Array, heights: Array) -> Array:
+    """Points around z, shape (turns, heights, 3)."""
+    return np.stack([radii * np.cos(turn), radii * np.sin(turn), heights + 0 * turn], axis=-1)
+
+
+def _quads(grid: Array) -> Array:
+    """The faces between a grid's points, shape (n, m, 4, 3)."""
+    return np.stack([grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]], axis=2)
+
+
+def _colour(limb: int) -> tuple[float, ...]:
+    if limb == MAIN_BODY:
+        return _BODY
+    text = leg_colour(limb)
+    return tuple(int(text[start : start + 2], 16) / 255 for start in (1, 3, 5))
+
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+PANELS: Final = 3
+"""Bodies in a picture, at most: the best, a rival or two, the truth."""
+
+_WIDTH: Final = 38  # characters of a note in a line
+
+
+def body_picture(bodies: Sequence[ShownBody], legs: Sequence[str]) -> Figure:
+    """Draws bodies side by side, from the same camera.
+
+    Args:
+        bodies: As shown on the page; at least one.
+        legs: Names of the legs' joints.
+    """
+    truth = [item for item in bodies if item.true]
+    chosen = [item for item in bodies if not item.true][: PANELS - len(truth)] + truth
+    radius = max(reach(item.standing) for item in chosen)
+    figure = new_figure(4.0 * len(chosen), 4.4)
+    for axes, item in zip(figure.subplots(1, len(chosen), squeeze=False)[0], chosen, strict=True):
+        axes.imshow(take_picture(item.standing, radius))
+        axes.set_xticks([])
+        axes.set_yticks([])
+        axes.spines[:].set_visible(False)
+        axes.set_title(item.title, loc="left")
+        note = textwrap.fill(printable(item.note), _WIDTH)
+        axes.set_xlabel(note, loc="left", fontsize="small", parse_math=False)
+    legend = figure.legend(
+        handles=leg_patches(legs),
+        loc="outside lower left",
+        ncols=min(len(legs), 3 * len(chosen)),
+        frameon=False,
+        fontsize="small",
+    )
+    for text in legend.get_texts():
+        text.set_parse_math(False)  # a name may hold dollar signs
+    return figure

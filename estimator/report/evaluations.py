@@ -1,0 +1,180 @@
+"""Score and validation of a run: their files beside it, and their tables in a terminal.
+
+Only reports read the files (``validation.json``, ``score.json``, ``truth.urdf``); the search never
+does. A file that is missing, damaged or of another version counts as none.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final, TypeVar
+
+from pydantic import BaseModel, ValidationError
+from rich.console import Console
+from rich.text import Text
+
+from estimator.errors import TruthError
+from estimator.evaluation.attachments import Configuration
+from estimator.evaluation.score import Score
+from estimator.evaluation.truth.urdf import Urdf, read_urdf
+from estimator.evaluation.validate import Validation
+from estimator.readings.modalities import MODALITIES
+from estimator.report.result import Result, in_words
+from estimator.report.tables import NOT_IDENTIFIABLE, mm, number, plain_table
+from protocol.system.files import replace_text
+
+SCORE: Final = "score.json"
+TRUTH: Final = "truth.urdf"
+VALIDATION: Final = "validation.json"
+
+_FORK: Final = 0.2  # degrees of path margin; docs/reproduction.md shows what happens below
+
+_Document = TypeVar("_Document", bound=BaseModel)
+
+
+def write_score(directory: Path, score: Score, truth: Path) -> None:
+    """Keeps a run's score, and the body that it was scored against.
+
+    Raises:
+        OSError: The directory cannot be written.
+    """
+    replace_text(directory / TRUTH, truth.read_text("utf-8"))
+    replace_text(directory / SCORE, score.model_dump_json(indent=2) + "\n")
+
+
+def read_score(directory: Path) -> Score | None:
+    """A run's score."""
+    return read_document(directory / SCORE, Score)
+
+
+def score_of(directory: Path, result: Result) -> Score | None:
+    """A run's score, if the run has not gone on since."""
+    score, lengths = read_score(directory), [leg.length_m for leg in result.legs]
+    return score if score and score.is_of(result.complete, lengths) else None
+
+
+def read_validation(directory: Path) -> Validation | None:
+    """A run's prediction errors."""
+    return read_document(directory / VALIDATION, Validation)
+
+
+def read_true_body(directory: Path) -> Urdf | None:
+    """The body that a run was scored against."""
+    try:
+        return read_urdf(directory / TRUTH)
+    except (OSError, TruthError):
+        return None
+
+
+def read_document(file: Path, kind: type[_Document]) -> _Document | None:
+    """A document; ``None`` where there is none, or one that is damaged or of another version."""
+    try:
+        return kind.model_validate_json(file.read_bytes())
+    except (OSError, ValidationError):
+        return None
+
+
+def print_score(console: Console, score: Score) -> None:
+    """The best model against the truth."""
+    if not score.complete:
+        console.print(
+            Text.assemble(
+                ("Warning:", "yellow"), " The run is not finished: the best model so far."
+            )
+        )
+    table = plain_table("leg", "true (mm)", "estimated (mm)", "error (mm)", "touched")
+    for row in zip(
+        score.joints,
+        map(mm, score.true_lengths_m),
+        map(mm, score.lengths_m),
+        (f"{error * 1000:+.1f}" for error in score.leg_errors_signed_m),
+        map(in_words, score.touched),
+        strict=True,
+    ):
+        table.add_row(*row)
+    console.print(table)
+    apart = "; ".join(
+        f"legs that {what} {mm(error)} mm"
+        for what, error in (
+            ("touched the ground", score.mean_leg_error_touched_m),
+            ("never did", score.mean_leg_error_never_touched_m),
+        )
+        if error is not None
+    )
+    console.print(
+        f"Mean leg error {mm(score.mean_leg_error_m)} mm (signed "
+        f"{score.mean_signed_leg_error_m * 1000:+.1f} mm){apart and '; '}{apart}."
+    )
+    console.print(_errors_of_truth(score.true_body_errors, score.true_body_margins_deg))
+    _print_configurations(console, score)
+    for sentence in score.not_representable:
+        console.print(Text.assemble(("Not representable:", "yellow"), f" {sentence}."))
+
+
+def _errors_of_truth(errors: Sequence[float | None], margins: Sequence[float]) -> str:
+    """How badly the true body fits: where worse than the best model, no search finds it."""
+    known = [math.inf if error is None else error for error in errors]
+    worst = max(range(len(known)), key=known.__getitem__)
+    others = known[:worst] + known[worst + 1 :]
+    rest = f", at most {max(others):.2f} in the others" if others else ""
+    forks = [str(number) for number, margin in enumerate(margins, 1) if margin < _FORK]
+    where = (
+        f" On ground inclined by {_FORK:g}° it would land elsewhere in interaction "
+        f"{', '.join(forks)}: there a trifle decides, for the robot as well."
+        if forks
+        else ""
+    )
+    return (
+        f"The true body, simulated, has a subjective error of {known[worst]:.2f} in interaction "
+        f"{worst + 1}{rest}.{where}"
+    )
+
+
+def _print_configurations(console: Console, score: Score) -> None:
+    """How many attachments are right and, where the problem left any open, those of each part."""
+    known = "" if score.configurations_informative else " (given by the problem, not searched)"
+    console.print(
+        f"Configurations right: {score.configurations_right} of {score.configurations_total}"
+        f"{known}, {score.configurations_right_up_to_equivalence} up to equivalence."
+    )
+    if not score.configurations_informative:
+        return
+    console.print(
+        f"Of the {score.configurations_informative} that might have been wrong: "
+        f"{score.configurations_informative_right} right, "
+        f"{score.configurations_informative_right_up_to_equivalence} up to equivalence. By chance "
+        f"{score.configurations_chance:.2f} of {score.configurations_total} would be."
+    )
+    table = plain_table("part", "P: sits on", "O: mount", "J: positive angle", justify="left")
+    parts = dict.fromkeys(item.part for item in score.configurations)
+    for part in parts:
+        cells = {item.trait: item for item in score.configurations if item.part == part}
+        table.add_row(
+            part,
+            *(
+                _marked(cells[trait]) if trait in cells else NOT_IDENTIFIABLE
+                for trait in ("parent", "mount", "hinge")
+            ),
+        )
+    console.print(table)
+
+
+def _marked(cell: Configuration) -> Text:
+    if cell.right:
+        return Text.assemble(("■", "green"), f" {cell.modelled}")
+    mark = ("≈", "yellow") if cell.right_up_to_equivalence else ("□", "red")
+    return Text.assemble(mark, f" {cell.modelled} ", (f"(true: {cell.true})", "dim"))
+
+
+def print_validation(console: Console, validation: Validation) -> None:
+    """Prediction errors beside those of models that know nothing."""
+    table = plain_table("models", *(modality.heading for modality in MODALITIES.values()))
+    for name, errors in validation.groups:
+        shown = (modality.shown(errors[modality.error_name]) for modality in MODALITIES.values())
+        table.add_row(name, *map(number, shown))
+    console.print(f"Prediction error on {validation.programs} fresh motor programs:")
+    console.print(table)
+    if validation.invalid_predictions:
+        console.print(f"{validation.invalid_predictions} predictions were invalid and left out.")

@@ -1,0 +1,301 @@
+"""The live page: the bodies of a run's posterior in a browser; viser serves it and draws."""
+
+from __future__ import annotations
+
+import io
+import socket
+import time
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import closing, redirect_stdout
+from dataclasses import dataclass
+from itertools import cycle
+from pathlib import Path
+from typing import Any, Final, NoReturn, TypeAlias
+
+import numpy as np
+import trimesh
+import viser
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from estimator.body.arrays import Integers
+from estimator.body.morphology import Array, Base, Morphology
+from estimator.errors import EstimatorError, RunDirectoryError
+from estimator.readings.observation import Observation
+from estimator.report.canvas import leg_colour
+from estimator.report.live.front import Front, private_loopback
+from estimator.report.live.panel import panel, sentence_alone
+from estimator.report.live.run_view import RunFollower, RunState, RunView
+from estimator.report.scene import MAIN_BODY, Kind, Solid, at_rest, model_links, solids_of
+
+_MESHES: Final = {
+    "box": trimesh.creation.box(),
+    "cylinder": trimesh.creation.cylinder(radius=1.0, height=1.0, sections=16),
+    "sphere": trimesh.creation.icosphere(subdivisions=2),
+}
+_GHOSTS: Final = 0.12  # opacity
+_NOWHERE: Final = -10.0  # m above the ground: where there is nothing to be seen
+
+
+class LivePage:
+    """A page that shows how a run stands.
+
+    Args:
+        directory: The run, as its page names it.
+        host: Interface to serve on.
+        port: Port; 0: any.
+
+    Attributes:
+        uri: Where the page is.
+
+    Raises:
+        EstimatorError: The address cannot be had.
+    """
+
+    def __init__(self, directory: Path, host: str, port: int) -> None:
+        listening = _listening(host, port)
+        self._directory = directory
+        hidden = private_loopback()
+        with redirect_stdout(io.StringIO()):  # viser announces itself
+            self._server = viser.ViserServer(hidden, 0, label="estimator", verbose=False)
+        self.uri = f"http://{host}:{listening.getsockname()[1]}"
+        self._server.gui.configure_theme(show_logo=False, show_share_button=False)
+        self._server.gui.main_panel.dock_right()
+        self._text = self._server.gui.add_html("")
+        self._all = self._server.gui.add_checkbox("all bodies", initial_value=True)
+        self._flickers = self._server.gui.add_checkbox("one after the other", initial_value=True)
+        self._server.scene.add_grid(
+            "/ground", width=2.0, height=2.0, cell_size=0.1, section_size=1.0
+        )
+        self._ghosts = _Bodies(self._server, "/bodies", opacity=_GHOSTS)
+        self._body = _Bodies(self._server, "/body", opacity=None)
+        self._ahead = self._server.scene.add_label("/front", "front")
+        self._bodies_in_turn = cycle([list[Solid]()])
+        self._best: Sequence[Solid] = []
+        self._shown: Sequence[Solid] = []
+        self._steady = False
+        name = socket.gethostname()
+        self._front = Front(
+            listening,
+            (hidden, self._server.get_port()),
+            version=viser.__version__,
+            names={"localhost", host, name, f"{name}.local"},
+        )
+
+    def close(self) -> None:
+        """Ends the server; whoever looks sees that the connection is gone."""
+        self._front.close()
+        with redirect_stdout(io.StringIO()):
+            self._server.stop()
+
+    def show(self, view: RunView) -> None:
+        """Shows how the run stands now."""
+        first = not self._best
+        bodies = [posed(view.base, body, view.pose) for body in view.bodies]
+        self._best = posed(view.base, view.best, view.pose)
+        self._bodies_in_turn = cycle(bodies or [self._best])
+        self._steady = view.state is not RunState.GOES_ON
+        if first:
+            self._point_camera(view)
+        with self._server.atomic():
+            self._text.content = panel(view, self._directory)
+            self._ghosts.show(bodies)
+        self.flicker()
+
+    def say(self, sentence: str) -> None:
+        """Shows a sentence in the place of numbers that can no longer be read."""
+        self._text.content = sentence_alone(sentence)
+
+    def flicker(self) -> None:
+        """Shows another body of the posterior; when the run rests, the best one."""
+        steady = self._steady or not self._flickers.value
+        body = self._best if steady else next(self._bodies_in_turn)
+        self._ghosts.visible = self._all.value
+        if body is self._shown:
+            return
+        self._shown = body
+        main = body[0]
+        ahead = main.turn @ np.array([main.size[0] / 2, 0.0, main.size[2] / 2])
+        with self._server.atomic():
+            self._body.show([body])
+            self._ahead.position = main.place + 1.2 * ahead
+
+    def _point_camera(self, view: RunView) -> None:
+        reach = 1.5 * max(view.base.size) if view.best is None else view.best.reach
+        self._server.initial_camera.position = np.array([1.2, -1.5, 1.0]) * reach
+        self._server.initial_camera.look_at = np.zeros(3)
+
+
+class _Bodies:
+    """Some bodies, as one batch of meshes for each kind of solid."""
+
+    def __init__(self, server: viser.ViserServer, name: str, *, opacity: float | None) -> None:
+        self._batches: dict[Kind, Any] = {
+            kind: server.scene.add_batched_meshes_simple(
+                f"{name}/{kind}",
+                np.asarray(_MESHES[kind].vertices),
+                np.asarray(_MESHES[kind].faces),
+                batched_wxyzs=np.array([[1.0, 0.0, 0.0, 0.0]]),
+                batched_positions=np.array([[0.0, 0.0, _NOWHERE]]),
+                batched_scales=np.ones((1, 3)),
+                batched_colors=np.zeros((1, 3), dtype=np.uint8),
+                opacity=opacity,
+                lod="off",
+                cast_shadow=opacity is None,
+                receive_shadow=opacity is None,
+            )
+            for kind in KINDS
+        }
+
+    @property
+    def visible(self) -> bool:
+        """Whether they are to be seen."""
+        return all(batch.visible for batch in self._batches.values())
+
+    @visible.setter
+    def visible(self, visible: bool) -> None:
+        for batch in self._batches.values():
+            if batch.visible != visible:
+                batch.visible = visible
+
+    def show(self, bodies: Sequence[Sequence[Solid]]) -> None:
+        """Replaces the bodies."""
+        for kind, batch in self._batches.items():
+            _place(batch, instances(bodies, kind))
+
+
+def _place(batch: Any, solids: Instances) -> None:
+    batch.batched_wxyzs = solids.wxyzs
+    batch.batched_positions = solids.positions
+    batch.batched_scales = solids.scales
+    batch.batched_colors = solids.colours
+
+
+def _listening(host: str, port: int) -> socket.socket:
+    try:
+        return socket.create_server((host, port))
+    except OSError as error:
+        raise EstimatorError(
+            f"the live page cannot be served on {host}:{port} ({error.strerror}): give another "
+            "address"
+        ) from error
+
+
+_FLICKER: Final = 0.3  # s
+
+_SAID: Final = {
+    RunState.GOES_ON: "The run goes on.",
+    RunState.INTERRUPTED: "The run is not finished, and nobody works on it.",
+    RunState.FINISHED: "The run is finished.",
+}
+
+
+def watch(directory: Path, host: str, port: int, say: Callable[[str], None]) -> NoReturn:
+    """Shows a run on a page, and goes on doing so.
+
+    Args:
+        directory: The run directory.
+        host: Interface that the page is served on.
+        port: Its port; 0: any.
+        say: Called with where the page is, and with what becomes of the run.
+
+    Raises:
+        EstimatorError: There is no run, it is damaged from the beginning, or the address cannot be
+            had.
+        KeyboardInterrupt: Somebody ended it.
+    """
+    follower = RunFollower(directory)
+    view = follower.news()
+    with closing(LivePage(directory, host, port)) as page:
+        say(f"The live page is at {page.uri}")
+        said = ""
+        while True:
+            try:
+                if view is not None:
+                    page.show(view)
+                    said = _once(say, _SAID[view.state], said)
+                else:
+                    page.flicker()
+                time.sleep(_FLICKER)
+                view = follower.news()
+            except RunDirectoryError as error:
+                page.say(str(error))
+                said = _once(say, str(error), said)
+                view = None
+
+
+def _once(say: Callable[[str], None], sentence: str, said: str) -> str:
+    if sentence != said:
+        say(sentence)
+    return sentence
+
+
+KINDS: Final[tuple[Kind, ...]] = ("box", "cylinder", "sphere")
+_MAIN_BODY_COLOUR: Final = (178, 184, 190)
+
+Colours: TypeAlias = NDArray[np.uint8]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Instances:
+    """n solids of one kind, each as a copy of a mesh of unit size.
+
+    Attributes:
+        wxyzs: Orientations as quaternions, shape (n, 4).
+        positions: Of their middles, m, shape (n, 3).
+        scales: Along their own axes, shape (n, 3).
+        colours: Red, green and blue, 0 to 255, proportional to light, shape (n, 3).
+    """
+
+    wxyzs: Array
+    positions: Array
+    scales: Array
+    colours: Colours
+
+
+def posed(base: Base, body: Morphology | None, pose: Observation | None) -> list[Solid]:
+    """A body as the robot last lay; flat on its belly before the first interaction.
+
+    Args:
+        base: The main body.
+        body: With its legs; ``None``: nothing is known of them.
+        pose: What the robot measured. A tilt that was not read counts as level.
+    """
+    whole = body or Morphology(base=base, parts=(), density=1.0)
+    angles = np.zeros(whole.motors) if pose is None else np.array(pose.angles)
+    return at_rest(solids_of(model_links(whole), angles), pose)
+
+
+def instances(bodies: Iterable[Sequence[Solid]], kind: Kind) -> Instances:
+    """All solids of one kind, of some bodies."""
+    solids = [solid for body in bodies for solid in body if solid.kind == kind]
+    turns = np.array([solid.turn for solid in solids]).reshape(-1, 3, 3)
+    return Instances(
+        wxyzs=Rotation.from_matrix(turns).as_quat(scalar_first=True).reshape(-1, 4),
+        positions=np.array([solid.place for solid in solids]).reshape(-1, 3),
+        scales=np.array([_extents(solid) for solid in solids]).reshape(-1, 3),
+        colours=_linear(np.array([list(_colour(solid)) for solid in solids]).reshape(-1, 3)),
+    )
+
+
+def _extents(solid: Solid) -> tuple[float, float, float]:
+    """By how much a unit box, a cylinder of radius 1 and length 1, or a unit sphere is scaled."""
+    if solid.kind == "box":
+        x, y, z = solid.size
+        return x, y, z
+    if solid.kind == "cylinder":
+        radius, length = solid.size
+        return radius, radius, length
+    (radius,) = solid.size
+    return radius, radius, radius
+
+
+def _colour(solid: Solid) -> Iterable[int]:
+    if solid.limb == MAIN_BODY:
+        return _MAIN_BODY_COLOUR
+    return bytes.fromhex(leg_colour(solid.limb)[1:])
+
+
+def _linear(colours: Integers) -> Colours:
+    """Colours as light, which is what a scene is computed with; sRGB's own curve, nearly."""
+    return np.rint(255 * (colours / 255) ** 2.2).astype(np.uint8)

@@ -1,0 +1,186 @@
+"""How a run stands, as its live page shows it, read again whenever another process has written."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from estimator.body.morphology import Base, Morphology
+from estimator.errors import RunDirectoryError
+from estimator.posterior.fitted import FittedPosterior
+from estimator.readings.observation import Observation
+from estimator.report.result import Result
+from estimator.report.summarise import summarise
+from estimator.storage.database import file_status, is_locked
+from estimator.storage.records import InteractionRecord
+from estimator.storage.store import LOCK, RunStore
+
+SHOWN: Final = 24
+"""Bodies that stand for all samples of a posterior, or for a population."""
+
+
+class RunState(Enum):
+    """Whether a run goes on."""
+
+    GOES_ON = "goes on"
+    INTERRUPTED = "interrupted"
+    FINISHED = "finished"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Progress:
+    """How far a run has come.
+
+    Attributes:
+        share: Of the work, 0 to 1.
+        sentence: What it is at.
+    """
+
+    share: float
+    sentence: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunView:
+    """How a run stands.
+
+    Attributes:
+        result: In numbers.
+        base: The main body, which is known.
+        best: The best body; ``None`` before the first interaction.
+        bodies: Bodies that stand for the posterior, each as often as it is probable.
+        pose: What the robot measured last.
+        interactions: What it did, and why.
+        wanted: How many interactions there are to be.
+        progress: How far it has come.
+        state: Whether it goes on.
+    """
+
+    result: Result
+    base: Base
+    best: Morphology | None
+    bodies: tuple[Morphology, ...]
+    pose: Observation | None
+    interactions: tuple[InteractionRecord, ...]
+    wanted: int
+    progress: Progress
+    state: RunState
+
+    @classmethod
+    def of(cls, store: RunStore, *, written_to: bool) -> RunView:
+        """Reads it from a run.
+
+        Args:
+            store: The run.
+            written_to: Whether some process works on it.
+        """
+        interactions, result = store.interactions(), summarise(store)
+        state = RunState.GOES_ON if written_to else RunState.INTERRUPTED
+        if result.complete:
+            state = RunState.FINISHED
+        fitted = FittedPosterior.of(store)
+        observations = [item.observation for item in interactions if item.observation is not None]
+        return cls(
+            result=result,
+            base=store.problem.base(store.capabilities),
+            best=None if fitted is None else fitted.best_body,
+            bodies=() if fitted is None else _shown(fitted),
+            pose=observations[-1] if observations else None,
+            interactions=tuple(interactions),
+            wanted=store.settings.interactions,
+            progress=_progress(store, len(interactions), len(observations), result.complete),
+            state=state,
+        )
+
+
+def _shown(fitted: FittedPosterior) -> tuple[Morphology, ...]:
+    """Bodies that stand for the posterior, or the population, in no order."""
+    is_population = fitted.summary is None  # of which each is shown once
+    bodies = fitted.bodies(min(SHOWN, len(fitted)) if is_population else SHOWN)
+    return tuple(bodies[row] for row in np.random.default_rng(0).permutation(len(bodies)))
+
+
+def _progress(store: RunStore, chosen: int, performed: int, finished: bool) -> Progress:
+    settings = store.settings
+    wanted = settings.interactions
+    if finished:
+        return Progress(share=1.0, sentence=f"{performed} interactions, all of them learnt from")
+    if settings.method == "posterior":
+        learnt = len(store.posteriors())
+        share = learnt / wanted
+    else:
+        last = store.latest_generation()
+        generations = 0 if last is None else last.number + 1
+        learnt, step = divmod(generations, settings.generations + 1)
+        share = generations / (wanted * (settings.generations + 1))
+    if chosen > performed:
+        sentence = f"interaction {chosen} of {wanted}: the robot moves"
+    elif performed > learnt:
+        sentence = f"interaction {performed} of {wanted}: learning from it"
+        if settings.method == "paper":
+            sentence += f", generation {step} of {settings.generations}"
+    elif learnt < wanted:
+        sentence = f"interaction {learnt + 1} of {wanted}: choosing a movement"
+    elif settings.method == "paper" and settings.physics == settings.reference:
+        sentence = "the best model is held against all readings"
+    else:
+        sentence = "a simulator has the last word"
+    return Progress(share=share, sentence=sentence)
+
+
+_AT_LEAST: Final = 0.5  # s between two readings
+_IDLE: Final = 20  # times as long as a reading takes: it has no more than 5 % of a core
+_SILENT: Final = 3.0  # s without news, after which it is asked whether anybody still writes
+
+
+class RunFollower:
+    """Reads a run again whenever it has changed. It neither writes nor keeps the writer waiting.
+
+    Args:
+        directory: The run directory.
+    """
+
+    def __init__(self, directory: Path) -> None:
+        self._directory = directory
+        self._seen: tuple[int, int] | None = None
+        self._next = 0.0
+        self._view: RunView | None = None
+
+    def news(self) -> RunView | None:
+        """How the run stands, or ``None`` where that is known already.
+
+        Raises:
+            RunDirectoryError: There is no run, or it is damaged.
+        """
+        now = time.monotonic()
+        if now < self._next:
+            return None
+        self._next = now + _AT_LEAST
+        stamp = self._stamp()
+        silent = stamp == self._seen
+        if silent and (self._view is None or self._view.state is not RunState.GOES_ON):
+            return None
+        written_to = is_locked(self._directory, LOCK)
+        if silent and written_to:
+            self._next = now + _SILENT
+            return None
+        with RunStore.open(self._directory, to_write=False) as store:
+            view = RunView.of(store, written_to=written_to)
+        self._seen, self._view = stamp, view
+        took = time.monotonic() - now
+        self._next = now + max(_AT_LEAST, _IDLE * took)
+        return view
+
+    def _stamp(self) -> tuple[int, int]:
+        """What changes with every transaction."""
+        now = file_status(self._directory)
+        if now is None:
+            raise RunDirectoryError(
+                f"{self._directory} holds no run. Start one with `estimator identify`."
+            )
+        return now.st_mtime_ns, now.st_size

@@ -1,0 +1,351 @@
+"""Plots of a run: errors over generations, probability and intervals over interactions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from estimator.body.limbs import driven_limbs
+from estimator.body.morphology import Array
+from estimator.posterior.fitted import FittedPosterior
+from estimator.problem.genome import Genome
+from estimator.readings.modalities import MODALITIES
+from estimator.readings.observation import Observation
+from estimator.report.canvas import (
+    COLOURS,
+    leg_colour,
+    leg_label,
+    leg_markers,
+    new_axes,
+    new_figure,
+)
+from estimator.report.posterior_report import length_intervals
+from estimator.storage.posteriors import PosteriorSummary
+from estimator.storage.records import Generation
+from estimator.storage.store import RunStore
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+ABOVE: Final[dict[str, Any]] = {
+    **{"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.1},
+    **{"frameon": False, "fontsize": "small", "columnspacing": 1.0, "handlelength": 1.4},
+}
+"""Where a legend hides nothing."""
+
+
+def draw_errors(axes: Axes, generations: Sequence[Generation]) -> None:
+    """The subjective error of every model over generations; a line where an iteration ends."""
+    label(axes, "subjective error of each model")
+    for generation in generations:
+        errors = np.array(generation.errors)
+        errors = errors[np.isfinite(errors)]
+        axes.plot(
+            np.full(len(errors), generation.number),
+            errors,
+            ".",
+            color="0.55",
+            markersize=2.5,
+            rasterized=True,  # tens of thousands of dots would make a drawing of lines too large
+        )
+    best = [min(generation.errors) for generation in generations]
+    axes.plot(range(len(best)), best, "-", color=leg_colour(0), linewidth=1.2, label="best model")
+    axes.set_yscale("log" if min(best) > 0 else "linear")  # an objective may well reach 0
+    axes.legend(**ABOVE)
+    mark_iterations(axes, generations)
+
+
+def draw_lengths(
+    axes: Axes,
+    generations: Sequence[Generation],
+    genome: Genome,
+    names: Sequence[str],
+    *,
+    targets: Sequence[float] = (),
+    mounts: Sequence[str] = (),
+) -> None:
+    """The best model's leg lengths over generations.
+
+    Args:
+        axes: The panel.
+        generations: The run's generations.
+        genome: Decodes them.
+        names: Names of the legs' joints.
+        targets: True length of each leg, m; dots at the right, where they are known.
+        mounts: Where each leg sits, for its arrow; default: where it does on the last best model.
+            Of several legs on a mount the first has the arrow.
+    """
+    label(axes, "leg length of the best model (cm)")
+    bodies = genome.decode_all(np.array([generation.best for generation in generations]))
+    numbers = [generation.number for generation in generations]
+    legs = list(zip(*map(driven_limbs, bodies), strict=True))
+    markers = leg_markers(mounts or [limbs[-1].mount for limbs in legs])
+    for leg, (name, limbs) in enumerate(zip(names, legs, strict=True)):
+        colour = leg_colour(leg)
+        axes.plot(
+            numbers,
+            [limb.length * 100 for limb in limbs],
+            marker=markers[leg],
+            markevery=max(1, len(numbers) // 60),
+            color=colour,
+            markersize=4.5,
+            linewidth=0.8,
+            label=leg_label(name),
+        )
+        if targets:
+            axes.plot(numbers[-1] + 1.5, targets[leg] * 100, "o", color=colour, markersize=6)
+    if targets:
+        axes.plot([], [], "o", color="0.3", label="true length")
+    axes.set_ylim(bottom=0)
+    if names:
+        legend_of_names(axes, columns=min(5, len(names) + bool(targets)))
+    mark_iterations(axes, generations)
+
+
+def label(axes: Axes, quantity: str) -> None:
+    """Names the axes of a panel over generations."""
+    axes.set_xlabel("generation")
+    axes.set_ylabel(quantity)
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def legend_of_names(axes: Axes, *, columns: int) -> None:
+    """A legend above a panel, with names as they are: they may hold dollar signs."""
+    for text in axes.legend(ncols=columns, **ABOVE).get_texts():
+        text.set_parse_math(False)
+
+
+def mark_iterations(axes: Axes, generations: Sequence[Generation]) -> None:
+    """A vertical line where an iteration ends and a new interaction comes in."""
+    last = {generation.iteration: generation.number for generation in generations}
+    for number in last.values():
+        axes.axvline(number + 0.5, color="0.2", linewidth=0.7, linestyle=":")
+
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_APART: Final = 0.08  # of an interaction, between the legs' marks
+
+
+def plot_interval_lengths(
+    history: Sequence[FittedPosterior],
+    names: Sequence[str],
+    targets: Sequence[float] = (),
+) -> Figure:
+    """Median and 90 % interval of each leg's length after each interaction.
+
+    Args:
+        history: After each interaction.
+        names: Names of the legs' joints.
+        targets: True length of each leg, m, where they are known.
+    """
+    figure, axes = new_axes()
+    label(axes, "leg length (cm), 90 % interval")
+    axes.set_xlabel("interaction")
+    intervals = [length_intervals(one.leg_lengths, one.weights) for one in history]
+    last = history[-1].best_body
+    assert last is not None
+    markers = leg_markers([limb.mount for limb in driven_limbs(last)])
+    for leg, name in enumerate(names):
+        low, median, high = (
+            100 * np.array([(one[leg].low, one[leg].median, one[leg].high) for one in intervals]).T
+        )
+        colour = leg_colour(leg)
+        at = np.arange(1, len(history) + 1) + _APART * (leg - (len(names) - 1) / 2)
+        axes.errorbar(
+            at,
+            median,
+            yerr=[median - low, high - median],
+            linestyle="none",
+            marker=markers[leg],
+            color=colour,
+            markersize=4.5,
+            elinewidth=1.0,
+            label=leg_label(name),
+        )
+        if targets:
+            axes.plot(len(history) + 0.7, targets[leg] * 100, "o", color=colour, markersize=6)
+    if targets:
+        axes.plot([], [], "o", color="0.3", label="true length")
+    axes.set_ylim(bottom=0)
+    axes.set_xticks(range(1, len(history) + 1))
+    if names:
+        legend_of_names(axes, columns=min(5, len(names) + bool(targets)))
+    return figure
+
+
+def plot_probability(
+    summaries: Sequence[PosteriorSummary], expected: Sequence[float | None]
+) -> Figure:
+    """Probability of the attachments after each interaction, and the information that each gave.
+
+    Args:
+        summaries: After each interaction.
+        expected: Information that each was expected to give, bits, where it was known.
+    """
+    figure, axes = new_axes()
+    label(axes, "stated probability of the attachments")
+    axes.set_xlabel("interaction")
+    numbers = np.arange(1, len(summaries) + 1)
+    axes.plot(
+        numbers,
+        [np.nan if one.probability is None else one.probability for one in summaries],
+        "o-",
+        color=leg_colour(0),
+        label="probability",
+    )
+    axes.set_ylim(0, 1.02)
+    axes.set_xticks(numbers)
+    bits = axes.twinx()
+    bits.set_ylabel("information (bits)")
+    bits.spines["top"].set_visible(False)
+    expectation = [np.nan if one is None else one for one in expected]
+    gained = [
+        np.nan if one.information_gain_bits is None else one.information_gain_bits
+        for one in summaries
+    ]
+    bits.bar(
+        numbers - 0.15, expectation, width=0.28, color=leg_colour(5), alpha=0.5, label="expected"
+    )
+    bits.bar(numbers + 0.15, gained, width=0.28, color=leg_colour(2), alpha=0.5, label="gained")
+    handles, labels = axes.get_legend_handles_labels()
+    more, names = bits.get_legend_handles_labels()
+    axes.legend(handles + more, labels + names, ncols=3, **ABOVE)
+    return figure
+
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_PANELS: Final = ("tilt left/right (°)", "tilt forward/back (°)", "clearance (mm)")
+
+
+def plot_predictions(
+    measured: Sequence[Observation], predicted: Sequence[Observation | None]
+) -> Figure:
+    """Tilt and clearance in each interaction; what is missing is left out.
+
+    Args:
+        measured: By the robot.
+        predicted: By the best body; ``None`` where its simulation is invalid.
+    """
+    figure = new_figure(9.0, 3.2)
+    numbers = np.arange(1, len(predicted) + 1)
+    one, other = (
+        np.array([_numbers(item) for item in items])
+        for items in (measured[: len(predicted)], predicted)
+    )
+    panels = figure.subplots(1, len(_PANELS))
+    for column, (axes, quantity) in enumerate(zip(panels, _PANELS, strict=True)):
+        axes.set_xlabel("interaction")
+        axes.set_ylabel(quantity)
+        axes.set_xticks(numbers)
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.plot(
+            numbers, one[:, column], "o", color="0.25", markerfacecolor="none", label="measured"
+        )
+        axes.plot(numbers, other[:, column], "x", color=COLOURS[0], label="predicted")
+    panels[-1].legend(ncols=2, **ABOVE)
+    return figure
+
+
+def _numbers(item: Observation | None) -> Array:
+    if item is None:
+        return np.full(3, np.nan)
+    shown = (MODALITIES[name] for name in ("tilt", "clearance"))
+    return np.concatenate([one.error_factor * one.observed(item) for one in shown])
+
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+LENGTHS: Final = "lengths"
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunPlot:
+    """One plot.
+
+    Attributes:
+        name: Stem of its file.
+        caption: What it shows, also for readers who cannot see it.
+        figure: The plot.
+    """
+
+    name: str
+    caption: str
+    figure: Figure
+
+
+def run_plots(
+    store: RunStore, names: Sequence[str], true_lengths: Sequence[float] = ()
+) -> tuple[RunPlot, ...]:
+    """Draws what a run has to show so far; nothing where nothing was learnt yet.
+
+    Args:
+        store: The run.
+        names: Names of the legs' joints.
+        true_lengths: Of each leg, m, where they are known.
+    """
+    true = "; dots at the right: the true lengths" if true_lengths else ""
+    history = FittedPosterior.history(store)
+    if history:
+        summaries = [one.summary for one in history if one.summary is not None]
+        expected = [item.bits for item in store.interactions()][: len(summaries)]
+        return (
+            RunPlot(
+                name="probability",
+                caption="Stated probability of the attachments after each interaction, and the "
+                "information that it was expected to give and gave.",
+                figure=plot_probability(summaries, expected),
+            ),
+            RunPlot(
+                name=LENGTHS,
+                caption="Length of each leg after each interaction: median and 90 % interval"
+                f"{true}.",
+                figure=plot_interval_lengths(history, names, true_lengths),
+            ),
+        )
+    generations = with_last_word(store)
+    if not generations:
+        return ()
+    (errors, errors_axes), (lengths, lengths_axes) = new_axes(), new_axes()
+    draw_errors(errors_axes, generations)
+    draw_lengths(lengths_axes, generations, store.genome, names, targets=true_lengths)
+    return (
+        RunPlot(
+            name="errors",
+            caption="Subjective error of every model over generations, and of the best one; dotted "
+            "lines where a new interaction comes in.",
+            figure=errors,
+        ),
+        RunPlot(
+            name=LENGTHS,
+            caption=f"Length of each leg of the best model over generations{true}.",
+            figure=lengths,
+        ),
+    )
+
+
+def with_last_word(store: RunStore) -> list[Generation]:
+    """A run's generations, and after them the reference back-end's word as one more, if it had one.
+
+    The best model of the last one is the best of the run, with the error that all tables give it.
+    """
+    generations = store.generations()
+    finish, fitted = store.search_end.finish(), FittedPosterior.of(store)
+    if finish is None or not finish.models or fitted is None or fitted.best is None:
+        return generations
+    last = generations[-1]
+    word = replace(
+        last,
+        number=last.number + 1,
+        iteration=last.iteration + 1,
+        errors=finish.simulated,
+        best=tuple(fitted.best.tolist()),
+    )
+    return [*generations, word]

@@ -1,0 +1,294 @@
+"""A run as a person reads it in a terminal: tables in millimetres and degrees, plain warnings."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from rich.console import Console, JustifyMethod
+from rich.table import Table
+from rich.text import Text
+
+from estimator.readings.modalities import MODALITIES
+from estimator.report.posterior_report import (
+    Interval,
+    NuisanceEstimate,
+    PosteriorReport,
+    Step,
+    SumOfLengths,
+)
+from estimator.report.result import FitReport, ModelResult, Result
+
+
+def plain_table(*columns: str, justify: JustifyMethod = "right") -> Table:
+    """A table without lines, with bold headings; the first column is flush left."""
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for index, column in enumerate(columns):
+        table.add_column(column, justify="left" if index == 0 else justify)
+    return table
+
+
+WHAT_TO_CHECK: Final = (
+    "Check that the problem describes this robot: where legs can sit, how thick parts are and "
+    "of what shape, units, the order and direction of the servos, the sign of the tilts, whether "
+    "every servo moves and holds its angle, each foot's gauge, and whether the ground is level."
+)
+
+
+def print_verdict(console: Console, judged: PosteriorReport | FitReport) -> None:
+    """Whether any body explains the readings and, where none does, what to check."""
+    if judged.explained:
+        console.print(Text(judged.verdict))
+    else:
+        console.print(Text(judged.verdict, style="bold red"))
+        console.print(WHAT_TO_CHECK)
+
+
+_NAMED: Final = 3  # untested deviations
+_UNKNOWN: Final = "not identified: hardly narrower than the prior"
+
+
+def print_posterior(console: Console, result: Result, posterior: PosteriorReport) -> None:
+    """The verdict, the body with its probabilities, rivals, each movement, what it cost."""
+    print_verdict(console, posterior)
+    state = "complete" if result.complete else "not finished"
+    console.print(
+        Text.assemble(
+            *("Problem ", (result.problem, "bold"), f", seed {result.seed}, "),
+            f"{', '.join(result.modalities)}; posterior by {result.physics}; {state}.",
+        )
+    )
+    _print_attachments(console, posterior)
+    table = plain_table("leg", "mount", "length (mm)", "90 % interval (mm)", "touched")
+    for leg, length in zip(result.legs, posterior.lengths_m, strict=True):
+        table.add_row(
+            leg.joint, leg.mount, mm(length.median), _between(length, 1000), leg.touched_in_words
+        )
+    console.print(table)
+    for known in posterior.sums:
+        console.print(Text(sum_of_lengths(result, known)))
+    _print_nuisances(console, posterior)
+    _print_rivals(console, result, posterior)
+    _print_steps(console, posterior)
+    _print_residuals(console, posterior)
+    factors = "; ".join(
+        f"{name} {factor.median:.1f} times what is expected ({_between(factor, 1, 1)})"
+        for name, factor in posterior.noise.items()
+    )
+    console.print(f"Noise: {factors}.")
+    if posterior.ess is not None:
+        console.print(
+            f"{result.reference} simulated {posterior.simulated} of {posterior.samples} samples; "
+            f"their effective sample size is {posterior.ess:.1f}, and sets of attachments are "
+            "weighed by them."
+        )
+    console.print(
+        f"{result.interactions} interactions, {result.simulations_requested:,} simulations "
+        f"requested, {result.simulations_run:,} run, {result.wall_seconds:.0f} s."
+    )
+    for warning in result.warnings:
+        console.print(Text.assemble(("Warning:", "yellow"), f" {warning}"))
+
+
+def _print_attachments(console: Console, posterior: PosteriorReport) -> None:
+    if not posterior.attachments:
+        return
+    console.print(probability_sentence(posterior))
+    table = plain_table("what", "best body", "share of samples", justify="left")
+    for item in posterior.attachments:
+        table.add_row(item.what, item.value, percent(item.probability))
+    console.print(table)
+
+
+def _print_nuisances(console: Console, posterior: PosteriorReport) -> None:
+    if not posterior.nuisances:
+        return
+    table = plain_table("nuisance", "median", "90 % interval", "", justify="left")
+    for item in posterior.nuisances:
+        table.add_row(item.name, *nuisance_in_words(item))
+    console.print(table)
+
+
+def nuisance_in_words(item: NuisanceEstimate) -> tuple[str, str, str]:
+    """Median and interval of a nuisance parameter, and whether it cannot be known."""
+    median = f"{item.interval.median:.1f} {item.unit}"
+    interval = f"{_between(item.interval, 1)} {item.unit}"
+    return median, interval, "" if item.learnt else _UNKNOWN
+
+
+def _print_rivals(console: Console, result: Result, posterior: PosteriorReport) -> None:
+    for rival in posterior.rivals:
+        what = "Indistinguishable" if rival.indistinguishable else "Rival"
+        console.print(Text(f"{what} ({percent(rival.probability)}): {'; '.join(rival.differs)}."))
+    if posterior.equivalent:
+        console.print(Text(f"Not identifiable by any movement: {'; '.join(posterior.equivalent)}."))
+    if posterior.untested_deviations:
+        named, more = (
+            posterior.untested_deviations[:_NAMED],
+            len(posterior.untested_deviations) - _NAMED,
+        )
+        others = f"; and {more} more" if more > 0 else ""
+        console.print(Text(f"{deviations_introduced(posterior)}: {'; '.join(named)}{others}."))
+    movement = posterior.next_movement
+    if movement is not None:
+        names = [joint["name"] for joint in result.robot["joints"]]
+        angles = ", ".join(
+            f"{name} {math.degrees(angle):.0f}°"
+            for name, angle in zip(names, movement.program, strict=True)
+            if angle
+        )
+        gain = f"expected {movement.bits:.1f} bits" if movement.bits else "expected to tell little"
+        console.print(Text(f"Most informative next movement: {angles}; {movement.reason}; {gain}."))
+
+
+def _print_steps(console: Console, posterior: PosteriorReport) -> None:
+    table = plain_table(
+        "interaction", "expected (bits)", "gained (bits)", "probability", "why", justify="left"
+    )
+    for place, step in enumerate(posterior.steps, 1):
+        bits = (
+            "–" if one is None else f"{one:.1f}"
+            for one in (step.expected_gain_bits, step.information_gain_bits)
+        )
+        table.add_row(str(place), *bits, probability_after(step), Text(step.reason))
+    console.print(table)
+
+
+def _print_residuals(console: Console, posterior: PosteriorReport) -> None:
+    console.print("Measured minus predicted by the best body, in standard deviations of the noise:")
+    table = plain_table("interaction", *MODALITIES, "outlier")
+    for number, prediction in enumerate(posterior.predicted, 1):
+        off = (f"{prediction.residuals.get(name, 0.0):+.1f}" for name in MODALITIES)
+        table.add_row(str(number), *off, percent(prediction.outlier_probability))
+    console.print(table)
+
+
+def probability_after(step: Step) -> str:
+    """Stated probability of the attachments after a movement, in a cell of a table."""
+    stated = "not known" if step.probability is None else percent(step.probability)
+    return stated if step.explained else f"{stated}, not explained"
+
+
+def probability_sentence(posterior: PosteriorReport) -> str:
+    """A sentence: how probable the best body's attachments are, and on what condition."""
+    stated = (
+        f"is not known: {posterior.not_known}"
+        if posterior.probability is None
+        else f"is {percent(posterior.probability)}"
+    )
+    premise = ""
+    if posterior.misspecification_probability:
+        premise = (
+            "; the probability that the problem does not describe the robot, "
+            f"{percent(posterior.misspecification_probability)}"
+        )
+    elif posterior.untested_deviations:
+        premise = ", if the robot is built as the problem says"
+    return f"The probability of these attachments together {stated}{premise}."
+
+
+def deviations_introduced(posterior: PosteriorReport) -> str:
+    """What ``PosteriorReport.untested_deviations`` is, as the beginning of a sentence."""
+    if posterior.explained:
+        return "What these movements have not tested"
+    return "What would explain the readings about as well, or better, the best first"
+
+
+def sum_of_lengths(result: Result, known: SumOfLengths) -> str:
+    """A sentence: two legs of which only the sum is known."""
+    one, other = (result.legs[leg].joint for leg in known.legs)
+    return (
+        f"Of {one} and {other} the sum is known: {mm(known.length_m.median)} mm "
+        f"({_between(known.length_m, 1000)})."
+    )
+
+
+def percent(share: float) -> str:
+    """A probability as people read it."""
+    return f"{100 * share:.1f} %" if share < 0.9995 else "> 99.9 %"
+
+
+def _between(interval: Interval, factor: float, digits: int = 1) -> str:
+    dash = "–" if interval.low >= 0 else " to "
+    return f"{factor * interval.low:.{digits}f}{dash}{factor * interval.high:.{digits}f}"
+
+
+NOT_IDENTIFIABLE: Final = Text("not identifiable", style="dim")
+
+
+def print_result(console: Console, result: Result) -> None:
+    """A run's outcome: what it cost, the body, and what to be wary of."""
+    if result.posterior is not None:
+        print_posterior(console, result, result.posterior)
+        return
+    if result.fit is not None:
+        print_verdict(console, result.fit)
+    state = "complete" if result.complete else "not finished"
+    console.print(
+        Text.assemble(
+            *("Problem ", (result.problem, "bold"), f", seed {result.seed}, "),
+            f"{', '.join(result.modalities)}; {result.physics}; {state}.",
+        )
+    )
+    uncounted = f"{result.simulations_invalid:,} of them invalid"
+    if result.simulations_undecided:
+        uncounted += f", {result.simulations_undecided:,} undecided"
+    console.print(
+        f"{result.interactions} interactions, {result.simulations_requested:,} simulations "
+        f"requested, {result.simulations_run:,} run ({uncounted}), {result.wall_seconds:.0f} s."
+    )
+    if result.best_models:
+        error = number(result.sensor_error, 3)
+        console.print(f"Sensor (subjective) error of the best model: {error}.")
+    if result.finish is not None and result.best_models:
+        end, best = result.finish, result.best_models[0]
+        console.print(
+            f"{result.reference} had the last word on {end.models} leading models: of "
+            f"{end.pairs} pairs it orders {end.pairs_turned} otherwise than "
+            f"{result.physics}, and it {'prefers another' if end.best_changed else 'keeps the'} "
+            f"best model (whose error is {number(best.sensor_error, 3)}, "
+            f"{number(best.searched_error, 3)} by {result.physics})."
+        )
+    if result.legs:
+        table = plain_table("leg", "mount", "length (mm)", "in the population (mm)", "touched")
+        for leg in result.legs:
+            table.add_row(
+                leg.joint,
+                leg.mount,
+                mm(leg.length_m),
+                "–" if leg.population_m is None else "–".join(map(mm, leg.population_m)),
+                leg.touched_in_words,
+            )
+        console.print(table)
+        console.print(
+            "A population that has converged agrees, right or wrong: how uncertain a length is, "
+            "only --method posterior says."
+        )
+    if result.best_models and any(not name.startswith("length") for name in result.searched):
+        _print_parts(console, result.best_models[0])
+    for warning in result.warnings:
+        console.print(Text.assemble(("Warning:", "yellow"), f" {warning}"))
+
+
+def _print_parts(console: Console, model: ModelResult) -> None:
+    """How the best model's parts hang together."""
+    table = plain_table("part", "sits on", "mount", "positive angle", "length (mm)")
+    for part in model.parts:
+        table.add_row(
+            part.name,
+            part.parent,
+            part.mount,
+            part.hinge if part.joint else NOT_IDENTIFIABLE,
+            mm(part.length_m),
+        )
+    console.print(table)
+
+
+def number(value: float | None, digits: int = 2) -> str:
+    """A number, or a dash where there is none."""
+    return "–" if value is None else f"{value:.{digits}f}"
+
+
+def mm(length: float | None) -> str:
+    """A length in millimetres, or a dash where there is none."""
+    return "–" if length is None else f"{length * 1000:.1f}"

@@ -1,0 +1,124 @@
+"""Whether some body of the problem explains the readings, as sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from estimator.storage.posteriors import (
+    LARGEST_OUTLIER,
+    MISSPECIFIED,
+    SUFFICIENT_COVERAGE,
+    FitVerdict,
+    NotKnown,
+    PosteriorSummary,
+)
+from estimator.storage.records import BestFit
+
+
+def verdict_on_best_model(fit: BestFit, contradictions: Sequence[str] = ()) -> str:
+    """Whether the best model of a population explains the readings, as sentences.
+
+    Args:
+        fit: How it explains them.
+        contradictions: Between the problem and what the robot states.
+    """
+    if contradictions:
+        return f"{_not_the_robots(contradictions)} {verdict_on_best_model(fit)}"
+    if fit.explained:
+        return (
+            f"The best model explains every interaction{_but_outliers(fit)}. Whether others do as "
+            "well, only --method posterior says."
+        )
+    return (
+        f"NO BODY LIKE THE BEST MODEL {', or '.join(_reasons(fit, fit.interactions))}. The search "
+        "has not found the robot's body, or this problem does not allow it: --method posterior "
+        "tells which."
+    )
+
+
+def verdict_on_posterior(summary: PosteriorSummary, contradictions: Sequence[str] = ()) -> str:
+    """Whether some body of the problem explains the readings, as sentences.
+
+    Args:
+        summary: What is stated of the posterior.
+        contradictions: Between the problem and what the robot states.
+    """
+    if contradictions:
+        return f"{_not_the_robots(contradictions)} {verdict_on_posterior(summary)}"
+    if summary.explained:
+        rest = _but_outliers(summary)
+        if summary.not_known is NotKnown.POOR_FIT:
+            rest += (
+                ", but poorly: a better one may have been missed, the problem may be another "
+                "robot's, or the sensors noisier than announced"
+            )
+        return f"Some body that this problem allows explains every interaction{rest}."
+    reasons = _reasons(summary, len(summary.predicted))
+    if summary.overturned is not None:
+        first = (
+            "interaction 1"
+            if not summary.overturned
+            else f"interactions 1 to {summary.overturned + 1}"
+        )
+        reasons.append(
+            f"explains both {first}, after which another was sure, and those since, so the robot "
+            "may have changed on the way"
+        )
+    if summary.deviation:
+        reasons.append(
+            f"explains the readings as well as one with {summary.deviation}, so neither "
+            "attachments nor lengths can be trusted"
+        )
+    elif summary.misspecification_probability >= MISSPECIFIED:
+        reasons.append(
+            "is as probable as that the robot is built otherwise, or has changed on the way "
+            f"({100 * summary.misspecification_probability:.0f} %)"
+        )
+    listed = ", or ".join(reasons)
+    if summary.coverage < SUFFICIENT_COVERAGE:
+        return (
+            f"NO BODY THAT WAS FOUND {listed}. But the searches found different ones, so that a "
+            "better one may have been missed: more movements help, and a problem that leaves less "
+            "open."
+        )
+    return f"NO BODY THAT THIS PROBLEM ALLOWS {listed}."
+
+
+def _not_the_robots(contradictions: Sequence[str]) -> str:
+    return f"THIS PROBLEM IS NOT THE ROBOT'S: {'; '.join(contradictions)}."
+
+
+def _but_outliers(fit: FitVerdict) -> str:
+    if not fit.unexplained:
+        return ""
+    number = fit.unexplained[0].interaction + 1
+    return f" but interaction {number}, an outlier or a fault that came or went"
+
+
+def _reasons(fit: FitVerdict, interactions: int) -> list[str]:
+    """What a body leaves unexplained of so many interactions."""
+    reasons = []
+    numbers = [str(item.interaction + 1) for item in fit.unexplained]
+    if not fit.has_only_outliers(interactions):
+        sensors = sorted({name for item in fit.unexplained for name in item.sensors})
+        listed = f"interactions {', '.join(numbers[:-1])} and {numbers[-1]}"
+        where = f" ({', '.join(sensors)})" if sensors else ""
+        if len(numbers) == 1:
+            listed = f"interaction {numbers[0]}" + (", the only one" if interactions == 1 else "")
+            (only,) = fit.unexplained
+            if only.residual > LARGEST_OUTLIER:
+                where += (
+                    ", in which something happened that this model does not contain: readings lie "
+                    f"{only.residual:.0f} standard deviations off"
+                )
+        reasons.append(f"explains {listed}{where}")
+    if fit.noisy:
+        reasons.append(
+            f"explains {' and '.join(fit.noisy)} without more than twice the noise that is expected"
+        )
+    if fit.contradicting:
+        several = len(fit.contradicting) > 1
+        numbered = " and ".join(str(sensor + 1) for sensor in fit.contradicting)
+        measured = f"sensors {numbered} measure" if several else f"sensor {numbered} measures"
+        reasons.append(f"explains what touch {measured}")
+    return reasons

@@ -1,0 +1,254 @@
+"""A posterior after an interaction: what is stated of it, and how a run stores it."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Annotated, Final, Self
+
+from pydantic import BaseModel, ConfigDict, Field, computed_field, model_validator
+
+from estimator.readings.observation import Program, Reading
+
+OUTLIERS: Final = 1
+"""Unexplained interactions that happen to a body that the problem describes."""
+
+LARGEST_OUTLIER: Final = 6.0
+"""Largest residual of an outlier, in standard deviations: beyond it something happened that the
+model does not contain, however probable it makes outliers."""
+
+SUFFICIENT_COVERAGE: Final = 0.5
+"""Share of the posterior: searches that have found less in common have found different bodies."""
+
+MISSPECIFIED: Final = 0.9
+"""Probability of a misspecified problem from which on no body of it explains the readings."""
+
+RIVAL: Final = 0.01
+"""Smallest probability of other attachments that is reported."""
+
+_PROBABLE: Final = 0.5  # what few draws give less to is improbable, whatever it is exactly
+
+
+ROUNDING: Final = 1e-6
+"""By how much a share or a gene may lie outside 0 to 1."""
+
+Probability = Annotated[float, Field(ge=0, le=1)]
+Share = Annotated[float, Field(ge=0, le=1 + ROUNDING)]
+Gene = Annotated[float, Field(ge=-ROUNDING, le=1 + ROUNDING)]
+Count = Annotated[int, Field(ge=0)]
+NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+
+
+class NotKnown(StrEnum):
+    """Why it is not known how probable attachments are."""
+
+    POOR_FIT = "the best body explains the readings poorly"
+    DIFFERENT_BODIES = "the searches have found different bodies"
+    FEW_SAMPLES = "few samples stand for the best body"
+
+
+class _Record(BaseModel):
+    model_config = ConfigDict(frozen=True, json_schema_serialization_defaults_required=True)
+
+
+class UnexplainedInteraction(_Record):
+    """An interaction that no body of the problem explains.
+
+    Attributes:
+        interaction: Its index, from 0.
+        sensors: Modalities whose readings lie far from what the best body predicts.
+        residual: Of its readings the largest one, in standard deviations of the noise as it was
+            estimated.
+    """
+
+    interaction: Count
+    sensors: tuple[str, ...]
+    residual: NonNegative = 0.0
+
+
+class FitVerdict(_Record):
+    """How a body explains the readings.
+
+    Attributes:
+        unexplained: Interactions that it leaves unexplained.
+        noisy: Modalities whose noise is surely more than twice what is expected: what the robot
+            announces, together with what models leave.
+        contradicting: Touch sensors, from 0, that contradict the body too often.
+    """
+
+    unexplained: tuple[UnexplainedInteraction, ...]
+    noisy: tuple[str, ...]
+    contradicting: tuple[Count, ...] = ()
+
+    def has_only_outliers(self, interactions: int) -> bool:
+        """Whether what is unexplained, of so many interactions, may be outliers."""
+        near = all(one.residual <= LARGEST_OUTLIER for one in self.unexplained)
+        few = len(self.unexplained) <= OUTLIERS < interactions
+        return not self.unexplained or (few and near)
+
+    def is_adequate(self, interactions: int) -> bool:
+        """Whether the body explains so many interactions, but for outliers."""
+        sound = not (self.noisy or self.contradicting)
+        return sound and self.has_only_outliers(interactions)
+
+
+class PredictedInteraction(_Record):
+    """One interaction as the best body predicts it.
+
+    Attributes:
+        touch: One value per touch sensor.
+        tilt: Left/right and forward/back, rad.
+        clearance: m.
+        residuals: Measured minus predicted in standard deviations of the noise, by modality; of
+            touch the number of bits that differ, each as many as it is unlikely.
+        outlier_probability: That the readings say nothing about the body.
+    """
+
+    touch: tuple[bool, ...]
+    tilt: tuple[Reading, Reading]
+    clearance: Reading
+    residuals: dict[str, Reading]
+    outlier_probability: Probability
+
+
+class NextMovement(_Record):
+    """The movement with the largest expected information, had there been another.
+
+    Attributes:
+        program: rad, in motor order.
+        reason: Which bodies it discriminates between, in words.
+        bits: Information that it is expected to give.
+    """
+
+    program: Program
+    reason: str
+    bits: Reading
+
+
+class PosteriorSummary(FitVerdict):
+    """What is stated of the posterior after some interactions; the fit is that of the best body.
+
+    Attributes:
+        probability_within_problem: Of the best body's attachments, or such as no sensor can tell
+            from them at the robot's lengths, if the problem describes the robot; never more than
+            ``coverage``. ``None``: the best body explains the readings poorly.
+        coverage: Share of the posterior that the searches have found, estimated from what they
+            found in common (capture-recapture).
+        low_ess: Whether the share of the attachments that cannot be told from the best body's
+            rests on few effective samples.
+        misspecification_probability: That the problem does not describe the robot; 0 until
+            attachments are sure.
+        deviation: Once attachments are sure, a deviation from the problem with which a body
+            explains the readings clearly better; ``None``: there is none.
+        overturned: The interaction, by its index, after which other attachments were sure, which
+            the readings since rule out; ``None``: there is none.
+        information_gain_bits: Of the last interaction; ``None`` where it is unknown.
+        predicted: Each interaction so far, as the best body predicts it.
+        untested_deviations: At the end of a run, deviations from the problem that the movements did
+            not test: with them a body explains the readings as well, with other lengths.
+        next_movement: At the end of a run, where rivals are left, the movement that would
+            discriminate best between them.
+        simulated: Samples that the reference back-end simulated; 0: it was not asked.
+        ess: Effective sample size of those.
+    """
+
+    probability_within_problem: Share | None
+    coverage: Share = 1.0
+    low_ess: bool = False
+    misspecification_probability: Probability = 0.0
+    deviation: str | None = None
+    overturned: Count | None = None
+    information_gain_bits: Reading | None = None
+    predicted: tuple[PredictedInteraction, ...]
+    untested_deviations: tuple[str, ...] = ()
+    next_movement: NextMovement | None = None
+    simulated: Count = 0
+    ess: NonNegative | None = None
+
+    # mypy knows no decorators on properties; pydantic's manual says to ignore that.
+    @computed_field  # type: ignore[prop-decorator]
+    @property
+    def probability(self) -> float | None:
+        """Stated probability of the best body's attachments; ``None``: it is not known."""
+        if self.probability_within_problem is None or self.not_known is not None:
+            return None
+        return self.probability_within_problem * (1 - self.misspecification_probability)
+
+    @computed_field  # type: ignore[prop-decorator]
+    @property
+    def not_known(self) -> NotKnown | None:
+        """Why the probability is not known; ``None``: it is.
+
+        Where the searches have found different bodies, their coverage says nothing of those that
+        only one found. Where few samples stand for the best body, only that it is improbable can be
+        known.
+        """
+        within = self.probability_within_problem
+        if within is None:
+            return NotKnown.POOR_FIT
+        if self.coverage < SUFFICIENT_COVERAGE and within >= self.coverage:
+            return NotKnown.DIFFERENT_BODIES
+        if self.low_ess and within >= _PROBABLE:
+            return NotKnown.FEW_SAMPLES
+        return None
+
+    @computed_field  # type: ignore[prop-decorator]
+    @property
+    def explained(self) -> bool:
+        """Whether some body of the problem explains the readings, but for outliers."""
+        return (
+            self.is_adequate(len(self.predicted))
+            and self.misspecification_probability < MISSPECIFIED
+            and self.deviation is None
+            and self.overturned is None
+        )
+
+
+class StoredMode(_Record):
+    """One set of attachments.
+
+    Attributes:
+        probability: Share of the posterior.
+        ess: Effective sample size behind it.
+        genes: The genome that fits best among those with these attachments.
+        indistinguishable: Whether no sensor can tell most of its samples from bodies of the same
+            lengths that have the first mode's attachments.
+        found: Which populations have found it.
+    """
+
+    probability: Share
+    ess: NonNegative
+    genes: tuple[Gene, ...]
+    indistinguishable: bool
+    found: tuple[bool, ...]
+
+
+class StoredPosterior(PosteriorSummary):
+    """The posterior after some interactions, with its samples.
+
+    Attributes:
+        genes: Samples, shape (n, genes).
+        scales: Logarithms of their factors on tilt's and clearance's noise, shape (n, 2).
+        weights: Of the samples, adding up to 1.
+        best: Genome of the first mode's attachments with its samples' lengths: each leg's is their
+            median.
+        modes: Sets of attachments, the most probable first.
+    """
+
+    genes: tuple[tuple[Gene, ...], ...]
+    scales: tuple[tuple[Reading, Reading], ...]
+    weights: tuple[Share, ...]
+    best: tuple[Gene, ...]
+    modes: tuple[StoredMode, ...]
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if not len(self.genes) == len(self.scales) == len(self.weights):
+            raise ValueError("samples, their noise and their weights are not equally many")
+        if abs(sum(self.weights) - 1) > ROUNDING * len(self.weights):
+            raise ValueError(f"weights add up to {sum(self.weights):g}, not to 1")
+        bodies = (*self.genes, self.best, *(mode.genes for mode in self.modes))
+        if len(set(map(len, bodies))) > 1:
+            raise ValueError("not all genomes are equally long")
+        if any(item.interaction >= len(self.predicted) for item in self.unexplained):
+            raise ValueError("an interaction is unexplained that was never predicted")
+        return self
