@@ -1,5 +1,5 @@
 """The simulated robot, ``sim-robotd``: a package of bodyschema.
 
-The daemon of ``robot`` on emulated electronics over a simulated body; the bodies that ship are in
-``bodies``.
+``simulator`` is the daemon of ``robot`` on emulated ``electronics`` over a simulated ``world``;
+``faults`` has what can go wrong on order. The bodies that ship are in ``bodies``.
 """

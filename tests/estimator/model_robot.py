@@ -115,6 +115,11 @@ def make_order(folder: Path, robot: str, seed: int = 3) -> RunConfig:
     return RunConfig(robot=robot, problem=str(path), seed=seed, method="paper")
 
 
+def changed(config: RunConfig, **changes: object) -> RunConfig:
+    """The config with other values, checked like those of a new one."""
+    return RunConfig(**{**vars(config), **changes})
+
+
 class ModelRobot:
     """Feels what its model feels, at once or, when manual, when told to.
 

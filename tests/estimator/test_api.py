@@ -65,6 +65,20 @@ def test_an_interrupted_run_goes_on_from_a_program(tmp_path: Path) -> None:
     assert (run / "result.json").exists()
 
 
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        ({"population": 7}, "population\n.*must be even, not 7: members mate in pairs"),
+        ({"method": "guessing"}, "method\n.*should be 'posterior' or 'paper'"),
+        ({"sure": 2.0}, "sure\n.*less than or equal to 0.999"),
+        ({"colour": "red"}, "colour\n.*not permitted"),
+    ],
+)
+def test_what_no_run_can_be_asked_is_refused(options: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(ValueError, match=sentence):
+        RunConfig(robot="tcp://127.0.0.1:1", problem="parametric", **options)
+
+
 class Slack(StaticsPhysics):
     """A physics of this program."""
 

@@ -23,10 +23,9 @@ from estimator.report.result import Result
 from estimator.report.run_files import write_report
 from estimator.report.tables import print_result
 from estimator.storage.records import Generation
-from estimator.storage.run_config import RunConfig
 from estimator.storage.store import RunStore
 from protocol.errors import RobotError, RobotUnreachableError
-from tests.estimator.model_robot import ModelRobot, make_order, serving, without_plots
+from tests.estimator.model_robot import ModelRobot, changed, make_order, serving, without_plots
 
 
 class Witness(Listener):
@@ -313,16 +312,11 @@ def test_nothing_is_left_behind_where_no_robot_answers(
     assert not (tmp_path / "run").exists()
 
 
-def changed(order: RunConfig, **changes: object) -> RunConfig:
-    return RunConfig(**{**vars(order), **changes})
-
-
 @pytest.mark.parametrize(
     ("changes", "kind", "sentence"),
     [
         ({"problem": "nonsense"}, ProblemError, "no problem named 'nonsense'"),
         ({"modalities": ("smell",)}, EstimatorError, "modalities must be"),
-        ({"population": 7}, EstimatorError, "population: must be even, not 7: members mate in"),
         ({"interactions": 9}, EstimatorError, "holds 2 interactions, not 9"),
         ({"physics": "clay"}, EstimatorError, "no physics 'clay': choose pybullet"),
         ({"explore": "boldly"}, EstimatorError, "no exploration rule 'boldly': choose information"),

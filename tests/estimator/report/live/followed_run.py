@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TypeAlias
 
@@ -16,7 +15,7 @@ from estimator.report.live import run_view
 from estimator.report.live.run_view import RunFollower, RunView
 from estimator.storage.run_config import MethodName
 from tests.estimator.little_effort import little_effort
-from tests.estimator.model_robot import ModelRobot, make_order, serving, without_plots
+from tests.estimator.model_robot import ModelRobot, changed, make_order, serving, without_plots
 
 FollowedRun: TypeAlias = tuple[Path, list[RunView]]
 """A run directory, and how the run stood whenever something had happened."""
@@ -59,7 +58,7 @@ def follow_run(folder: Path, method: MethodName, *, interrupt: bool = False) -> 
         patch.setattr(run_view, "_AT_LEAST", 0.0)
         patch.setattr(run_view, "_IDLE", 0)
         patch.setattr(run_view, "_SILENT", 0.0)
-        order = replace(make_order(folder, uri), method=method, explore="disagreement")
+        order = changed(make_order(folder, uri), method=method, explore="disagreement")
         following = Following(folder / "run", interrupt=interrupt)
         try:
             identify(folder / "run", order, IN_THIS_PROCESS, following, report=without_plots)
