@@ -4,7 +4,7 @@
 Module                  What is in it
 ======================= =========================================================================
 ``rules``               the rules by name; the rule ``random``
-``situation``           what a rule is told, and what it answers
+``situation``           what a rule is given, and what it answers
 ``information``         the rule ``information``: expected information gain, and it in words
 ``disagreement``        the rule ``disagreement``
 ``best_programs``       the best programs by any score: candidates, and their refinement

@@ -14,9 +14,9 @@ from estimator.body.arrays import Bodies
 from estimator.body.morphology import Array
 from estimator.exploration.best_programs import CANDIDATES, best_programs
 from estimator.exploration.few_limbs import limbs_of, with_few_limbs
-from estimator.exploration.information_gain import Forecast, InformationGain
+from estimator.exploration.information_gain import InformationGain, Predictions
 from estimator.physics.base import Readings
-from estimator.posterior.model.departures import Doubt
+from estimator.posterior.model.deviations import Alternative
 from estimator.posterior.model.likelihood import FORKS, LEANS
 from estimator.posterior.model.special import softmax
 from estimator.posterior.model.unknowns import Columns, Predictor
@@ -28,10 +28,12 @@ _MORE_DRAWS: Final = 800
 _AT_ONCE: Final = 4096  # readings, whose bodies fit into a processor's cache
 _THICKER: Final = 1.4  # times as thick; bodies that then lie otherwise foresee nothing
 _FORESEEABLE: Final = math.radians(2.0)  # path margin; of so many, those near forks look best
-_DOUBTED: Final = 0.5  # times as many bodies that depart from the problem as models
-_KNOWN: Final = 0.01  # m: lengths that are told apart no further while there are doubts
+_ALTERNATIVES: Final = 0.5  # times as many bodies that deviate from the problem as models
+_KNOWN: Final = (
+    0.01  # m: lengths that need not be told apart any further while there are alternatives
+)
 _PLUMB: Final = LEANS[:1]
-_WAYS: Final = np.vstack([_PLUMB, FORKS])  # of gravity
+_BRANCHES: Final = np.vstack([_PLUMB, FORKS])  # inclinations of gravity
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,15 +43,15 @@ class InformativeProgram:
     Attributes:
         program: rad, shape (motors,).
         bits: Information that it is expected to give about the body.
-        about: The same about each column of the cube: about a choice, or about the half of its
-            range in which a length lies; shape (size,).
+        about: Information about each column of the cube, bits: about a choice, or about the half of
+            its range in which a length lies; shape (size,).
         tests: Doubts that it would settle.
     """
 
     program: Array
     bits: float
     about: Array
-    tests: tuple[Doubt, ...]
+    tests: tuple[Alternative, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,7 +103,7 @@ class Chooser:
     def choose(
         self,
         samples: Posterior,
-        doubts: Sequence[Doubt],
+        alternatives: Sequence[Alternative],
         interactions: int,
         rng: np.random.Generator,
     ) -> InformativeProgram:
@@ -109,15 +111,17 @@ class Chooser:
 
         Args:
             samples: Equally likely bodies.
-            doubts: Bodies that depart from the problem. All together are taken to be half as likely
-                as the samples, and the program tells of them rather than more of lengths that are
-                known well.
-            interactions: That the samples are believed after.
+            alternatives: Bodies that deviate from the problem. All together are taken to be half as
+                likely as the samples, and the program tells of them rather than more of lengths
+                that are known well.
+            interactions: How many the samples have been learnt from.
             rng: The choice's own.
         """
         low, high = self._ends.T
         models = self._models(samples)
-        known = self._with_doubts(models, samples, doubts, rng) if doubts else models
+        known = (
+            self._with_alternatives(models, samples, alternatives, rng) if alternatives else models
+        )
         few = known.some(_THINNED)
         candidates = with_few_limbs(
             rng.uniform(low, high, (CANDIDATES, len(low))),
@@ -129,27 +133,27 @@ class Chooser:
 
         def rough(programs: Array) -> Array:
             (quick,) = self._read(few, programs, _PLUMB, quickly=True)
-            return self._bits(few, Forecast.of(quick, len(few)), rng, _DRAWS)
+            return self._bits(few, Predictions.of(quick, len(few)), rng, _DRAWS)
 
         def good(programs: Array) -> Array:
-            forecast = self._sure_forecast(few, programs, quickly=True)
-            return self._bits(few, forecast, rng, _DRAWS)
+            predictions = self._sure_predictions(few, programs, quickly=True)
+            return self._bits(few, predictions, rng, _DRAWS)
 
         def sure(programs: Array) -> Array:
-            return self._bits(known, self._surest_forecast(known, programs), rng, _MORE_DRAWS)
+            return self._bits(known, self._surest_predictions(known, programs), rng, _MORE_DRAWS)
 
         programs, gains = best_programs(
             good, self._ends, rng, candidates=candidates, rough=rough, sure=sure
         )
         chosen, bits = programs[[0]], gains[[0]]
-        forecast = self._surest_forecast(models, chosen)
-        if doubts:
-            bits = self._bits(models, forecast, rng, _MORE_DRAWS)
+        predictions = self._surest_predictions(models, chosen)
+        if alternatives:
+            bits = self._bits(models, predictions, rng, _MORE_DRAWS)
         return InformativeProgram(
             program=chosen[0],
             bits=float(bits[0]),
-            about=self._about(samples, forecast, rng),
-            tests=self._tested(models, doubts, chosen),
+            about=self._about(samples, predictions, rng),
+            tests=self._tested(models, alternatives, chosen),
         )
 
     def _models(self, samples: Posterior) -> _Hypotheses:
@@ -160,27 +164,28 @@ class Chooser:
             groups=np.arange(len(bodies)),
         )
 
-    def _with_doubts(
+    def _with_alternatives(
         self,
         models: _Hypotheses,
         samples: Posterior,
-        doubts: Sequence[Doubt],
+        alternatives: Sequence[Alternative],
         rng: np.random.Generator,
     ) -> _Hypotheses:
         """In random order, since few draws go to the first only.
 
-        What departs from the problem has no lengths of its own that are known any better, so its
+        What deviates from the problem has no lengths of its own that are known any better, so its
         bodies are spread as the models are: a movement that other lengths make up for tests
         nothing.
         """
         count = len(models)
-        probabilities = softmax(np.array([doubt.log_weight for doubt in doubts]))
-        others = systematic(probabilities, int(_DOUBTED * count), 0.5)
+        probabilities = softmax(np.array([alternative.log_weight for alternative in alternatives]))
+        others = systematic(probabilities, int(_ALTERNATIVES * count), 0.5)
         spread = samples.values - samples.values.mean(axis=0)
         spread = spread[rng.integers(len(spread), size=len(others))]
         order = rng.permutation(count + len(others))
         built = [
-            self._built(doubts[index], away) for index, away in zip(others, spread, strict=True)
+            self._built(alternatives[index], away)
+            for index, away in zip(others, spread, strict=True)
         ]
         attachments = self._predictor.unknowns.attachments(samples.values)
         lengths = np.round(models.bodies.length / _KNOWN)
@@ -191,89 +196,93 @@ class Chooser:
             groups=np.concatenate([alike.reshape(-1), count + others])[order],
         )
 
-    def _built(self, doubt: Doubt, away: Array | None = None) -> Bodies:
-        """The body of a doubt, or one that is so much longer or shorter, shape (size,)."""
-        unknowns, point = self._predictor.unknowns, doubt.point.copy()
+    def _built(self, alternative: Alternative, away: Array | None = None) -> Bodies:
+        """The body of an alternative, or one that is so much longer or shorter, shape (size,)."""
+        unknowns, point = self._predictor.unknowns, alternative.point.copy()
         if away is not None:
             columns = unknowns.continuous
             point[columns] = np.clip(point[columns] + away[columns], 0, 1)
-        return doubt.departure.of(unknowns.bodies(point[None]))
+        return alternative.deviation.of(unknowns.bodies(point[None]))
 
     def _tested(
-        self, models: _Hypotheses, doubts: Sequence[Doubt], program: Array
-    ) -> tuple[Doubt, ...]:
-        """Which doubts feel otherwise than most models do."""
+        self, models: _Hypotheses, alternatives: Sequence[Alternative], program: Array
+    ) -> tuple[Alternative, ...]:
+        """The alternatives whose readings differ from those of most models."""
         (expected,) = self._read(models, program, _PLUMB)
         tested = []
-        for doubt in doubts:
-            bodies = self._built(doubt)[np.zeros(len(models), dtype=np.intp)]
-            (felt,) = self._read(replace(models, bodies=bodies), program, _PLUMB)
-            if np.mean(self._gain.apart(expected, felt)) > 0.5:
-                tested.append(doubt)
+        for alternative in alternatives:
+            bodies = self._built(alternative)[np.zeros(len(models), dtype=np.intp)]
+            (predicted,) = self._read(replace(models, bodies=bodies), program, _PLUMB)
+            if np.mean(self._gain.apart(expected, predicted)) > 0.5:
+                tested.append(alternative)
         return tuple(tested)
 
     def _bits(
-        self, known: _Hypotheses, forecast: Forecast, rng: np.random.Generator, draws: int
+        self, known: _Hypotheses, predictions: Predictions, rng: np.random.Generator, draws: int
     ) -> Array:
-        return self._gain.of(forecast, known.scales, known.groups, rng, draws=draws)
+        return self._gain.of(predictions, known.scales, known.groups, rng, draws=draws)
 
-    def _sure_forecast(
+    def _sure_predictions(
         self, known: _Hypotheses, programs: Array, *, quickly: bool = False
-    ) -> Forecast:
-        """What bodies will feel, silent where a body may fall to more sides than one.
+    ) -> Predictions:
+        """Predicted readings, none where a body may fall to more sides than one.
 
-        Where much is to be found, silent also where it matters how thick capsules are: what is
+        Where much is to be found, none also where it matters how thick capsules are: what is
         square but not known to be rests on its edges.
         """
-        plumb, *others = self._read(known, programs, _WAYS, quickly=quickly)
+        plumb, *others = self._read(known, programs, _BRANCHES, quickly=quickly)
         if self._predictor.unknowns.many:
             radius = np.where(known.bodies.box, 1.0, _THICKER) * known.bodies.radius
             thicker = replace(known, bodies=known.bodies.changed(radius=radius))
             others += self._read(thicker, programs, _PLUMB, quickly=quickly)
-        forecast = Forecast.of(plumb, len(known))
+        predictions = Predictions.of(plumb, len(known))
         for other in others:
             apart = self._gain.apart(plumb, other)
-            forecast.silent[apart.reshape(forecast.silent.shape)] = True
-        return forecast
+            predictions.no_prediction[apart.reshape(predictions.no_prediction.shape)] = True
+        return predictions
 
-    def _surest_forecast(self, known: _Hypotheses, programs: Array) -> Forecast:
-        """The same, silent also where path margins are small; they are dear."""
-        forecast = self._sure_forecast(known, programs)
+    def _surest_predictions(self, known: _Hypotheses, programs: Array) -> Predictions:
+        """Predicted readings, none also where path margins are small: slow to compute."""
+        predictions = self._sure_predictions(known, programs)
         rows, repeated = _each_with_each(len(known), programs)
         margins = self._predictor.margins(known.bodies, rows, repeated, most=_FORESEEABLE)
-        forecast.silent[(margins < _FORESEEABLE).reshape(forecast.silent.shape)] = True
-        return forecast
+        predictions.no_prediction[
+            (margins < _FORESEEABLE).reshape(predictions.no_prediction.shape)
+        ] = True
+        return predictions
 
     def _read(
         self, known: _Hypotheses, programs: Array, leans: Array, *, quickly: bool = False
     ) -> list[Readings]:
-        """What bodies will feel as gravity is inclined in several ways: of each way, all of it."""
+        """Readings of all bodies in all programs, one record for each of the inclinations."""
         pieces = []
-        ways = len(leans)
-        at_once = max(1, _AT_ONCE // (ways * len(known)))
+        count = len(leans)
+        at_once = max(1, _AT_ONCE // (count * len(known)))
         for start in range(0, len(programs), at_once):
             rows, repeated = _each_with_each(len(known), programs[start : start + at_once])
-            rows, each = np.repeat(rows, ways), np.tile(leans, (len(rows), 1))
-            repeated = np.repeat(repeated, ways, axis=0)
+            rows, each = np.repeat(rows, count), np.tile(leans, (len(rows), 1))
+            repeated = np.repeat(repeated, count, axis=0)
             pieces.append(self._predictor.read(known.bodies, rows, repeated, each, quickly=quickly))
         readings = Readings.concatenate(pieces)
-        return [readings[way::ways] for way in range(ways)]
+        return [readings[branch::count] for branch in range(count)]
 
-    def _about(self, samples: Posterior, forecast: Forecast, rng: np.random.Generator) -> Array:
+    def _about(
+        self, samples: Posterior, predictions: Predictions, rng: np.random.Generator
+    ) -> Array:
         unknowns = self._predictor.unknowns
         about = np.zeros(unknowns.size)
         for column, groups in _groups(
             samples.values, unknowns.choices, unknowns.attachments(samples.values)
         ):
             about[column] = self._gain.of(
-                forecast, samples.scales, groups, rng, draws=4 * len(groups)
+                predictions, samples.scales, groups, rng, draws=4 * len(groups)
             )[0]
         for column in unknowns.continuous:
             halves = (samples.values[:, column] > np.median(samples.values[:, column])).astype(
                 np.int64
             )
             about[column] = self._gain.of(
-                forecast, samples.scales, halves, rng, draws=4 * len(halves)
+                predictions, samples.scales, halves, rng, draws=4 * len(halves)
             )[0]
         return np.maximum(about, 0.0)
 

@@ -28,12 +28,12 @@ def most_disputed_program(situation: Situation) -> Choice:
     spread = np.zeros(CANDIDATES)
     for index, program in enumerate(programs):
         readings = models.predict(program)
-        told: list[Array] = []
+        columns: list[Array] = []
         for name, density in DENSITIES.items():
             if name in models.modalities:
                 values = MODALITIES[name].predicted(readings).T
-                told += list(values / noise.of(name) if density.scaled else _SATURATED * values)
-        spread[index] = sum(_mean_distance(values) for values in told)
+                columns += list(values / noise.of(name) if density.scaled else _SATURATED * values)
+        spread[index] = sum(_mean_distance(values) for values in columns)
     winner = int(np.argmax(spread))
     return Choice(
         program=programs[winner],

@@ -36,7 +36,7 @@ def _differing(touch: Flags, doubtful: Flags, bits: Flags) -> tuple[float, float
 
 @compiled
 def _draw_bits(touch: Flags, doubtful: Flags, wrong: float, uniforms: Array, bits: Flags) -> None:
-    """Touch bits as they may be felt under one prediction; the first number is not theirs."""
+    """Touch bits as they may be observed under one prediction; the first number is not theirs."""
     for bit in range(len(bits)):
         bits[bit] = touch[bit] != (uniforms[1 + bit] < (0.5 if doubtful[bit] else wrong))
 
@@ -73,7 +73,7 @@ def _make_gains(sources: int) -> Any:
         tilt: Array,
         clearance: Array,
         beyond: Flags,
-        silent: Flags,
+        no_prediction: Flags,
         scales: Array,
         spread: Spread,
         anywhere: Array,
@@ -81,7 +81,7 @@ def _make_gains(sources: int) -> Any:
         angles: float,
         clear: bool,
         groups: NDArray[np.int64],
-        deviations: Array,
+        noise_draws: Array,
         uniforms: Array,
         result: Array,
     ) -> int:
@@ -92,12 +92,12 @@ def _make_gains(sources: int) -> Any:
 
         Args:
             scales: Logarithms of each sample's noise factors, shape (samples, 2).
-            spread: How far readings stray.
+            spread: Sensor noise.
             anywhere: Density of a reading anywhere, the share of outliers included, shape (2,):
                 within the range of the distance sensor, and beyond it.
             angles: How many angles are read; where none, those of all samples are alike.
             clear: Whether clearance is read.
-            deviations: Of two tilts and the clearance, in units of the noise, shape (draws, 3).
+            noise_draws: Of two tilts and the clearance, in units of the noise, shape (draws, 3).
             uniforms: Decide on outliers and bits, shape (draws, 1 + sensors).
         """
         _, samples, sensors = touch.shape
@@ -108,17 +108,17 @@ def _make_gains(sources: int) -> Any:
         beside = spread.outlier * spread.nearby
         for program in range(start, end):
             total = 0.0
-            for draw in range(len(deviations)):
+            for draw in range(len(noise_draws)):
                 source, chance = draw % samples, uniforms[draw, 0]
-                if silent[program, source] or beside <= chance < spread.outlier:
+                if no_prediction[program, source] or beside <= chance < spread.outlier:
                     continue
                 level = _kept(levels, source)
                 of_tilt, of_clearance = level.tilt, level.clearance
                 if chance < beside:
                     of_tilt, of_clearance = level.tilt_beside, level.clearance_beside
-                one = tilt[program, source, 0] + of_tilt * deviations[draw, 0]
-                two = tilt[program, source, 1] + of_tilt * deviations[draw, 1]
-                height = clearance[program, source] + of_clearance * deviations[draw, 2]
+                one = tilt[program, source, 0] + of_tilt * noise_draws[draw, 0]
+                two = tilt[program, source, 1] + of_tilt * noise_draws[draw, 1]
+                height = clearance[program, source] + of_clearance * noise_draws[draw, 2]
                 far = clear and (beyond[program, source] or height >= cap)
                 if far:
                     height = cap
@@ -133,7 +133,7 @@ def _make_gains(sources: int) -> Any:
                 everyone, own, members = 0.0, 0.0, 0
                 for other in range(samples):
                     density = elsewhere
-                    if not silent[program, other]:
+                    if not no_prediction[program, other]:
                         away = height - clearance[program, other]
                         if far and beyond[program, other]:
                             away = -math.inf
@@ -157,7 +157,7 @@ def _make_gains(sources: int) -> Any:
                         own += density
                         members += 1
                 total += math.log(own / members) - math.log(everyone / samples)
-            result[program] = total / len(deviations)
+            result[program] = total / len(noise_draws)
         return 0 * sources
 
     return gains

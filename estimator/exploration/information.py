@@ -15,7 +15,7 @@ from estimator.exploration.situation import Choice, Situation
 from estimator.parallel.executors import Threads
 from estimator.posterior.fitted import FittedPosterior
 from estimator.posterior.information import SAMPLES
-from estimator.posterior.model.departures import Doubt
+from estimator.posterior.model.deviations import Alternative
 
 _WORTH_SAYING: Final = 0.25  # bits about one trait
 _SAID: Final = 2
@@ -27,7 +27,7 @@ def most_informative_program(situation: Situation) -> Choice:
     with Threads(situation.jobs) as threads:
         gain = InformationGain(models.noise, models.clearance_cap, models.modalities, threads)
         chosen = Chooser(models.predictor, gain, models.program_range).choose(
-            models.posterior, models.doubts, len(models.observations), situation.rng
+            models.posterior, models.alternatives, len(models.observations), situation.rng
         )
     return Choice(
         program=tuple(chosen.program.tolist()),
@@ -44,12 +44,14 @@ def _reason(models: FittedPosterior, about: Array) -> str:
     return f"tells apart: {'; '.join(parts)}" if parts else "narrows what is known already"
 
 
-def _tests(doubts: Sequence[Doubt]) -> list[str]:
-    """What else the program would show: how the robot may depart from the problem."""
-    if not doubts:
+def _tests(alternatives: Sequence[Alternative]) -> list[str]:
+    """What else the program would show: how the robot may deviate from the problem."""
+    if not alternatives:
         return []
-    most = doubts[0].departure.name
-    return [f"tests {most}" + (f" and {len(doubts) - 1} more" if len(doubts) > 1 else "")]
+    most = alternatives[0].deviation.name
+    return [
+        f"tests {most}" + (f" and {len(alternatives) - 1} more" if len(alternatives) > 1 else "")
+    ]
 
 
 def _alternatives(models: FittedPosterior, column: int) -> str:

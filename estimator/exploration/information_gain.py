@@ -3,7 +3,7 @@
 A reading is drawn from each sample's prediction, noise included, and what it would tell about the
 group of samples that its sample belongs to is ``log p(y | group) - log p(y)``, under the mixture by
 which bodies are judged. So a program that separates bodies only by what cannot be measured, or in
-poses that the models cannot foretell, is worth nothing. With
+poses that the models cannot predict, is worth nothing. With
 every sample a group of its own this is the information about the body as a whole; with samples
 grouped by what they say of one leg's side, it is the information about that side.
 """
@@ -23,21 +23,21 @@ from estimator.exploration.gain_kernel import gains
 from estimator.parallel.executors import Threads
 from estimator.physics.base import Readings
 from estimator.posterior.model import noise_family
-from estimator.posterior.model.densities import DENSITIES, Known
+from estimator.posterior.model.densities import DENSITIES, ReadingCounts
 from estimator.posterior.model.likelihood import Noise, apart
 
 
 @dataclass(frozen=True, kw_only=True)
-class Forecast:
+class Predictions:
     """What n samples feel in each of p programs.
 
     Attributes:
-        touch: Shape (p, n, s); likewise ``doubtful``.
-        doubtful: Touch bits that might as well be otherwise.
+        touch: Touch bits, shape (p, n, s).
+        doubtful: Whether a touch bit is undecided, shape (p, n, s).
         tilt: rad, shape (p, n, 2).
         clearance: m, shape (p, n).
         beyond: The ground lies beyond the sensor's range, shape (p, n).
-        silent: The model cannot foretell its pose, shape (p, n).
+        no_prediction: The model cannot predict its pose, shape (p, n).
     """
 
     touch: Flags
@@ -45,10 +45,10 @@ class Forecast:
     tilt: Array
     clearance: Array
     beyond: Flags
-    silent: Flags
+    no_prediction: Flags
 
     @classmethod
-    def of(cls, readings: Readings, samples: int) -> Forecast:
+    def of(cls, readings: Readings, samples: int) -> Predictions:
         """From readings of all samples in one program and the next."""
         shape = (len(readings) // samples, samples)
         return cls(
@@ -57,7 +57,7 @@ class Forecast:
             tilt=readings.tilt.reshape(*shape, 2),
             clearance=readings.clearance.reshape(shape),
             beyond=readings.saturated.reshape(shape),
-            silent=(readings.undecided | ~readings.valid).reshape(shape),
+            no_prediction=(readings.undecided | ~readings.valid).reshape(shape),
         )
 
 
@@ -65,7 +65,7 @@ class InformationGain:
     """Computes information gains under one robot's noise.
 
     Args:
-        noise: How far readings stray.
+        noise: Sensor noise.
         cap: Range of the distance sensor, m.
         modalities: Sensors that count.
         threads: Share out the programs; one by default.
@@ -85,7 +85,7 @@ class InformationGain:
 
     def of(
         self,
-        forecast: Forecast,
+        predictions: Predictions,
         scales: Array,
         groups: NDArray[np.int64],
         rng: np.random.Generator,
@@ -95,7 +95,7 @@ class InformationGain:
         """Expected information of each program, in bits, shape (p,).
 
         Args:
-            forecast: What equally likely samples feel.
+            predictions: What equally likely samples feel.
             scales: Logarithms of their noise factors, shape (n, 2).
             groups: Group of each sample, shape (n,).
             rng: Draws the noise, which is the same for all programs.
@@ -103,27 +103,27 @@ class InformationGain:
         """
         touch, tilt, clear = (name in self._modalities for name in ("touch", "tilt", "clearance"))
         sensors = slice(None if touch else 0)
-        deviations = noise_family.drawn((draws, 3), rng)
-        uniforms = rng.random((draws, 1 + forecast.touch.shape[2]))
+        noise_draws = noise_family.drawn((draws, 3), rng)
+        uniforms = rng.random((draws, 1 + predictions.touch.shape[2]))
         if not tilt:
-            deviations[:, :2] = 0.0
-        result = np.zeros(len(forecast.tilt))
+            noise_draws[:, :2] = 0.0
+        result = np.zeros(len(predictions.tilt))
         laid_out = np.ascontiguousarray  # the kernel would be compiled for each layout
         arguments = (
-            laid_out(forecast.touch[..., sensors]),
-            laid_out(forecast.doubtful[..., sensors]),
-            laid_out(forecast.tilt) if tilt else np.zeros_like(forecast.tilt),
-            laid_out(forecast.clearance),
-            laid_out(forecast.beyond),
-            laid_out(forecast.silent),
+            laid_out(predictions.touch[..., sensors]),
+            laid_out(predictions.doubtful[..., sensors]),
+            laid_out(predictions.tilt) if tilt else np.zeros_like(predictions.tilt),
+            laid_out(predictions.clearance),
+            laid_out(predictions.beyond),
+            laid_out(predictions.no_prediction),
             laid_out(scales),
             self._noise.spread,
-            self._anywhere(forecast.touch.shape[2]),
+            self._anywhere(predictions.touch.shape[2]),
             self._cap,
             2.0 if tilt else 0.0,
             clear,
             np.ascontiguousarray(groups, dtype=np.int64),
-            deviations,
+            noise_draws,
             uniforms,
             result,
         )
@@ -138,7 +138,7 @@ class InformationGain:
         logs = np.full(2, math.log(self._noise.outlier))
         for name, count in (("touch", bits), ("tilt", 2), ("clearance", 1)):
             if name in self._modalities:
-                known = Known(count=np.full(2, count), beyond=beyond)
+                known = ReadingCounts(count=np.full(2, count), beyond=beyond)
                 logs += DENSITIES[name].log_anywhere(known, self._cap)
         density: Array = np.exp(logs)
         return density

@@ -1,4 +1,4 @@
-"""What an exploration rule is told, and what it answers."""
+"""What an exploration rule is given, and what it answers."""
 
 from __future__ import annotations
 

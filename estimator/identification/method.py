@@ -1,4 +1,4 @@
-"""What a method of modelling is: it learns from interactions, and says what it believes."""
+"""What a method of modelling is: it learns from interactions, and gives a posterior."""
 
 from __future__ import annotations
 

@@ -4,7 +4,7 @@
 Room or module    What is in it
 ================= ===============================================================================
 ``fitted``        ``FittedPosterior``: what a run knows, for whoever builds on it
-``belief``        a posterior as it is kept and told
+``belief``        its summary
 ``sampling``      ``Sampler``: discovers, weighs and samples, interaction after interaction
 ``discovery``     the search that says where the posterior is
 ``checks``        does any body explain the readings, and what does a simulator say?

@@ -1,4 +1,4 @@
-"""How much an interaction has told about the body."""
+"""Information gained by an interaction about the body, in bits."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ def information_gained(
 ) -> float:
     """Information that the last interaction gave about the body, bits.
 
-    Each sample of what is believed now is told from samples of what was believed before, by the
-    density of what was felt, as the expected information gain does it with readings that samples
-    foretell. If the posteriors are right the mean over interactions is therefore the same.
+    Each sample of the posterior is compared with samples of the previous posterior by the
+    density of what was observed, as the expected information gain does it with predicted readings.
+    If the posteriors are right the mean over interactions is therefore the same.
 
     Args:
         before: The posterior before the last interaction.
         after: The one after it.
         predictor: Computes readings.
-        data: What the robot felt, in all interactions.
-        noise: How far readings stray.
+        data: The observations of all interactions.
+        noise: Sensor noise.
     """
     last = data[-1:]
     likelihood = Likelihood(last, noise)

@@ -64,8 +64,8 @@ def propose(
         steps = _random_steps(len(chosen), lengths.size, rng)
         fresh[np.ix_(chosen, lengths)] = reflected(fresh[np.ix_(chosen, lengths)] + steps)
         chosen = np.flatnonzero(kinds == Move.DIFFERENCE)
-        ways = values[partners[chosen]][:, :, lengths]
-        steps = _factors(len(chosen), lengths.size, rng) * (ways[:, 0] - ways[:, 1])
+        directions = values[partners[chosen]][:, :, lengths]
+        steps = _factors(len(chosen), lengths.size, rng) * (directions[:, 0] - directions[:, 1])
         steps += rng.normal(0, _JITTER, steps.shape)
         fresh[np.ix_(chosen, lengths)] = reflected(fresh[np.ix_(chosen, lengths)] + steps)
     for kind, count in ((Move.ONE_GENE, 1), (Move.TWO_GENES, 2)):
@@ -109,7 +109,7 @@ def exchange_parts(
 
     Args:
         one: Shape (n, size).
-        other: Likewise.
+        other: Points of the cube, shape (n, size).
         unknowns: The cube.
         rng: The population's own.
     """

@@ -14,7 +14,7 @@ _RANDOM: Final = 800  # points, where parents are unknown
 _LENGTHS: Final = 16  # tried with each choice, where they are known
 
 
-def other_rows(
+def other_attachments(
     leader: Array, columns: Columns, unknowns: Unknowns, rng: np.random.Generator
 ) -> Array:
     """Points that differ from a leader in one part's row.

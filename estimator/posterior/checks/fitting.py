@@ -1,7 +1,7 @@
-"""Fits bodies that depart from a problem to readings: lengths, and how far they depart, together.
+"""Fits bodies that deviate from a problem to readings: lengths, and how far they deviate, together.
 
-A length that makes up for a departure may be far from the true one. So fits start also from other
-lengths of the branch that departs: of what hangs together without the main body, since lengths of
+A length that makes up for a deviation may be far from the true one. So fits start also from other
+lengths of the branch that deviates: of what hangs together without the main body, since lengths of
 a whole leg make up for a servo at its root.
 """
 
@@ -15,46 +15,46 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import BASE, Array
-from estimator.posterior.model.departures import Departure
+from estimator.posterior.model.deviations import Deviation
+from estimator.posterior.model.gauss_newton import GaussNewton, best_of_each
 from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.sensor_data import SensorData
-from estimator.posterior.model.slopes import Lengths, best_of_each
-from estimator.posterior.model.unknowns import Cost, Predictor, departing_points
+from estimator.posterior.model.unknowns import Cost, Predictor, deviating_points
 
 _LESS, _MORE = 0.9, 1.25  # sizes to start from: weights change what bears the body, step by step
-_OWN_LENGTHS: Final = (0.1, 0.3, 0.5, 0.7, 0.9)  # of the branch that departs: likewise
+_OWN_LENGTHS: Final = (0.1, 0.3, 0.5, 0.7, 0.9)  # of the branch that deviates, to start from
 _MANY_LENGTHS: Final = 32  # points, where it has several
 _KEPT: Final = 4  # of the starts with these lengths
-_PROMISING: Final = 3  # starts of each departure, that fit best while the noise is wide,
+_PROMISING: Final = 3  # starts of each deviation, that fit best while the noise is wide,
 _FINISHED: Final = 8  # and of the best, fitted once more
-_GROUPS: Final = 2  # of departures, each fitted by one worker
+_GROUPS: Final = 2  # of deviations, each fitted by one worker
 _ROOTED: Final = 40  # steps to a root: far more than needed
 
 
-def departing_starts(
+def deviating_starts(
     bodies: Array,
-    departures: Sequence[Departure],
-    departing: Predictor,
+    deviations: Sequence[Deviation],
+    deviating: Predictor,
     data: SensorData,
     noise: Noise,
 ) -> Array:
-    """Starts for each departure, shape (n, size).
+    """Starts for each deviation, shape (n, size).
 
     Args:
-        bodies: Two of the problem's, the best first, shape (2, size); from the first they depart a
+        bodies: Two of the problem's, the best first, shape (2, size); from the first they deviate a
             little less, from the other a little more.
-        departures: m of them.
-        departing: Of their readings.
-        data: What the robot felt.
-        noise: How far readings stray.
+        deviations: m of them.
+        deviating: Of their readings.
+        data: The observations.
+        noise: Sensor noise.
     """
-    count = len(departures)
-    from_bodies = departing_points(
+    count = len(deviations)
+    from_bodies = deviating_points(
         np.repeat(bodies, count, axis=0),
         np.tile(np.arange(count), 2),
         np.repeat((_LESS, _MORE), count),
     )
-    elsewhere = _of_other_lengths(bodies[0], departures, departing, data, noise)
+    elsewhere = _of_other_lengths(bodies[0], deviations, deviating, data, noise)
     return np.vstack([from_bodies, elsewhere])
 
 
@@ -66,8 +66,8 @@ def fitted(
     Args:
         starts: Shape (n, size).
         predictor: Of their readings.
-        data: What the robot felt.
-        noise: How far readings stray.
+        data: The observations.
+        noise: Sensor noise.
     """
     fitting = _Fitting(predictor, data, noise)
     points, fits = fitting.polished(starts, fitting.fits(starts))
@@ -75,33 +75,33 @@ def fitted(
     return points[:1], fitting.by_interaction(points[:1])
 
 
-def fitted_departures(
+def fitted_deviations(
     starts: Array,
     predictor: Predictor,
-    departures: Sequence[Departure],
+    deviations: Sequence[Deviation],
     data: SensorData,
     noise: Noise,
     *,
     workers: Executor,
 ) -> tuple[Array, Array]:
-    """Of each departure the point that fits best, and their log-likelihoods, shape (n, k).
+    """Of each deviation the point that fits best, and their log-likelihoods, shape (n, k).
 
     Args:
-        starts: See ``departing_starts``.
+        starts: See ``deviating_starts``.
         predictor: Of readings of the problem's bodies; counts what the workers do.
-        departures: By number.
-        data: What the robot felt.
-        noise: How far readings stray.
-        workers: Fit the departures of one group each.
+        deviations: By number.
+        data: The observations.
+        noise: Sensor noise.
+        workers: Fit the deviations of one group each.
     """
     groups = [starts[starts[:, -2] % _GROUPS == number] for number in range(_GROUPS)]
-    task = partial(_fitted_in_part, predictor, departures, data, noise)
+    task = partial(_fitted_in_part, predictor, deviations, data, noise)
     pieces = list(workers.map(task, [group for group in groups if len(group)]))
     for _, _, cost in pieces:
         predictor.add_cost(cost)
     points, fits = (np.concatenate(arrays) for arrays in list(zip(*pieces, strict=True))[:2])
     order = np.argsort(-fits, kind="stable")
-    fitting = _Fitting(predictor.departing(departures), data, noise, each=True)
+    fitting = _Fitting(predictor.deviating(deviations), data, noise, each=True)
     best, rest = np.split(points[order], [_FINISHED])
     better, best_fits = fitting.polished(best, fits[order[:_FINISHED]])
     points, fits = (
@@ -113,13 +113,13 @@ def fitted_departures(
 
 
 class _Fitting:
-    """Fits points to readings, all of them or those of each departure by themselves.
+    """Fits points to readings, all of them or those of each deviation by themselves.
 
     Args:
         predictor: Of their readings.
-        data: What the robot felt.
-        noise: How far readings stray.
-        each: Whether the points are of departures, of which their last column but one holds the
+        data: The observations.
+        noise: Sensor noise.
+        each: Whether the points are of deviations, of which their last column but one holds the
             number.
     """
 
@@ -128,17 +128,17 @@ class _Fitting:
     ) -> None:
         self._predictor = predictor
         self._likelihood = Likelihood(data, noise)
-        self._lengths = Lengths(predictor, data, self._likelihood, noise_known=True)
+        self._solver = GaussNewton(predictor, data, self._likelihood, noise_known=True)
         self._each = each
 
     def fits(self, points: Array) -> Array:
         """Log-likelihoods of n points, shape (n,)."""
-        return self._lengths.fits(points)
+        return self._solver.fits(points)
 
     def polished(self, points: Array, fits: Array, most: int | None = None) -> tuple[Array, Array]:
-        """The best points by now, best first, and how well they fit; see ``Lengths.polished``."""
+        """Best points so far, best first, with log-likelihoods; see ``GaussNewton.polished``."""
         groups = points[:, -2] if self._each else np.zeros(len(points))
-        more, better = self._lengths.polished(points, most, groups)
+        more, better = self._solver.polished(points, most, groups)
         points, fits = np.vstack([points, more]), np.concatenate([fits, better])
         which = [(value,) for value in points[:, -2].tolist()] if self._each else [()] * len(points)
         order = best_of_each(which, fits)
@@ -151,48 +151,52 @@ class _Fitting:
 
 def _fitted_in_part(
     predictor: Predictor,
-    departures: Sequence[Departure],
+    deviations: Sequence[Deviation],
     data: SensorData,
     noise: Noise,
     starts: Array,
 ) -> tuple[Array, Array, Cost]:
-    """Of some departures the points that fit best, their log-likelihoods, and what that cost."""
+    """Of some deviations the points that fit best, their log-likelihoods, and what that cost."""
     before = predictor.cost
-    fitting = _Fitting(predictor.departing(departures), data, noise, each=True)
+    fitting = _Fitting(predictor.deviating(deviations), data, noise, each=True)
     points, fits = fitting.polished(starts, fitting.fits(starts), _PROMISING)
     return points, fits, predictor.cost.since(before)
 
 
 def _of_other_lengths(
     best: Array,
-    departures: Sequence[Departure],
-    departing: Predictor,
+    deviations: Sequence[Deviation],
+    deviating: Predictor,
     data: SensorData,
     noise: Noise,
 ) -> Array:
-    """Starts for each departure of a part whose branch has unknown lengths, shape (n, size)."""
-    (parents,) = departing.unknowns.bodies(departing_points(best[None], 0)).parent
+    """Starts for each deviation of a part whose branch has unknown lengths, shape (n, size)."""
+    (parents,) = deviating.unknowns.bodies(deviating_points(best[None], 0)).parent
     branches = _branches(parents.tolist())
-    tried = [np.empty((0, departing.unknowns.size))]
-    for number, departure in enumerate(departures):
+    tried = [np.empty((0, deviating.unknowns.size))]
+    for number, deviation in enumerate(deviations):
         columns = [
             column
-            for column, gene in enumerate(departing.unknowns.genes)
+            for column, gene in enumerate(deviating.unknowns.genes)
             if gene.trait == "length"
-            and departure.part is not None
-            and branches[gene.part] == branches[departure.part]
+            and deviation.part is not None
+            and branches[gene.part] == branches[deviation.part]
         ]
         if columns:
             lengths = _spread(len(columns))
             values = np.repeat(best[None], 2 * len(lengths), axis=0)
             values[:, columns] = np.repeat(lengths, 2, axis=0)
             sizes = np.tile((_LESS, _MORE), len(lengths))
-            tried.append(departing_points(values, number, sizes))
+            tried.append(deviating_points(values, number, sizes))
     points = np.vstack(tried)
     if not len(points):
         return points
-    turns = np.arange(len(data))
-    fits = Lengths(departing, data, Likelihood(data, noise)).rough_fits(points, turns).sum(axis=1)
+    interactions = np.arange(len(data))
+    fits = (
+        GaussNewton(deviating, data, Likelihood(data, noise))
+        .rough_fits(points, interactions)
+        .sum(axis=1)
+    )
     ends = np.cumsum([len(some) for some in tried])[:-1]
     kept = [
         some[np.argsort(-own, kind="stable")[:_KEPT]]

@@ -33,7 +33,7 @@ _FEWEST: Final = 3  # samples of a mode
 
 
 def fine(world: WorldSettings) -> WorldSettings:
-    """The same world with the fine time step, in which bodies are read when a robot would be."""
+    """The world with the fine time step, in which bodies are read when a robot would be."""
     steps = round(world.steps * world.step / STEP)
     return replace(world, step=STEP, steps=steps, rest_window=_REST_WINDOW)
 
@@ -44,12 +44,12 @@ class Recheck:
 
     Attributes:
         posterior: The posterior with its weights.
-        effective: Effective sample size of the simulated samples.
+        ess: Effective sample size of the simulated samples.
         simulated: How many samples were simulated.
     """
 
     posterior: Posterior
-    effective: float
+    ess: float
     simulated: int
 
 
@@ -65,8 +65,8 @@ def recheck(
     Args:
         posterior: Found with statics.
         predictor: Statics.
-        data: What the robot felt.
-        noise: How far readings stray.
+        data: The observations.
+        noise: Sensor noise.
         reference: The simulator.
     """
     unknowns = predictor.unknowns
@@ -85,10 +85,10 @@ def recheck(
     likelihood = Likelihood(data, noise)
     known = likelihood.misfits_of(predictor, points)
     by_statics = likelihood.of(known, scales=factors).sum(axis=1)
-    turns = np.tile(np.arange(len(data)), len(points))
+    interactions = np.tile(np.arange(len(data)), len(points))
     bodies = unknowns.decode_all(points)
     pairs = [(body, program) for body in bodies for program in data.programs]
-    misfits = data.misfits(reference.read(pairs), turns)
+    misfits = data.misfits(reference.read(pairs), interactions)
     misfits = misfits.reshape(known.shape)
     misfits = np.where(_forks(predictor, points, data, noise)[..., None], known, misfits)
     simulated = likelihood.of(misfits, scales=factors).sum(axis=1)
@@ -109,7 +109,7 @@ def recheck(
     others = [mode for mode in posterior.modes if mode not in modes]
     return Recheck(
         posterior=_reweighted(posterior, keys, modes, better, others),
-        effective=float(1 / np.sum(weights**2)),
+        ess=float(1 / np.sum(weights**2)),
         simulated=len(points),
     )
 

@@ -19,9 +19,9 @@ from estimator.body.morphology import Array
 from estimator.posterior.chains.rows import exchange_places
 from estimator.posterior.discovery.part_trees import exchanged, joined_parts
 from estimator.posterior.discovery.ranking import ranked_by_attachments
+from estimator.posterior.model.gauss_newton import GaussNewton, best_of_each
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.sensor_data import SensorData
-from estimator.posterior.model.slopes import Lengths, best_of_each
 from estimator.posterior.model.unknowns import Columns, Predictor
 
 _LENGTHS: Final = 2  # times each choice is tried: with the parts' lengths, and random ones
@@ -39,7 +39,7 @@ class Neighbours:
 
     Args:
         predictor: Computes readings.
-        data: What the robot felt.
+        data: The observations.
         likelihood: Of ``data``.
         rng: Draws lengths.
     """
@@ -53,7 +53,7 @@ class Neighbours:
     ) -> None:
         self._unknowns = predictor.unknowns
         self._joined = joined_parts(predictor.unknowns)
-        self._lengths = Lengths(predictor, data, likelihood)
+        self._solver = GaussNewton(predictor, data, likelihood)
         self._rng = rng
 
     def of(self, leader: Array) -> tuple[Array, Array]:
@@ -64,10 +64,10 @@ class Neighbours:
         by_pairs = self._unknowns.parents.any()  # what takes two steps explains nothing after one
         ranking = partial(
             ranked_by_attachments,
-            lengths=self._lengths,
+            solver=self._solver,
             unknowns=self._unknowns,
             rng=self._rng,
-            unexplained=self._lengths.unexplained(leader) if by_pairs else (),
+            unexplained=self._solver.unexplained(leader) if by_pairs else (),
         )
         near = [self._unknowns.permitted(exchanged(leader, self._unknowns))]
         for joined in self._joined:
@@ -83,9 +83,9 @@ class Neighbours:
                     if displaced in other.columns and displaced not in other.kept
                 ]
         points = np.concatenate(near)
-        fits = self._lengths.rough_fits(points, np.arange(self._lengths.interactions)).sum(axis=1)
+        fits = self._solver.rough_fits(points, np.arange(self._solver.interactions)).sum(axis=1)
         best = best_of_each(self._unknowns.keys(points), fits)
-        return self._lengths.polished(points[best], _POLISHED)
+        return self._solver.polished(points[best], _POLISHED)
 
     def _rows(self, leaders: Array, columns: Columns, kept: Collection[int]) -> Array:
         """Leaders with all that some columns choose, but for those kept, each at several lengths.

@@ -13,14 +13,14 @@ import numpy as np
 
 from estimator.body.morphology import Array
 from estimator.posterior.discovery.part_trees import subtrees
-from estimator.posterior.model.slopes import Lengths, best_of_each
+from estimator.posterior.model.gauss_newton import GaussNewton, best_of_each
 from estimator.posterior.model.unknowns import Unknowns
 
 _POLISHED: Final = 32
 
 
 def with_subtrees_of_others(
-    body: Array, others: Array, unknowns: Unknowns, lengths: Lengths
+    body: Array, others: Array, unknowns: Unknowns, solver: GaussNewton
 ) -> tuple[Array, Array]:
     """The best bodies that differ from one in a subtree of another.
 
@@ -28,10 +28,10 @@ def with_subtrees_of_others(
         body: Shape (size,).
         others: Shape (n, size).
         unknowns: The cube.
-        lengths: Compares and polishes them.
+        solver: Compares and polishes them.
 
     Returns:
-        Points with good lengths, and their log-likelihoods.
+        Points with good solver, and their log-likelihoods.
     """
     points = []
     for other in others:
@@ -41,5 +41,5 @@ def with_subtrees_of_others(
             points.append(point)
     several = unknowns.permitted(np.array(points))
     several = several[best_of_each(unknowns.keys(several), np.zeros(len(several)))]
-    fits = lengths.rough_fits(several, np.arange(lengths.interactions)).sum(axis=1)
-    return lengths.polished(several[np.argsort(-fits, kind="stable")[:_POLISHED]])
+    fits = solver.rough_fits(several, np.arange(solver.interactions)).sum(axis=1)
+    return solver.polished(several[np.argsort(-fits, kind="stable")[:_POLISHED]])

@@ -12,8 +12,8 @@ Module                  What is in it
 ``densities``           one modality's readings, held against predictions
 ``special``             functions that the densities need
 ``unknowns``            the unit cube that all this is over
-``departures``          how a robot may be built otherwise than any body of that cube
-``possible_departures`` all such ways that are looked at
+``deviations``          how a robot may be built otherwise than any body of that cube
+``possible_deviations`` all that are looked at
 ``servos_and_sensors``  what servos and sensors make of programs and poses then
 ======================= =========================================================================
 """

@@ -30,7 +30,7 @@ _BEYOND: Final = 0.1  # share of the poses anywhere whose clearance lies beyond 
 
 
 @dataclass(frozen=True, kw_only=True)
-class Felt:
+class ObservedModality:
     """One modality's readings of k interactions.
 
     Attributes:
@@ -42,43 +42,43 @@ class Felt:
     values: Array
     beyond: Flags | None = None
 
-    def __getitem__(self, turns: NDArray[np.intp] | slice) -> Felt:
-        """Those of some of the interactions."""
-        chosen = object.__new__(Felt)
-        if isinstance(turns, slice):
-            turns = np.arange(len(self.values))[turns]
-        beyond = None if self.beyond is None else self.beyond.take(turns)
+    def __getitem__(self, interactions: NDArray[np.intp] | slice) -> ObservedModality:
+        """The readings of some of the interactions."""
+        chosen = object.__new__(ObservedModality)
+        if isinstance(interactions, slice):
+            interactions = np.arange(len(self.values))[interactions]
+        beyond = None if self.beyond is None else self.beyond.take(interactions)
         chosen.__dict__.update(  # take is several times as fast as an index
-            values=self.values.take(turns, axis=0),
+            values=self.values.take(interactions, axis=0),
             beyond=beyond,
-            told=self.told.take(turns, axis=0),
-            all_told=self.all_told,
+            present=self.present.take(interactions, axis=0),
+            complete=self.complete,
         )
         return chosen
 
     @cached_property
-    def told(self) -> Flags:
+    def present(self) -> Flags:
         """Which values are not missing, shape (k, values)."""
         return ~np.isnan(self.values)
 
     @cached_property
-    def all_told(self) -> bool:
+    def complete(self) -> bool:
         """Whether none is missing, of these interactions or of those that they were chosen from."""
-        return bool(self.told.all())
+        return bool(self.present.all())
 
     @property
-    def known(self) -> Known:
+    def known(self) -> ReadingCounts:
         """How much was read."""
-        return Known(count=np.sum(self.told, axis=1), beyond=self.beyond)
+        return ReadingCounts(count=np.sum(self.present, axis=1), beyond=self.beyond)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Known:
+class ReadingCounts:
     """How much of one modality was read.
 
     Attributes:
         count: Values that are not missing, shape (k,).
-        beyond: As in ``Felt``.
+        beyond: As in ``ObservedModality``.
     """
 
     count: NDArray[np.int64]
@@ -90,11 +90,11 @@ class Density(ABC):
 
     Attributes:
         name: Of the modality.
-        misfits: How many numbers say how far a prediction is from what was felt.
-        residuals: How many of the misfits, the first ones, are felt minus predicted on a
+        misfits: How many numbers say how far a prediction is from what was observed.
+        residuals: How many of the misfits, the first ones, are observed minus predicted on a
             continuous scale.
         scaled: Whether the robot's noise may be another than announced, by an unknown factor.
-        beside: How far readings stray, in their unit, where a robot ends beside the pose foretold.
+        beside: How far readings stray, in their unit, where a robot ends beside the pose predicted.
     """
 
     name: ClassVar[str]
@@ -103,32 +103,34 @@ class Density(ABC):
     scaled: ClassVar[bool]
     beside: ClassVar[float]
 
-    def felt(self, observations: Sequence[Observation], *, counts: bool) -> Felt:
+    def observed(self, observations: Sequence[Observation], *, counts: bool) -> ObservedModality:
         """The readings of some interactions; all are missing where the modality does not count."""
         modality = MODALITIES[self.name]
         values = np.array([modality.values(item) for item in observations], dtype=float)
         if not counts:
             values[...] = np.nan
-        return Felt(values=values)
+        return ObservedModality(values=values)
 
     @abstractmethod
-    def misfit(self, felt: Felt, readings: Readings, into: Array) -> None:
-        """Of n predictions from what was felt, into an array of shape (n, misfits)."""
+    def misfit(self, observed: ObservedModality, readings: Readings, into: Array) -> None:
+        """Writes the misfits of n predictions into an array of shape (n, misfits)."""
 
-    def least_misfit(self, known: Known) -> Array:
-        """That of the prediction that fits best, shape (k, misfits)."""
+    def least_misfit(self, known: ReadingCounts) -> Array:
+        """Misfits of a perfect prediction, shape (k, misfits)."""
         return np.zeros((len(known.count), self.misfits))
 
-    def residual(self, misfits: Array, felt: Felt) -> Array:
-        """Felt minus predicted, shape (n, residuals); 0 where unknown."""
+    def residual(self, misfits: Array, observed: ObservedModality) -> Array:
+        """Observed minus predicted, shape (n, residuals); 0 where unknown."""
         return misfits[:, : self.residuals]
 
     @abstractmethod
-    def deviation(self, misfits: Array, felt: Felt, noise: float) -> Array:
-        """Felt minus predicted in units of the noise, shape (n,); 0 where nothing was read."""
+    def standardised_residual(
+        self, misfits: Array, observed: ObservedModality, noise: float
+    ) -> Array:
+        """Residual in units of the noise, shape (n,); 0 where nothing was read."""
 
     @abstractmethod
-    def log_anywhere(self, known: Known, cap: float) -> Array:
+    def log_anywhere(self, known: ReadingCounts, cap: float) -> Array:
         """Logarithm of the density of what a robot might feel anywhere, shape (k,).
 
         Args:
@@ -146,32 +148,34 @@ class TouchDensity(Density):
     scaled = False
     beside = 0.0
 
-    def felt(self, observations: Sequence[Observation], *, counts: bool) -> Felt:
+    def observed(self, observations: Sequence[Observation], *, counts: bool) -> ObservedModality:
         """The bits; where touch does not count the robot may have other sensors than its models."""
         if not counts:
-            return Felt(values=np.full((len(observations), 1), np.nan))
-        return super().felt(observations, counts=True)
+            return ObservedModality(values=np.full((len(observations), 1), np.nan))
+        return super().observed(observations, counts=True)
 
-    def misfit(self, felt: Felt, readings: Readings, into: Array) -> None:
+    def misfit(self, observed: ObservedModality, readings: Readings, into: Array) -> None:
         """How many bits differ, and of how many the model is not sure."""
         doubtful = readings.touch_doubtful
-        differ = (felt.values != readings.touch) & ~doubtful
-        if not felt.all_told:
-            differ, doubtful = felt.told & differ, felt.told & doubtful
+        differ = (observed.values != readings.touch) & ~doubtful
+        if not observed.complete:
+            differ, doubtful = observed.present & differ, observed.present & doubtful
         into[:, 0], into[:, 1] = _counted(differ), _counted(doubtful)
 
-    def deviation(self, misfits: Array, felt: Felt, noise: float) -> Array:
+    def standardised_residual(
+        self, misfits: Array, observed: ObservedModality, noise: float
+    ) -> Array:
         """The bits that differ, each as many standard deviations as it is unlikely."""
         return misfits[:, 0] * math.sqrt(-2 * math.log(noise))
 
-    def log_anywhere(self, known: Known, cap: float) -> Array:
-        """Even."""
+    def log_anywhere(self, known: ReadingCounts, cap: float) -> Array:
+        """Each bit even."""
         logs: Array = math.log(0.5) * known.count.astype(float)
         return logs
 
 
 class TiltDensity(Density):
-    """Normal, each angle by itself. Misfits: felt minus predicted, rad."""
+    """Normal, each angle by itself. Misfits: observed minus predicted, rad."""
 
     name = "tilt"
     misfits = 2
@@ -179,26 +183,28 @@ class TiltDensity(Density):
     scaled = True
     beside = math.radians(3.0)
 
-    def misfit(self, felt: Felt, readings: Readings, into: Array) -> None:
+    def misfit(self, observed: ObservedModality, readings: Readings, into: Array) -> None:
         """Both angles, rad."""
-        np.subtract(felt.values, readings.tilt, out=into)
-        if not felt.all_told:
-            into[~felt.told] = 0.0
+        np.subtract(observed.values, readings.tilt, out=into)
+        if not observed.complete:
+            into[~observed.present] = 0.0
 
-    def deviation(self, misfits: Array, felt: Felt, noise: float) -> Array:
+    def standardised_residual(
+        self, misfits: Array, observed: ObservedModality, noise: float
+    ) -> Array:
         """The larger of the two."""
         both = misfits / noise
         larger: Array = both[np.arange(len(both)), np.argmax(np.abs(both), axis=1)]
         return larger
 
-    def log_anywhere(self, known: Known, cap: float) -> Array:
+    def log_anywhere(self, known: ReadingCounts, cap: float) -> Array:
         """Uniform over ±90°."""
         logs: Array = -math.log(math.pi) * known.count.astype(float)
         return logs
 
 
 class ClearanceDensity(Density):
-    """Normal within the sensor's range. Misfit: felt minus predicted, m.
+    """Normal within the sensor's range. Misfit: observed minus predicted, m.
 
     Of a reading at the end of the range it is the tail beyond; the misfit is -inf where the model's
     lies there too.
@@ -210,38 +216,40 @@ class ClearanceDensity(Density):
     scaled = True
     beside = 0.01
 
-    def felt(self, observations: Sequence[Observation], *, counts: bool) -> Felt:
+    def observed(self, observations: Sequence[Observation], *, counts: bool) -> ObservedModality:
         """With the interactions in which the ground lay beyond the range."""
-        values = super().felt(observations, counts=counts).values
+        values = super().observed(observations, counts=counts).values
         saturated = np.array([item.clearance_saturated for item in observations], dtype=bool)
-        return Felt(values=values, beyond=saturated & ~np.isnan(values[:, 0]))
+        return ObservedModality(values=values, beyond=saturated & ~np.isnan(values[:, 0]))
 
-    def misfit(self, felt: Felt, readings: Readings, into: Array) -> None:
-        """Felt minus predicted, m."""
-        np.subtract(felt.values[:, 0], readings.clearance, out=into[:, 0])
-        if not felt.all_told:
-            into[~felt.told] = 0.0
-        if felt.beyond is not None:
-            into[readings.saturated & felt.beyond, 0] = -np.inf
+    def misfit(self, observed: ObservedModality, readings: Readings, into: Array) -> None:
+        """Observed minus predicted, m."""
+        np.subtract(observed.values[:, 0], readings.clearance, out=into[:, 0])
+        if not observed.complete:
+            into[~observed.present] = 0.0
+        if observed.beyond is not None:
+            into[readings.saturated & observed.beyond, 0] = -np.inf
 
-    def least_misfit(self, known: Known) -> Array:
-        """That of a model which is where the robot is, be it beyond the range."""
+    def least_misfit(self, known: ReadingCounts) -> Array:
+        """Misfits of a perfect prediction: 0, or -inf where the ground lies beyond the range."""
         least = super().least_misfit(known)
         if known.beyond is not None:
             least[known.beyond] = -np.inf
         return least
 
-    def residual(self, misfits: Array, felt: Felt) -> Array:
+    def residual(self, misfits: Array, observed: ObservedModality) -> Array:
         """The distance, m; 0 beyond the range too."""
-        if felt.beyond is None:
+        if observed.beyond is None:
             return misfits
-        return np.where(felt.beyond[:, None], 0.0, misfits)
+        return np.where(observed.beyond[:, None], 0.0, misfits)
 
-    def deviation(self, misfits: Array, felt: Felt, noise: float) -> Array:
+    def standardised_residual(
+        self, misfits: Array, observed: ObservedModality, noise: float
+    ) -> Array:
         """The residual in units of the noise."""
-        return self.residual(misfits, felt)[:, 0] / noise
+        return self.residual(misfits, observed)[:, 0] / noise
 
-    def log_anywhere(self, known: Known, cap: float) -> Array:
+    def log_anywhere(self, known: ReadingCounts, cap: float) -> Array:
         """Uniform over the range, and a share beyond it."""
         logs = np.where(known.count > 0, math.log((1 - _BEYOND) / cap), 0.0)
         if known.beyond is not None:
@@ -250,7 +258,7 @@ class ClearanceDensity(Density):
 
 
 def _counted(flags: Flags) -> Array:
-    """How many are set of each row of a few, shape (n,); several times as fast as a sum."""
+    """Number of flags set in each row, shape (n,); several times as fast as ``sum``."""
     counts: Array = flags.astype(float) @ np.ones(flags.shape[1])
     return counts
 

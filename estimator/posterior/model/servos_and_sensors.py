@@ -1,4 +1,4 @@
-"""What servos make of programs, and sensors of poses, on a robot that departs from its problem.
+"""What servos make of programs, and sensors of poses, on a robot that deviates from its problem.
 
 Of most bodies they do what they should, and nothing is changed.
 """
@@ -24,13 +24,13 @@ def performed(programs: Array, bodies: Bodies) -> Array:
     odd, part = np.nonzero((bodies.travel != 1) & (bodies.motor >= 0))
     if not odd.size:
         return programs
-    turns = programs.copy()
-    turns[odd, bodies.motor[odd, part]] *= bodies.travel[odd, part]
-    return turns
+    angles = programs.copy()
+    angles[odd, bodies.motor[odd, part]] *= bodies.travel[odd, part]
+    return angles
 
 
 def as_sensed(readings: Readings, bodies: Bodies) -> Readings:
-    """What the bodies' sensors make of poses: limp parts lie on the ground, and are felt there.
+    """What the bodies' sensors make of poses: limp parts lie on the ground, and are observed there.
 
     Args:
         readings: Of n bodies, as a back-end has them.

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from estimator.body.arrays import Bodies, Flags
 from estimator.body.morphology import Array, Morphology
 from estimator.physics.base import ArrayMarginPhysics, Readings
-from estimator.posterior.model.departures import Departure, Departures
+from estimator.posterior.model.deviations import Deviation, Deviations
 from estimator.posterior.model.servos_and_sensors import as_sensed, performed
 from estimator.problem.genes import Gene
 from estimator.problem.genome import Genome
@@ -22,7 +22,7 @@ Attachments = tuple[int, ...]
 """The choices of one body, in the order of its genes: parent, mount and hinge, part by part."""
 
 SIZES: Final = (0.85, 1.5)
-"""How far departures go: the amounts that are looked at are fitted from the least to the most."""
+"""How far deviations go: the amounts that are looked at are fitted from the least to the most."""
 
 _MANY: Final = 24.0  # bits
 
@@ -88,12 +88,12 @@ class Unknowns:
         """The bodies of n points, shape (n, size)."""
         return self._genome.bodies(values)
 
-    def departing(self, departures: Sequence[Departure]) -> Departing:
-        """The same cube for bodies that depart from the problem."""
-        return Departing(self._genome, departures)
+    def deviating(self, deviations: Sequence[Deviation]) -> DeviatingUnknowns:
+        """The cube with two columns more, for bodies that deviate from the problem."""
+        return DeviatingUnknowns(self._genome, deviations)
 
     def decode_all(self, values: Array) -> list[Morphology]:
-        """The same, as objects."""
+        """The bodies of n points as objects."""
         return self._genome.decode_all(values)
 
     def attachments(self, values: Array) -> NDArray[np.int64]:
@@ -101,7 +101,7 @@ class Unknowns:
         return self.decided(values)[:, self.choices]
 
     def decided(self, values: Array) -> NDArray[np.int64]:
-        """The same by column, −1 for what is any in a range; shape (n, size)."""
+        """Chosen values of n points by column, −1 for a continuous one; shape (n, size)."""
         return self._genome.choices(values)
 
     def log_prior(self, values: Array) -> Array:
@@ -109,40 +109,40 @@ class Unknowns:
         return self._genome.log_room(values)
 
     def keys(self, values: Array) -> list[Attachments]:
-        """The same as tuples, to be compared and counted."""
+        """Attachments of n points as tuples, which can be compared and counted."""
         return [tuple(row) for row in self.attachments(values).tolist()]
 
 
-class Departing(Unknowns):
-    """The cube of one problem with two columns more: how a body departs from it, and how far.
+class DeviatingUnknowns(Unknowns):
+    """The cube of one problem with two columns more: how a body deviates from it, and how far.
 
     Args:
         genome: The code between genes and bodies.
-        departures: Of which the last column but one of a point holds the index. The last one is
+        deviations: Of which the last column but one of a point holds the index. The last one is
             continuous, and says where the size lies within ``SIZES``.
     """
 
-    def __init__(self, genome: Genome, departures: Sequence[Departure]):
+    def __init__(self, genome: Genome, deviations: Sequence[Deviation]):
         super().__init__(genome)
         self.size += 2
         self.continuous = np.append(self.continuous, self.size - 1)
-        self._departures = Departures(departures)
+        self._deviations = Deviations(deviations)
 
     def bodies(self, values: Array) -> Bodies:
-        """The bodies of n points, each built by its departure."""
+        """The bodies of n points, each built by its deviation."""
         which = values[:, -2].astype(np.int64)
-        return self._departures.of(super().bodies(values[:, :-2]), which, sizes_of(values))
+        return self._deviations.of(super().bodies(values[:, :-2]), which, sizes_of(values))
 
 
-def departing_points(
+def deviating_points(
     values: Array, which: NDArray[np.intp] | int, sizes: Array | float = 1.0
 ) -> Array:
-    """Points of ``Departing``.
+    """Points of ``DeviatingUnknowns``.
 
     Args:
         values: Points of the problem's cube, shape (n, size).
-        which: Index of the departure of each, shape (n,), or of all.
-        sizes: How far each departs, shape (n,), or all of them.
+        which: Index of the deviation of each, shape (n,), or of all.
+        sizes: How far each deviates, shape (n,), or all of them.
     """
     least, most = SIZES
     columns = np.broadcast_arrays(which, (sizes - least) / (most - least), values[:, 0])[:2]
@@ -150,14 +150,14 @@ def departing_points(
 
 
 def sizes_of(points: Array) -> Array:
-    """How far n points of ``Departing`` depart; see ``Departure.of``."""
+    """How far n points of ``DeviatingUnknowns`` deviate; see ``Deviation.of``."""
     least, most = SIZES
     sizes: Array = least + (most - least) * points[:, -1]
     return sizes
 
 
 class Cost(NamedTuple):
-    """What has been computed.
+    """Counts of what was computed.
 
     Attributes:
         simulations: Interactions that were simulated.
@@ -193,9 +193,9 @@ class Predictor:
         self._steps_elsewhere = 0
         self._physics = physics
 
-    def departing(self, departures: Sequence[Departure]) -> Predictor:
-        """The same for bodies that depart from the problem; physics is shared."""
-        return Predictor(self.unknowns.departing(departures), self._physics)
+    def deviating(self, deviations: Sequence[Deviation]) -> Predictor:
+        """A predictor of bodies that deviate from the problem; physics is shared."""
+        return Predictor(self.unknowns.deviating(deviations), self._physics)
 
     @property
     def simulations(self) -> int:
@@ -209,7 +209,7 @@ class Predictor:
 
     @property
     def cost(self) -> Cost:
-        """What was computed so far."""
+        """Counts of what was computed so far."""
         return Cost(self.simulations, self.steps, self.spared)
 
     def add_cost(self, cost: Cost) -> None:
@@ -234,18 +234,18 @@ class Predictor:
             rows: Which of them, shape (m,).
             programs: rad, shape (m, motors).
             leans: How gravity is inclined on the way; see ``ArrayMarginPhysics``.
-            quickly: Likewise.
+            quickly: Coarse steps; see ``ArrayMarginPhysics``.
         """
         chosen = bodies[rows]
         if not chosen.departs:
             return self._physics.read_bodies(chosen, programs, leans, quickly=quickly)
-        turns = performed(programs, chosen)
-        return as_sensed(self._physics.read_bodies(chosen, turns, leans, quickly=quickly), chosen)
+        angles = performed(programs, chosen)
+        return as_sensed(self._physics.read_bodies(chosen, angles, leans, quickly=quickly), chosen)
 
     def margins(
         self, bodies: Bodies, rows: Columns, programs: Array, most: float = math.inf
     ) -> Array:
-        """Path margins of the same, rad, shape (m,); no more than ``most`` is told."""
+        """Path margins of bodies ``rows`` in their programs, rad, shape (m,), at most ``most``."""
         chosen = bodies[rows]
         return self._physics.path_margins_of_bodies(chosen, performed(programs, chosen), most)
 
@@ -263,7 +263,7 @@ class Predictor:
             values: Points, shape (n, size).
             programs: rad, shape (k, motors).
             leans: As in ``read``.
-            quickly: Likewise.
+            quickly: As in ``read``.
         """
         count = len(programs)
         rows, each = np.repeat(np.arange(len(values)), count), np.tile(programs, (len(values), 1))

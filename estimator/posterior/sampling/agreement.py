@@ -1,6 +1,6 @@
-"""Whether the populations agree on what they have met, and whether that can be all.
+"""Whether the populations agree on what they have found, and whether that can be all.
 
-They are independent, so what both have met tells how much neither has.
+They are independent, so what both have found tells how much neither has.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from estimator.posterior.model.likelihood import Noise
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.special import softmax
 from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
-from estimator.posterior.posterior import met_by_each, share_met
+from estimator.posterior.posterior import coverage, found_by_each
 from estimator.posterior.sampling.evidence import EvidenceEstimator
 from estimator.storage.beliefs import OUTLIERS
 
@@ -28,22 +28,22 @@ CONSIDERED: Final = 16.0
 ENOUGH_TO_ERR: Final = 5
 """Interactions, of which one may be left unexplained."""
 
-_AS_GOOD: Final = 3.0  # nats that the lengths which a population met may fit worse
+_AS_GOOD: Final = 3.0  # nats that the lengths which a population found may fit worse
 _AS_PROBABLE: Final = 3.0  # nats
 _BAD: Final = 2.33  # excess, as one right body of a hundred has
-_FEW: Final = 50  # sets of attachments that all populations can have met
+_FEW: Final = 50  # sets of attachments that all populations can have found
 
 
 @dataclass(frozen=True, kw_only=True)
 class Agreement:
-    """What the populations have met, side by side, and how far they agree.
+    """What the populations have found, side by side, and how far they agree.
 
     Attributes:
         points: The best of each set of attachments that may matter, best first, shape (n, size).
         keys: Their attachments.
         best: Log-likelihood of the first.
         guesses: Of their evidences, shape (n,).
-        met: Which of their attachments each population has met, and explained as well.
+        found: Which of their attachments each population has found, and explained as well.
         fit: How well the leader, which is the most probable by those guesses, explains the
             readings.
         may_err: Whether there are so many readings that one may be left unexplained.
@@ -53,7 +53,7 @@ class Agreement:
     keys: list[Attachments]
     best: float
     guesses: Array
-    met: Sequence[Collection[Attachments]]
+    found: Sequence[Collection[Attachments]]
     fit: Fit
     may_err: bool
 
@@ -69,11 +69,11 @@ class Agreement:
         """Compares.
 
         Args:
-            bodies: What each population has met.
+            bodies: What each population has found.
             predictor: Computes readings.
             estimator: Guesses evidences.
-            data: What the robot felt.
-            noise: How far readings stray.
+            data: The observations.
+            noise: Sensor noise.
         """
         unknowns = predictor.unknowns
         together = BestPoints.joined(bodies, unknowns)
@@ -85,7 +85,7 @@ class Agreement:
             keys=unknowns.keys(points),
             best=best,
             guesses=guesses,
-            met=[met_by(one, points, estimator, unknowns) for one in bodies],
+            found=[attachments_found(one, points, estimator, unknowns) for one in bodies],
             fit=fit_of(points[int(np.argmax(guesses))], predictor, data, noise),
             may_err=len(data) >= ENOUGH_TO_ERR,
         )
@@ -117,12 +117,12 @@ class Agreement:
         return self.fit.unexplained > (OUTLIERS if self.may_err else 0)
 
     @property
-    def doubtful(self) -> bool:
-        """Whether a better body may be there to be found."""
-        return self.fit.is_doubtful
+    def improvable(self) -> bool:
+        """Whether the fit is so poor that a better body may exist."""
+        return self.fit.is_improvable
 
     @property
-    def credible(self) -> bool:
+    def adequate_fit(self) -> bool:
         """Whether the readings are explained so well that something can be certain.
 
         One interaction may be an outlier, but not where the others are explained poorly too: two
@@ -136,13 +136,13 @@ class Agreement:
 
     @property
     def few(self) -> bool:
-        """Whether all that matters is so little that every population can have met it."""
+        """Whether all that matters is so little that every population can have found it."""
         return bool(np.sum(softmax(self.guesses) ** 2) > 1 / _FEW)
 
     @property
-    def share_met(self) -> float:
-        """How much of the posterior the populations have met."""
-        return share_met(softmax(self.guesses), met_by_each(self.keys, self.met))
+    def coverage(self) -> float:
+        """How much of the posterior the populations have found."""
+        return coverage(softmax(self.guesses), found_by_each(self.keys, self.found))
 
     def share_beyond(self, known: Collection[Attachments]) -> float:
         """The share of the posterior that attachments have which were not known before."""
@@ -150,13 +150,13 @@ class Agreement:
         return float(sum(shares[row] for row, key in enumerate(self.keys) if key not in known))
 
 
-def met_by(
+def attachments_found(
     bodies: BestPoints, points: Array, estimator: EvidenceEstimator, unknowns: Unknowns
 ) -> set[Attachments]:
-    """Which sets of attachments a population has met with lengths about as good as are known.
+    """Which sets of attachments a population has found with lengths about as good as are known.
 
     Args:
-        bodies: All that it met.
+        bodies: All that it found.
         points: The best of each set that may matter, by any population.
         estimator: Knows how well points fit.
         unknowns: Of the problem.

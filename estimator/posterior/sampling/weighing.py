@@ -106,8 +106,8 @@ def sampled(
     Args:
         modes: From which to start.
         predictor: Computes readings.
-        data: What the robot felt.
-        noise: How far readings stray.
+        data: The observations.
+        noise: Sensor noise.
         rng: Draws starts, and seeds of the chains.
         count: Of chains; a multiple of 8.
         workers: Move them.
@@ -118,7 +118,7 @@ def sampled(
     values = np.array([modes.evidences[mode].values[row] for mode, row in starts])
     scales = np.array([modes.evidences[mode].scales[row] for mode, row in starts])
     best = modes.evidences[int(np.argmax(modes.shares))]
-    few = best.effective < _FEW * len(best.values)
+    few = best.ess < _FEW * len(best.values)
     groups = np.split(np.arange(count), _GROUPS)
     seeds = rng.integers(2**32, size=_GROUPS).tolist()
     starts_of_groups = [
@@ -142,8 +142,8 @@ def _moved(
 
     Args:
         predictor: Computes readings.
-        data: What the robot felt.
-        noise: How far readings stray.
+        data: The observations.
+        noise: Sensor noise.
         few: Whether few draws stand for the best mode: then chains begin too far out, and are
             first brought to where the posterior is.
         starts: Values and scales, and a seed.

@@ -10,9 +10,9 @@ from estimator.body.morphology import Base
 from estimator.exploration.choosing import Chooser
 from estimator.exploration.information_gain import InformationGain
 from estimator.physics.statics import StaticsPhysics
-from estimator.posterior.model.departures import Density, Departure, Doubt, Limp, TurnedHinge
+from estimator.posterior.model.deviations import Alternative, Density, Deviation, Limp, TurnedHinge
 from estimator.posterior.model.likelihood import apart
-from estimator.posterior.model.unknowns import Predictor, Unknowns, departing_points
+from estimator.posterior.model.unknowns import Predictor, Unknowns, deviating_points
 from estimator.posterior.posterior import Posterior
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
@@ -49,25 +49,25 @@ def test_a_body_that_is_known_leaves_nothing_to_be_told(predictor: Predictor) ->
 
 
 @pytest.mark.parametrize(
-    "departure",
+    "deviation",
     [
         TurnedHinge(text="a turned hinge", part=0, about=0, amount=np.radians(30)),
         Limp(text="a dead servo", part=0),
     ],
 )
 def test_a_known_body_is_tested_for_what_the_problem_may_have_wrong(
-    predictor: Predictor, departure: Departure
+    predictor: Predictor, deviation: Deviation
 ) -> None:
-    doubt = Doubt(departure=departure, point=RIGHT, gains=np.zeros(1))
-    models, doubts = Posterior.equally_likely(np.tile(RIGHT, (20, 1))), (doubt,)
-    choice = chooser(predictor).choose(models, doubts, 0, np.random.default_rng(1))
-    assert choice.tests == (doubt,)
+    alternative = Alternative(deviation=deviation, point=RIGHT, gains=np.zeros(1))
+    models, alternatives = Posterior.equally_likely(np.tile(RIGHT, (20, 1))), (alternative,)
+    choice = chooser(predictor).choose(models, alternatives, 0, np.random.default_rng(1))
+    assert choice.tests == (alternative,)
     assert choice.bits == pytest.approx(0.0, abs=1e-6)  # about the bodies that the problem allows
     stated = predictor.read_all(RIGHT[None], choice.program[None])
-    departing = predictor.departing([departure]).read_all(
-        departing_points(RIGHT[None], 0), choice.program[None]
+    deviating = predictor.deviating([deviation]).read_all(
+        deviating_points(RIGHT[None], 0), choice.program[None]
     )
-    assert apart(stated, departing, NOISE).all()
+    assert apart(stated, deviating, NOISE).all()
 
 
 @pytest.mark.parametrize("seed", [0, 1])
@@ -78,17 +78,17 @@ def test_no_lengths_that_may_be_so_make_up_for_what_is_tested(
     points = np.tile(RIGHT, (60, 1))
     lengths = predictor.unknowns.continuous
     points[:, lengths] += rng.uniform(-0.012, 0.012, (60, lengths.size))  # of the range
-    departure = TurnedHinge(text="a turned hinge", part=0, about=2, amount=np.radians(15))
-    doubt = Doubt(departure=departure, point=RIGHT, gains=np.zeros(1))
-    models, doubts = Posterior.equally_likely(points), (doubt,)
-    program = chooser(predictor).choose(models, doubts, 0, rng).program[None]
+    deviation = TurnedHinge(text="a turned hinge", part=0, about=2, amount=np.radians(15))
+    alternative = Alternative(deviation=deviation, point=RIGHT, gains=np.zeros(1))
+    models, alternatives = Posterior.equally_likely(points), (alternative,)
+    program = chooser(predictor).choose(models, alternatives, 0, rng).program[None]
     stated = predictor.read_all(points, program)
-    departing = predictor.departing([departure]).read_all(departing_points(points, 0), program)
+    deviating = predictor.deviating([deviation]).read_all(deviating_points(points, 0), program)
     strays = np.maximum(
-        np.abs(stated.tilt[:, None] - departing.tilt[None]).max(axis=2) / NOISE.tilt,
-        np.abs(stated.clearance[:, None] - departing.clearance[None]) / NOISE.clearance,
+        np.abs(stated.tilt[:, None] - deviating.tilt[None]).max(axis=2) / NOISE.tilt,
+        np.abs(stated.clearance[:, None] - deviating.clearance[None]) / NOISE.clearance,
     )
-    touch = np.any(stated.touch[:, None] != departing.touch[None], axis=2)
+    touch = np.any(stated.touch[:, None] != deviating.touch[None], axis=2)
     assert np.all(touch | (strays > 5))  # standard deviations
 
 
@@ -104,11 +104,11 @@ def test_of_many_doubts_the_most_probable_is_tested(predictor: Predictor, seed: 
         for part, about, degrees in product((0, 1), (0, 1, 2), (-30, -15, 15, 30))
     ]
     probable, *others = (
-        Doubt(departure=one, point=RIGHT, gains=np.zeros(1), log_prior=log_prior)
+        Alternative(deviation=one, point=RIGHT, gains=np.zeros(1), log_prior=log_prior)
         for one, log_prior in [(heavy, 0.0), *((one, -8.0) for one in turned)]
     )
-    models, doubts = Posterior.equally_likely(points), (*others, probable)
-    choice = chooser(predictor).choose(models, doubts, 0, np.random.default_rng(seed))
+    models, alternatives = Posterior.equally_likely(points), (*others, probable)
+    choice = chooser(predictor).choose(models, alternatives, 0, np.random.default_rng(seed))
     assert probable in choice.tests
 
 
@@ -117,10 +117,10 @@ def test_rivals_of_equal_lengths_are_told_apart_while_there_are_doubts(
 ) -> None:
     points = np.tile(RIGHT, (40, 1))
     points[::2, 5] = 0.1  # hinge of the second leg: yaw instead of up
-    departure = Limp(text="a dead servo", part=0)
-    doubt = Doubt(departure=departure, point=RIGHT, gains=np.zeros(1))
-    models, doubts = Posterior.equally_likely(points), (doubt,)
-    choice = chooser(predictor).choose(models, doubts, 0, np.random.default_rng(1))
+    deviation = Limp(text="a dead servo", part=0)
+    alternative = Alternative(deviation=deviation, point=RIGHT, gains=np.zeros(1))
+    models, alternatives = Posterior.equally_likely(points), (alternative,)
+    choice = chooser(predictor).choose(models, alternatives, 0, np.random.default_rng(1))
     assert choice.about[predictor.unknowns.choices[-1]] > 0.8
 
 

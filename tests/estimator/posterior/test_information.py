@@ -17,7 +17,7 @@ def belief(*points: Array, of: int) -> Posterior:
     """Equally many samples of some bodies."""
     values = np.repeat(np.stack(points), of // len(points), axis=0)
     scales, weights = np.zeros((len(values), 2)), np.full(len(values), 1 / len(values))
-    return Posterior(values=values, scales=scales, weights=weights, modes=(), credible=True)
+    return Posterior(values=values, scales=scales, weights=weights, modes=(), adequate_fit=True)
 
 
 def gained(predictor: Predictor, before: Posterior, after: Posterior) -> float:

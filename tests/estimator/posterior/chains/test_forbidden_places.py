@@ -56,7 +56,9 @@ def test_parts_change_places_evenly(genome: Genome) -> None:
 
 def test_a_population_starts_on_permitted_places(genome: Genome, statics: StaticsPhysics) -> None:
     predictor = Predictor(Unknowns(genome), statics)
-    population = Population.of_prior(predictor, np.random.default_rng(5), levels=3, width=8)
+    population = Population.of_prior(
+        predictor, np.random.default_rng(5), levels=3, chains_per_level=8
+    )
     assert not genome.forbidden(population.values).any()
 
 

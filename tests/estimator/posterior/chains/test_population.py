@@ -23,7 +23,9 @@ def test_without_readings_the_chains_stay_with_the_prior(predictor: Predictor) -
 
     nothing = Observation(angles=(0.1, 0.2, 0.0, 0.0), touch=(None,) * 4)
     blind = SensorData.of([nothing], MODALITIES, CAP)
-    population = Population.of_prior(predictor, np.random.default_rng(1), levels=4, width=32)
+    population = Population.of_prior(
+        predictor, np.random.default_rng(1), levels=4, chains_per_level=32
+    )
     population.observe(blind, NOISE, surely=True)
     values, scales = [], []
     for _ in range(12):
@@ -43,18 +45,18 @@ def test_chains_fit_as_well_as_every_body_weighed(short: Predictor) -> None:
 
     Were acceptance numbers squared, in any of the four places that draw them, they would not.
     """
-    noise, levels, width, turns = Noise(tilt=0.25, clearance=0.06), 2, 32, 60
+    noise, levels, chains_per_level, steps = Noise(tilt=0.25, clearance=0.06), 2, 32, 60
     counts = np.array((4, 6, 2, 4, 6))
     keys = np.array(list(np.ndindex(*counts)))
     point, rng = (keys[777] + 0.5) / counts, np.random.default_rng(6)
     data = draw(short, point, programs(2, seed=3), rng, noise=noise)
     likelihood = Likelihood(data, noise)
     misfits = likelihood.misfits_of(short, (keys + 0.5) / counts, surely=True)
-    widths = HOTTEST ** np.linspace(0, 1, levels)
+    noise_scales = HOTTEST ** np.linspace(0, 1, levels)
     factors: Array = np.array(np.meshgrid(NODES, NODES)).reshape(2, -1).T
 
     def fits(bodies: Array, level: int, scales: Array) -> Array:
-        wide = np.full(len(bodies), widths[level])
+        wide = np.full(len(bodies), noise_scales[level])
         each: Array = likelihood.of(misfits[bodies], wide, scales).sum(axis=1)
         return each
 
@@ -66,19 +68,23 @@ def test_chains_fit_as_well_as_every_body_weighed(short: Predictor) -> None:
     means = []
     for seed in range(10):
         rng = np.random.default_rng(seed)
-        rows = np.concatenate([rng.choice(prior.size, width, p=share) for share in shares])
-        values = (keys[body[rows]] + rng.random((levels * width, counts.size))) / counts
+        rows = np.concatenate(
+            [rng.choice(prior.size, chains_per_level, p=share) for share in shares]
+        )
+        values = (keys[body[rows]] + rng.random((levels * chains_per_level, counts.size))) / counts
         chains = Population(short, rng, values, pair[rows], levels=levels)
         chains.observe(data, noise, surely=True)
         seen = np.zeros((2, levels))
-        for _ in range(turns):
+        for _ in range(steps):
             chains.step()
             chosen = np.minimum(chains.values * counts, counts - 1).astype(int)
-            bodies = np.ravel_multi_index(tuple(chosen.T), tuple(counts)).reshape(levels, width)
-            scales = chains.scales.reshape(levels, width, 2)
+            bodies = np.ravel_multi_index(tuple(chosen.T), tuple(counts)).reshape(
+                levels, chains_per_level
+            )
+            scales = chains.scales.reshape(levels, chains_per_level, 2)
             seen[0] += [fits(bodies[k], k, scales[k]).mean() for k in range(levels)]
             seen[1] += scales.mean(axis=(1, 2))
-        means.append(seen / turns)
+        means.append(seen / steps)
     spread = np.std(means, axis=0, ddof=1) / np.sqrt(len(means))
     expected = [
         [share @ one for share, one in zip(shares, exact, strict=True)],
@@ -89,7 +95,7 @@ def test_chains_fit_as_well_as_every_body_weighed(short: Predictor) -> None:
 
 def gain(population: Population, predictor: Predictor, data: SensorData) -> float:
     """Takes 20 steps; by how much the coldest level's log-likelihoods grow in the mean."""
-    likelihood, cold = Likelihood(data, POOR), slice(0, population.width)
+    likelihood, cold = Likelihood(data, POOR), slice(0, population.chains_per_level)
 
     def fits() -> Array:
         misfits = likelihood.misfits_of(predictor, population.values[cold])
@@ -131,7 +137,7 @@ def test_the_joint_distribution_is_left_alone(narrow: Predictor) -> None:
     values, scales, gains = [], [], []
     for seed in range(50):
         rng = np.random.default_rng(seed)
-        population = Population.of_prior(narrow, rng, levels=1, width=8)
+        population = Population.of_prior(narrow, rng, levels=1, chains_per_level=8)
         own = (population.values[0], programs(3, seed=8), rng)
         data = draw(narrow, *own, scales=population.scales[0], outlier=0.3, noise=POOR)
         weigh_prior(population, narrow, data, rng)
@@ -162,17 +168,19 @@ def test_proposals_that_are_given_up_early_would_have_been_refused(
     data = draw(predictor, np.full(7, 0.4), programs(6), np.random.default_rng(1))
 
     def after_steps() -> tuple[Population, int]:
-        population = Population.of_prior(predictor, np.random.default_rng(3), levels=4, width=8)
+        population = Population.of_prior(
+            predictor, np.random.default_rng(3), levels=4, chains_per_level=8
+        )
         population.observe(data, NOISE, surely=True)
         before = predictor.spared
         for _ in range(20):
             population.step()
         return population, predictor.spared - before
 
-    def hopeful(likelihood: Likelihood, width: Array, scales: Array) -> Array:
+    def hopeful(likelihood: Likelihood, noise_scale: Array, scales: Array) -> Array:
         """Gives no proposal up before all of it is known."""
         del likelihood, scales
-        return np.full((len(width), len(data)), 1e9)
+        return np.full((len(noise_scale), len(data)), 1e9)
 
     early, spared = after_steps()
     monkeypatch.setattr(Likelihood, "best", hopeful)
@@ -184,7 +192,9 @@ def test_proposals_that_are_given_up_early_would_have_been_refused(
 
 def test_a_population_goes_on_as_if_it_had_not_been_put_away(predictor: Predictor) -> None:
     data = draw(predictor, np.full(7, 0.4), programs(2), np.random.default_rng(1))
-    population = Population.of_prior(predictor, np.random.default_rng(3), levels=4, width=8)
+    population = Population.of_prior(
+        predictor, np.random.default_rng(3), levels=4, chains_per_level=8
+    )
     population.observe(data, NOISE, surely=True)
     population.step()
     copy = Population.from_state(json.loads(json.dumps(population.state())), predictor)

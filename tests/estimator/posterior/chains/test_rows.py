@@ -6,7 +6,7 @@ from collections import Counter
 
 import numpy as np
 
-from estimator.posterior.chains.rows import exchange_places, other_rows
+from estimator.posterior.chains.rows import exchange_places, other_attachments
 from estimator.posterior.model.unknowns import Unknowns
 from estimator.problem.genome import Genome
 from tests.estimator.exploration.test_few_limbs import genome_of
@@ -26,7 +26,7 @@ def test_a_part_with_a_known_parent_is_tried_on_every_mount_with_every_hinge() -
     unknowns = Unknowns(genome)
     leader = unknowns.permitted(rng.random((1, unknowns.size)))[0]
     for part, mounts, hinges in ((0, 6, 4), (5, 6, 4), (8, 3, 4)):
-        points = other_rows(leader, unknowns.parts[part], unknowns, rng)
+        points = other_attachments(leader, unknowns.parts[part], unknowns, rng)
         assert not unknowns.forbidden(points).any()
         decided = unknowns.decided(points)
         own = [column(genome, part, trait) for trait in ("mount", "hinge")]
@@ -55,7 +55,7 @@ def test_where_parents_are_unknown_rows_are_random() -> None:
     genome, rng = genome_of("topological"), np.random.default_rng(4)
     unknowns = Unknowns(genome)
     leader = rng.random(unknowns.size)
-    points = other_rows(leader, unknowns.parts[3], unknowns, rng)
+    points = other_attachments(leader, unknowns.parts[3], unknowns, rng)
     others = np.setdiff1d(np.arange(unknowns.size), unknowns.parts[3])
     assert np.all(points[:, others] == leader[others])
     assert len(np.unique(unknowns.decided(points)[:, unknowns.parts[3]], axis=0)) > 90

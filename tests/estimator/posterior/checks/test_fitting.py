@@ -1,4 +1,4 @@
-"""Bodies that depart from a problem are fitted alike, whoever does it."""
+"""Bodies that deviate from a problem are fitted alike, whoever does it."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import numpy as np
 
 from estimator.parallel.executors import ThisProcess, WorkerProcesses
 from estimator.physics.statics import StaticsPhysics
-from estimator.posterior.checks.departed import doubts
+from estimator.posterior.checks.misspecification import fit_alternatives
 from estimator.posterior.model.unknowns import Predictor
-from tests.estimator.posterior.checks.test_departed import (
+from tests.estimator.posterior.checks.test_misspecification import (
     ASKEW,
     DEAD,
     HEAVY,
@@ -27,7 +27,7 @@ def test_who_fits_what_departs_makes_no_difference(predictor: Predictor) -> None
         for workers in (ThisProcess(), another):
             counting, reference = Predictor(predictor.unknowns, StaticsPhysics()), StaticsPhysics()
             fitted.append(
-                doubts(
+                fit_alternatives(
                     *(around(POINT), counting, data, NOISE, few),
                     reference=reference,
                     workers=workers,
@@ -35,6 +35,8 @@ def test_who_fits_what_departs_makes_no_difference(predictor: Predictor) -> None
             )
             costs.append(counting.simulations)
     one, other = fitted
-    assert [doubt.departure for doubt in one] == [doubt.departure for doubt in other]
+    assert [alternative.deviation for alternative in one] == [
+        alternative.deviation for alternative in other
+    ]
     assert all(np.array_equal(a.gains, b.gains) for a, b in zip(one, other, strict=True))
     assert costs[0] == costs[1] > 1000

@@ -45,14 +45,14 @@ def test_where_engines_differ_the_simulator_has_the_last_word(predictor: Predict
     program = np.radians([-11.5, -25.8, -27.2, -16.6])
     pair = (predictor.unknowns.decode_all(fallen[None])[0], program)
     with PyBulletPhysics(fine(WorldSettings())) as pybullet:
-        felt, computed = pybullet.read([pair]), StaticsPhysics().read([pair])
-        assert np.degrees(np.abs(felt.tilt - computed.tilt).max()) > 45
+        observed, computed = pybullet.read([pair]), StaticsPhysics().read([pair])
+        assert np.degrees(np.abs(observed.tilt - computed.tilt).max()) > 45
         observation = Observation(
             angles=tuple(program.tolist()),
-            touch=tuple(felt.touch[0].tolist()),
-            tilt=(float(felt.tilt[0, 0]), float(felt.tilt[0, 1])),
-            clearance=float(felt.clearance[0]),
-            clearance_saturated=bool(felt.saturated[0]),
+            touch=tuple(observed.touch[0].tolist()),
+            tilt=(float(observed.tilt[0, 0]), float(observed.tilt[0, 1])),
+            clearance=float(observed.clearance[0]),
+            clearance_saturated=bool(observed.saturated[0]),
         )
         data = SensorData.of([observation], MODALITIES, CAP)
         likelihood = Likelihood(data, NOISE)
@@ -63,7 +63,7 @@ def test_where_engines_differ_the_simulator_has_the_last_word(predictor: Predict
     assert first.attachments == predictor.unknowns.keys(fallen[None])[0]
     assert first.probability > 0.99
     assert checked.posterior.weights[:10].sum() > 0.99
-    assert checked.effective < 16
+    assert checked.ess < 16
 
 
 def undecided(predictor: Predictor, one: Array, other: Array) -> Posterior:
@@ -77,7 +77,7 @@ def undecided(predictor: Predictor, one: Array, other: Array) -> Posterior:
             Mode(key, 0.5, point, 10.0, (True, True))
             for key, point in zip(predictor.unknowns.keys(both), both, strict=True)
         ),
-        credible=True,
+        adequate_fit=True,
     )
 
 

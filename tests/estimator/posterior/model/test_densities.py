@@ -22,8 +22,8 @@ def test_every_modality_has_a_density() -> None:
 @pytest.mark.parametrize("name", list(MODALITIES))
 def test_what_was_not_read_has_no_density(name: str) -> None:
     nothing = Observation(angles=(0.0,), touch=(None, None))
-    felt = DENSITIES[name].felt([nothing], counts=True)
-    assert DENSITIES[name].log_anywhere(felt.known, 0.2).tolist() == [0.0]
+    observed = DENSITIES[name].observed([nothing], counts=True)
+    assert DENSITIES[name].log_anywhere(observed.known, 0.2).tolist() == [0.0]
 
 
 def test_an_interaction_in_which_nothing_was_read_says_nothing() -> None:
@@ -40,16 +40,16 @@ def test_the_mixture_is_the_sum_of_the_densities() -> None:
     readings = Readings.empty(1, 2)
     readings.valid[:] = True
     readings.touch[0], readings.tilt[0], readings.clearance[0] = (True, True), (0.21, -0.1), 0.102
-    turn = np.zeros(1, dtype=np.intp)
+    interaction = np.zeros(1, dtype=np.intp)
     inlier = np.log1p(-NOISE.outlier)
     for name in MODALITIES:
         data = SensorData.of([seen], [name], 0.2)
-        misfits = data.misfits(readings, turn)[None]
+        misfits = data.misfits(readings, interaction)[None]
         alone, _ = Likelihood(data, NOISE).terms(misfits)
         inlier += alone[0, 0] - np.log1p(-NOISE.outlier)
     data = SensorData.of([seen], tuple(MODALITIES), 0.2)
     together, _ = Likelihood(data, NOISE).terms(
-        data.misfits(readings, turn)[None], np.ones(1), np.zeros((1, 2))
+        data.misfits(readings, interaction)[None], np.ones(1), np.zeros((1, 2))
     )
     expected = (
         np.log(0.95)

@@ -9,10 +9,10 @@ from estimator.body.morphology import Array
 from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.noise_factors import drawn_scales, log_prior
 from estimator.posterior.model.sensor_data import (
-    ASTRAY,
+    BRANCH,
     COLUMNS,
     MISFITS,
-    SILENT,
+    NO_PREDICTION,
     SensorData,
 )
 from estimator.readings.observation import Observation
@@ -47,8 +47,8 @@ def misfits_of(rng: np.random.Generator, points: int, count: int, factor: float)
     strays = rng.normal(0, factor * NOISE.clearance, (points, count))
     misfits[..., COLUMNS["clearance"].start] = strays
     misfits[..., COLUMNS["touch"].start] = rng.random((points, count)) < 0.1
-    misfits[..., SILENT] = rng.random((points, count)) < 0.05
-    misfits[..., ASTRAY] = np.where(rng.random((points, count)) < 0.1, 2, 0)
+    misfits[..., NO_PREDICTION] = rng.random((points, count)) < 0.05
+    misfits[..., BRANCH] = np.where(rng.random((points, count)) < 0.1, 2, 0)
     return misfits
 
 

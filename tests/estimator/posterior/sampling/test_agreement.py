@@ -5,10 +5,10 @@ import pytest
 
 from estimator.posterior.checks.verdict import Fit
 from estimator.posterior.discovery.discovery import BestPoints
+from estimator.posterior.model.gauss_newton import GaussNewton
 from estimator.posterior.model.likelihood import Likelihood
-from estimator.posterior.model.slopes import Lengths
 from estimator.posterior.model.unknowns import Predictor
-from estimator.posterior.sampling.agreement import Agreement, met_by
+from estimator.posterior.sampling.agreement import Agreement, attachments_found
 from estimator.posterior.sampling.evidence import EvidenceEstimator
 from tests.estimator.two_unknown_rows import NOISE, draw, programs
 
@@ -21,13 +21,13 @@ def test_attachments_met_with_lengths_that_explain_nothing_are_not_met(
     data = draw(predictor, POINT, programs(4), np.random.default_rng(2))
     likelihood = Likelihood(data, NOISE)
     estimator = EvidenceEstimator(predictor, data, likelihood, draws=1)
-    best, fits = Lengths(predictor, data, likelihood).polished(POINT[None])
+    best, fits = GaussNewton(predictor, data, likelihood).polished(POINT[None])
     elsewhere = best.copy()
     elsewhere[:, predictor.unknowns.continuous] = 0.95
     (key,) = predictor.unknowns.keys(best)
-    for values, met in ((best, {key}), (elsewhere, set())):
+    for values, found in ((best, {key}), (elsewhere, set())):
         bodies = BestPoints(values=values, fits=fits)
-        assert met_by(bodies, best, estimator, predictor.unknowns) == met
+        assert attachments_found(bodies, best, estimator, predictor.unknowns) == found
 
 
 def test_attachments_about_as_probable_as_the_leaders_lead_too() -> None:
@@ -36,7 +36,7 @@ def test_attachments_about_as_probable_as_the_leaders_lead_too() -> None:
         keys=[(0,), (1,), (2,)],
         best=0.0,
         guesses=np.array([-1.0, 0.0, -4.0]),
-        met=({(0,), (1,)}, set()),
+        found=({(0,), (1,)}, set()),
         fit=Fit(unexplained=0, excess=1.5),
         may_err=True,
     )
@@ -49,7 +49,7 @@ OPEN, KNOWN = (0,), ()
 
 
 @pytest.mark.parametrize(
-    ("key", "unexplained", "excess", "may_err", "credible"),
+    ("key", "unexplained", "excess", "may_err", "adequate_fit"),
     [
         (OPEN, 0, 0.9, False, True),
         (OPEN, 0, 1.1, False, False),
@@ -67,15 +67,15 @@ OPEN, KNOWN = (0,), ()
     ],
 )
 def test_what_explains_the_readings_poorly_is_not_credible(
-    key: tuple[int, ...], unexplained: int, excess: float, may_err: bool, credible: bool
+    key: tuple[int, ...], unexplained: int, excess: float, may_err: bool, adequate_fit: bool
 ) -> None:
     agreement = Agreement(
         points=np.zeros((1, 1)),
         keys=[key],
         best=0.0,
         guesses=np.zeros(1),
-        met=(),
+        found=(),
         fit=Fit(unexplained=unexplained, excess=excess),
         may_err=may_err,
     )
-    assert agreement.credible == credible
+    assert agreement.adequate_fit == adequate_fit

@@ -9,8 +9,8 @@ import pytest
 from estimator.body.morphology import Part
 from estimator.physics.base import Pair, Readings
 from estimator.physics.statics import StaticsPhysics
-from estimator.posterior.checks import left_out
-from estimator.posterior.checks.left_out import with_left_out
+from estimator.posterior.checks import leave_one_out
+from estimator.posterior.checks.leave_one_out import leave_one_out_check
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Posterior
 from tests.estimator.two_unknown_rows import NOISE, draw, equally_likely
@@ -52,7 +52,9 @@ def looked_at(
     posterior = posterior or sampled()
     data = draw(predictor, FELT_LIKE, PERFORMED, np.random.default_rng(3), outlier=0.0)
     rng, like = np.random.default_rng(4), predictor.unknowns.keys(FELT_LIKE[None])
-    return with_left_out(posterior, predictor, data, NOISE, reference=reference, like=like, rng=rng)
+    return leave_one_out_check(
+        posterior, predictor, data, NOISE, reference=reference, like=like, rng=rng
+    )
 
 
 def test_lengths_that_only_statics_rules_out_are_believed_too(predictor: Predictor) -> None:
@@ -82,6 +84,6 @@ def test_where_the_simulator_agrees_with_statics_nothing_changes(predictor: Pred
 def test_where_all_draws_lie_outside_the_problems_ranges_nothing_changes(
     predictor: Predictor, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(left_out, "_WIDE", 1e9)
+    monkeypatch.setattr(leave_one_out, "_WIDE", 1e9)
     posterior = looked_at(predictor, Elsewhere())
     assert np.array_equal(posterior.values, sampled().values)

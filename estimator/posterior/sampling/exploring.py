@@ -1,4 +1,4 @@
-"""The posterior while the readings cannot tell of all parts: the chains, as they wander.
+"""The posterior while the readings cannot tell of all parts: the chains, as they explore.
 
 Where much is open nearly every sample has attachments of its own, and to find and weigh them one by
 one is no use. What the readings do tell, of a limb or two, most samples have in common: with it the
@@ -18,7 +18,7 @@ from estimator.body.morphology import Array
 from estimator.posterior.chains.population import EVERY, Population
 from estimator.posterior.discovery.discovery import BestPoints, Discovery
 from estimator.posterior.model.special import softmax
-from estimator.posterior.posterior import Mode, Posterior, met_by_each, share_met
+from estimator.posterior.posterior import Mode, Posterior, coverage, found_by_each
 
 _LOST: Final = 12.0  # nats below the best
 _STRAGGLERS: Final = 0.5  # of the chains, that may be lost in the end
@@ -27,10 +27,10 @@ _LONGER: Final = 5  # times as many steps, where it is not known which part sits
 _ANEW: Final = 100  # steps with each number of interactions, where chains begin anew
 
 
-def wandered(
+def explored(
     searches: Sequence[Discovery], workers: Executor, *, steps: int
 ) -> tuple[list[Discovery], Posterior, float]:
-    """What is believed after the interactions so far.
+    """The posterior after the interactions so far.
 
     Args:
         searches: With each population.
@@ -38,9 +38,9 @@ def wandered(
         steps: Of each round where limbs are known, and of sampling after them.
 
     Returns:
-        The searches as they go on, the posterior, and how much of it both have met.
+        The searches as they go on, the posterior, and how much of it both have found.
     """
-    moved = list(workers.map(partial(_wander, steps), searches))
+    moved = list(workers.map(partial(_explore, steps), searches))
     by_population = [drawn for _, drawn in moved]
     values, scales, fits = (np.concatenate(arrays) for arrays in zip(*by_population, strict=True))
     unknowns = searches[0].predictor.unknowns
@@ -48,11 +48,11 @@ def wandered(
     best: dict[tuple[int, ...], list[int]] = {}
     for row in np.argsort(-fits, kind="stable").tolist():
         best.setdefault(keys[row], []).append(row)
-    met = met_by_each(list(best), [set(unknowns.keys(own)) for own, _, _ in by_population])
+    found = found_by_each(list(best), [set(unknowns.keys(own)) for own, _, _ in by_population])
     modes = sorted(
         (
             Mode(key, len(rows) / len(keys), values[rows[0]], float(len(rows)), tuple(own))
-            for (key, rows), own in zip(best.items(), met.tolist(), strict=True)
+            for (key, rows), own in zip(best.items(), found.tolist(), strict=True)
         ),
         key=lambda mode: -mode.probability,
     )
@@ -61,15 +61,15 @@ def wandered(
         scales=scales,
         weights=np.full(len(values), 1 / len(values)),
         modes=tuple(modes),
-        credible=True,
+        adequate_fit=True,
     )
-    share = share_met(
-        np.array([mode.probability for mode in modes]), np.array([mode.met for mode in modes])
+    share = coverage(
+        np.array([mode.probability for mode in modes]), np.array([mode.found for mode in modes])
     )
     return [search for search, _ in moved], posterior, share
 
 
-def _wander(steps: int, search: Discovery) -> tuple[Discovery, tuple[Array, Array, Array]]:
+def _explore(steps: int, search: Discovery) -> tuple[Discovery, tuple[Array, Array, Array]]:
     """Moves the chains of one population; its samples, their noise factors and their fits.
 
     They begin anew where the best body leaves something unexplained: what an interaction has led
@@ -102,13 +102,13 @@ def _lost_ones_moved(population: Population, bodies: BestPoints, rng: np.random.
 
     Args:
         population: Its coldest chains are moved.
-        bodies: That were met, best first.
+        bodies: That were found, best first.
         rng: Draws among them.
     """
-    cold = slice(0, population.width)
+    cold = slice(0, population.chains_per_level)
     values, scales = population.values[cold].copy(), population.scales[cold].copy()
     lost = np.flatnonzero(population.posterior_fits(1) < bodies.fits[0] - _LOST)
     values[lost] = bodies.values[rng.choice(len(bodies.fits), lost.size, p=softmax(bodies.fits))]
     scales[lost] = 0.0
     population.replace_coldest(values, scales)
-    return lost.size / population.width
+    return lost.size / population.chains_per_level

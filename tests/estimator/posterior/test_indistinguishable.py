@@ -12,7 +12,11 @@ from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.physics.equivalence import Reference
 from estimator.physics.statics import StaticsPhysics
-from estimator.posterior.alike import alike_shares, feel_alike, probability_of
+from estimator.posterior.indistinguishable import (
+    indistinguishable,
+    indistinguishable_shares,
+    probability_of,
+)
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Mode
 from tests.estimator.two_unknown_rows import MODALITIES, equally_likely, programs
@@ -34,7 +38,7 @@ def test_pairs_are_compared_as_a_reference_compares(predictor: Predictor) -> Non
     ones = rng.random((40, POINT.size))
     ones[::2, LENGTH] *= 0.15  # most of them reach no ground
     others = turned(ones)
-    same = feel_alike(predictor, MOVEMENTS, MODALITIES, ones, others)
+    same = indistinguishable(predictor, MOVEMENTS, MODALITIES, ones, others)
     unknowns = predictor.unknowns
     expected = [
         Reference(one, MOVEMENTS, StaticsPhysics(), MODALITIES).is_like(other)
@@ -42,7 +46,7 @@ def test_pairs_are_compared_as_a_reference_compares(predictor: Predictor) -> Non
     ]
     assert 5 < same.sum() < 35
     assert np.mean(same == expected) > 0.95  # a reference leaves out what says nothing, too
-    assert feel_alike(predictor, MOVEMENTS, MODALITIES, ones, ones).all()
+    assert indistinguishable(predictor, MOVEMENTS, MODALITIES, ones, ones).all()
 
 
 def test_a_mode_is_alike_as_far_as_its_legs_are_short(predictor: Predictor) -> None:
@@ -61,13 +65,13 @@ def test_a_mode_is_alike_as_far_as_its_legs_are_short(predictor: Predictor) -> N
     )
     weights = np.array([0.3, 0.3, 0.08, 0.08, 0.08, 0.06, 0.05, 0.05])
     posterior = replace(equally_likely(values, POINT), weights=weights, modes=modes)
-    alike = partial(feel_alike, predictor, MOVEMENTS, MODALITIES)
-    shares = alike_shares(modes, posterior, predictor, alike)
+    alike = partial(indistinguishable, predictor, MOVEMENTS, MODALITIES)
+    shares = indistinguishable_shares(modes, posterior, predictor, alike)
     assert shares[:2] == pytest.approx([1.0, 0.75])
     there = values[0].copy()
     there[LENGTH] = bare[LENGTH]
     assert shares[2] == alike(there[None], bare[None])[0]
-    assert alike_shares(modes[:1], posterior, predictor, alike) == pytest.approx([1.0])
+    assert indistinguishable_shares(modes[:1], posterior, predictor, alike) == pytest.approx([1.0])
 
 
 def test_attachments_are_as_probable_as_the_samples_that_feel_like_them(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from estimator.body.arrays import TOO_HIGH, Bodies
-from estimator.posterior.model.departures import (
+from estimator.posterior.model.deviations import (
     Limp,
     Thickness,
     TiltGain,
@@ -12,8 +12,8 @@ from estimator.posterior.model.departures import (
     Travel,
     TurnedMount,
 )
-from estimator.posterior.model.possible_departures import possible_departures
-from estimator.posterior.model.unknowns import Predictor, departing_points
+from estimator.posterior.model.possible_deviations import possible_deviations
+from estimator.posterior.model.unknowns import Predictor, deviating_points
 from estimator.problem.problem import Problem
 from tests.estimator.two_unknown_rows import programs
 
@@ -41,10 +41,10 @@ def test_what_a_limp_part_carries_hangs_with_it(predictor: Predictor) -> None:
 
 def test_its_foot_feels_the_ground_in_every_pose(predictor: Predictor) -> None:
     values, moved = np.vstack([ON_LEG_1, BESIDE_IT]), programs(16, seed=3)
-    felt = predictor.departing([LIMP]).read_all(departing_points(values, 0), moved)
-    assert felt.touch[:, 0].all()
-    assert not felt.touch_doubtful[:, 0].any()
-    assert not felt.touch[:, 2].all()
+    observed = predictor.deviating([LIMP]).read_all(deviating_points(values, 0), moved)
+    assert observed.touch[:, 0].all()
+    assert not observed.touch_doubtful[:, 0].any()
+    assert not observed.touch[:, 2].all()
     assert not predictor.read_all(values, moved).touch[:, 0].all()
 
 
@@ -52,19 +52,19 @@ def test_servos_that_turn_too_far_do_what_a_wider_program_asks(predictor: Predic
     values, moved = BESIDE_IT[None], programs(16, seed=3)
     wide = Travel(text="all too far", amount=1.25)
     one = Travel(text="one not far enough", amount=0.8, part=1)
-    for departure, factors in ((wide, 1.25), (one, [1.0, 0.8, 1.0, 1.0])):
-        felt = predictor.departing([departure]).read_all(departing_points(values, 0), moved)
-        told = predictor.read_all(values, moved * factors)
-        assert np.array_equal(felt.tilt, told.tilt)
-        assert np.array_equal(felt.clearance, told.clearance)
+    for deviation, factors in ((wide, 1.25), (one, [1.0, 0.8, 1.0, 1.0])):
+        observed = predictor.deviating([deviation]).read_all(deviating_points(values, 0), moved)
+        present = predictor.read_all(values, moved * factors)
+        assert np.array_equal(observed.tilt, present.tilt)
+        assert np.array_equal(observed.clearance, present.clearance)
 
 
 def test_wrongly_calibrated_sensors_make_something_else_of_the_pose(predictor: Predictor) -> None:
     values, moved = BESIDE_IT[None], programs(16, seed=3)
     sound = predictor.read_all(values, moved)
     gain, higher, lower = (
-        predictor.departing([departure]).read_all(departing_points(values, 0), moved)
-        for departure in (
+        predictor.deviating([deviation]).read_all(deviating_points(values, 0), moved)
+        for deviation in (
             TiltGain(text="steeper", amount=1.25),
             TooHigh(text="too high", column=TOO_HIGH, amount=0.01),
             TooHigh(text="too low", column=TOO_HIGH, amount=-1.0),
@@ -78,22 +78,22 @@ def test_wrongly_calibrated_sensors_make_something_else_of_the_pose(predictor: P
 
 
 def test_bodies_are_built_each_by_its_own_departure(predictor: Predictor) -> None:
-    ways, values = (LIMP, THICK, ASIDE), np.vstack([ON_LEG_1, BESIDE_IT] * 3)
+    branches, values = (LIMP, THICK, ASIDE), np.vstack([ON_LEG_1, BESIDE_IT] * 3)
     which = np.array([2, 0, 1, 1, 0, 2])
-    built = predictor.unknowns.departing(ways).bodies(departing_points(values, which))
+    built = predictor.unknowns.deviating(branches).bodies(deviating_points(values, which))
     moved = programs(6, seed=4)
     for row, number in enumerate(which.tolist()):
-        alone = ways[number].of(predictor.unknowns.bodies(values[[row]]))
+        alone = branches[number].of(predictor.unknowns.bodies(values[[row]]))
         rows = np.zeros(6, dtype=np.intp)
-        felt, expected = (
+        observed, expected = (
             predictor.read(bodies, rows, moved) for bodies in (built[row : row + 1], alone)
         )
-        assert np.array_equal(felt.tilt, expected.tilt)
-        assert np.array_equal(felt.touch, expected.touch)
+        assert np.array_equal(observed.tilt, expected.tilt)
+        assert np.array_equal(observed.touch, expected.touch)
 
 
 def test_every_part_with_a_servo_may_have_a_dead_one() -> None:
-    limp = [one for one in possible_departures(Problem.load("parametric")) if type(one) is Limp]
+    limp = [one for one in possible_deviations(Problem.load("parametric")) if type(one) is Limp]
     driven = [part.name for part in Problem.load("parametric").parts if part.motor is not None]
     assert [one.name for one in limp] == [f"the servo of {name} dead" for name in driven]
 
@@ -109,8 +109,8 @@ def test_every_part_with_a_servo_may_have_a_dead_one() -> None:
 )
 def test_what_a_problem_leaves_open_is_no_departure(left_open: str, word: str, fewer: int) -> None:
     source = Problem.load("parametric").source
-    known = possible_departures(Problem.parse(source, "known.toml"))
+    known = possible_deviations(Problem.parse(source, "known.toml"))
     problem = Problem.parse(f"{source}\n[nuisance]\n{left_open}\n", "open.toml")
-    gone = set(known) - set(possible_departures(problem))
+    gone = set(known) - set(possible_deviations(problem))
     assert len(gone) == fewer
     assert all(word in one.text for one in gone)

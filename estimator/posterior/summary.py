@@ -1,4 +1,4 @@
-"""A posterior as it is kept and told: stated probability, verdict on fit, what was foretold."""
+"""The summary of a posterior, as stored and reported: probability, fit, predictions."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import numpy as np
 
 from estimator.body.limbs import driven_limbs, leg_lengths
 from estimator.body.morphology import Array
-from estimator.posterior.alike import Alike, alike_shares
-from estimator.posterior.checks.verdict import deviations, judge
+from estimator.posterior.checks.verdict import judge, standardised_residuals
+from estimator.posterior.indistinguishable import Indistinguishable, indistinguishable_shares
 from estimator.posterior.information import information_gained
 from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.sensor_data import SensorData
@@ -17,8 +17,8 @@ from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.posterior import (
     MOSTLY,
     Posterior,
-    draws_alike,
-    share_met_alike,
+    coverage_of_classes,
+    ess_of_class,
 )
 from estimator.storage.beliefs import (
     Belief,
@@ -31,32 +31,32 @@ _KEPT: Final = 120  # modes, as many as are weighed at most
 _RIVALS: Final = 20  # of them, that are compared with the first where nothing is stated
 
 
-def believe(
+def summarise(
     posterior: Posterior,
     predictor: Predictor,
     data: SensorData,
     noise: Noise,
-    alike: Alike,
+    alike: Indistinguishable,
     *,
     before: Posterior | None = None,
 ) -> Belief:
-    """Sums a posterior up.
+    """Summarises a posterior.
 
     Args:
         posterior: After the interactions of ``data``.
         predictor: Computes readings.
-        data: What the robot felt.
-        noise: How far readings stray.
+        data: The observations.
+        noise: Sensor noise.
         alike: The test of equivalence.
         before: The posterior before the last interaction, by which its information is measured.
     """
     modes = posterior.modes[:_KEPT]
-    compared = modes if posterior.credible else modes[:_RIVALS]
+    compared = modes if posterior.adequate_fit else modes[:_RIVALS]
     shares = np.zeros(len(modes))
-    shares[: len(compared)] = alike_shares(compared, posterior, predictor, alike)
-    chances, met = np.array([mode.probability for mode in modes]), [mode.met for mode in modes]
-    met_in_common = share_met_alike(chances, np.array(met), shares)
-    behind = draws_alike(chances, np.array([mode.effective for mode in modes]), shares)
+    shares[: len(compared)] = indistinguishable_shares(compared, posterior, predictor, alike)
+    chances, found = np.array([mode.probability for mode in modes]), [mode.found for mode in modes]
+    met_in_common = coverage_of_classes(chances, np.array(found), shares)
+    behind = ess_of_class(chances, np.array([mode.ess for mode in modes]), shares)
     verdict = judge(posterior, predictor, data, noise)
     gained = None
     if before is not None:
@@ -69,18 +69,20 @@ def believe(
         modes=tuple(
             BelievedMode(
                 probability=mode.probability,
-                effective=mode.effective,
+                effective=mode.ess,
                 genes=tuple(mode.point.tolist()),
                 like_the_first=bool(share >= MOSTLY),
-                met=mode.met,
+                met=mode.found,
             )
             for mode, share in zip(modes, shares.tolist(), strict=True)
         ),
-        within_problem=min(float(chances @ shares), met_in_common) if posterior.credible else None,
+        within_problem=min(float(chances @ shares), met_in_common)
+        if posterior.adequate_fit
+        else None,
         met_in_common=met_in_common,
         few_draws=bool(predictor.unknowns.choices.size) and behind < _FEW,
         gained=gained,
-        foretold=_foretold(posterior, predictor, data, noise),
+        foretold=_predicted(posterior, predictor, data, noise),
         unexplained=verdict.unexplained,
         noisy=verdict.noisy,
         contradicting=verdict.contradicting,
@@ -128,23 +130,23 @@ def _legs_of_several_lengths(point: Array, unknowns: Unknowns) -> dict[int, list
     return {leg: own for leg, own in columns.items() if len(own) > 1}
 
 
-def _foretold(
+def _predicted(
     posterior: Posterior, predictor: Predictor, data: SensorData, noise: Noise
 ) -> tuple[Foretold, ...]:
     best = posterior.modes[0].point[None]
     likelihood = Likelihood(data, noise)
     readings = likelihood.readings_of(predictor, best)
-    strays = deviations(best, predictor, data, noise)
+    residuals = standardised_residuals(best, predictor, data, noise)
     misfits = likelihood.misfits_of(predictor, posterior.values)
     inliers = likelihood.inlier_share(misfits, scales=posterior.scales)
     outlier = 1 - posterior.weights @ inliers
     return tuple(
         Foretold(
-            touch=tuple(bool(bit) for bit in readings.touch[turn]),
-            tilt=(float(readings.tilt[turn, 0]), float(readings.tilt[turn, 1])),
-            clearance=float(readings.clearance[turn]),
-            deviations={name: float(values[turn]) for name, values in strays.items()},
-            outlier=float(np.clip(outlier[turn], 0, 1)),
+            touch=tuple(bool(bit) for bit in readings.touch[interaction]),
+            tilt=(float(readings.tilt[interaction, 0]), float(readings.tilt[interaction, 1])),
+            clearance=float(readings.clearance[interaction]),
+            deviations={name: float(values[interaction]) for name, values in residuals.items()},
+            outlier=float(np.clip(outlier[interaction], 0, 1)),
         )
-        for turn in range(len(data))
+        for interaction in range(len(data))
     )

@@ -1,4 +1,4 @@
-"""All ways that are looked at in which a robot may be built otherwise than its problem says.
+"""All deviations of a robot from its problem that are fitted to the readings.
 
 How far they go is what a builder gets wrong unnoticed: less hardly matters, more is seen. Of each
 amount all of ``SIZES`` times as much are fitted.
@@ -12,10 +12,10 @@ from itertools import product
 from typing import Final, TypedDict
 
 from estimator.body.arrays import ACCELEROMETER, TOO_HIGH
-from estimator.posterior.model.departures import (
+from estimator.posterior.model.deviations import (
     Askew,
     Density,
-    Departure,
+    Deviation,
     Limp,
     OffCentre,
     OffZero,
@@ -50,19 +50,19 @@ class _Angle(TypedDict):
     unit: float
 
 
-def possible_departures(problem: Problem) -> tuple[Departure, ...]:
+def possible_deviations(problem: Problem) -> tuple[Deviation, ...]:
     """Everything that is looked at.
 
     Parts of another thickness or mass, a main body that is heavier at one end, sensors that were
     put on askew or calibrated wrongly, servos that are dead, off their zero or turn by other angles
     than they are told, hinges and mounts turned by up to 30°. What the problem leaves open is no
-    departure.
+    deviation.
     """
     left_open = problem.nuisance
     of_parts = (
-        departure
+        deviation
         for index, part in enumerate(problem.parts)
-        for departure in (
+        for deviation in (
             *_of_a_part(part.name, index),
             *(() if part.motor is None else _of_a_servo(part.name, index, left_open)),
         )
@@ -70,7 +70,7 @@ def possible_departures(problem: Problem) -> tuple[Departure, ...]:
     return (*_of_all_parts(left_open), *_of_the_main_body(left_open), *of_parts)
 
 
-def _of_all_parts(left_open: NuisanceSection) -> Iterator[Departure]:
+def _of_all_parts(left_open: NuisanceSection) -> Iterator[Deviation]:
     for factor in _THICKNESSES:
         yield Thickness(text="parts {} times as thick", amount=factor)
     for factor in _HEAVIER if left_open.density is None else ():
@@ -80,7 +80,7 @@ def _of_all_parts(left_open: NuisanceSection) -> Iterator[Departure]:
         yield Travel(text="all servos turning {} times as far as told", amount=factor)
 
 
-def _of_the_main_body(left_open: NuisanceSection) -> Iterator[Departure]:
+def _of_the_main_body(left_open: NuisanceSection) -> Iterator[Deviation]:
     off_centre = _OFF_CENTRE if left_open.centre_of_mass_mm is None else ()
     askew = _ASKEW if left_open.accelerometer_deg is None else ()
     for axis, share in product((0, 1), off_centre):
@@ -97,7 +97,7 @@ def _of_the_main_body(left_open: NuisanceSection) -> Iterator[Departure]:
         yield TooHigh(text=text, column=TOO_HIGH, amount=offset / 1000, unit=1000)
 
 
-def _of_a_part(part: str, index: int) -> Iterator[Departure]:
+def _of_a_part(part: str, index: int) -> Iterator[Deviation]:
     for factor in _ONE_THICKNESS:
         yield Thickness(text=f"{part} {{}} times as thick", amount=factor, part=index)
     for degrees in _TURNS:
@@ -106,7 +106,7 @@ def _of_a_part(part: str, index: int) -> Iterator[Departure]:
         yield TurnedMount(text=text, part=index, **_angle(degrees))
 
 
-def _of_a_servo(part: str, index: int, left_open: NuisanceSection) -> Iterator[Departure]:
+def _of_a_servo(part: str, index: int, left_open: NuisanceSection) -> Iterator[Deviation]:
     yield Limp(text=f"the servo of {part} dead", part=index)
     for factor in _ONE_TRAVEL:
         text = f"the servo of {part} turning {{}} times as far as told"

@@ -1,4 +1,4 @@
-"""Which samples no sensor can tell from what the best body says of attachments.
+"""Which samples are observationally equivalent to the attachments of the best body.
 
 A sample is held against the body that has its lengths and the first mode's attachments: a leg that
 is too short to reach the ground feels the same on any hinge, a longer one does not.
@@ -17,14 +17,14 @@ from estimator.physics.equivalence import AGREEMENT, MARGIN, agree
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Mode, Posterior
 
-Alike: TypeAlias = Callable[[Array, Array], Flags]
-"""Of two arrays of n points, whether no sensor can tell each body from the other's."""
+Indistinguishable: TypeAlias = Callable[[Array, Array], Flags]
+"""Of two arrays of n points, whether body by body no sensor discriminates between them."""
 
 _FIRST: Final = 50  # movements, in which nearly all bodies differ already that differ at all
 _COMPARED: Final = 0.002  # probability of a mode that is compared
 
 
-def feel_alike(
+def indistinguishable(
     predictor: Predictor,
     movements: Array,
     modalities: Sequence[str],
@@ -38,29 +38,32 @@ def feel_alike(
         movements: Motor programs, rad, shape (m, motors).
         modalities: Sensors that may tell bodies apart.
         ones: Points of the cube, shape (n, size).
-        others: Likewise.
+        others: Points of the cube, shape (n, size).
 
     Returns:
-        Whether two bodies read alike in (nearly) all movements in which no trifle decides.
+        Shape (n,): whether two bodies read alike in (nearly) all movements in which no trifle
+        decides.
     """
     bodies = [predictor.unknowns.bodies(points) for points in (ones, others)]
     allowed = int((1 - AGREEMENT) * len(movements))
     differing = np.zeros(len(ones), dtype=np.int64)
     for some in (movements[:_FIRST], movements[_FIRST:]):
         left = np.flatnonzero(differing <= allowed)
-        rows, turns = np.repeat(left, len(some)), np.tile(some, (len(left), 1))
-        one, other = (predictor.read(each, rows, turns) for each in bodies)
+        rows, programs = np.repeat(left, len(some)), np.tile(some, (len(left), 1))
+        one, other = (predictor.read(each, rows, programs) for each in bodies)
         differ = ~agree(one, other, modalities).reshape(len(left), len(some))
         # Margins cost as much as many readings; twice as many as are allowed will do.
         asked = np.flatnonzero(differ & (np.cumsum(differ, axis=1) <= 2 * (allowed + 1)))
         tells = np.zeros(differ.size, dtype=bool)
-        margins = predictor.margins(bodies[0], rows[asked], turns[asked], most=2 * MARGIN)
+        margins = predictor.margins(bodies[0], rows[asked], programs[asked], most=2 * MARGIN)
         tells[asked] = margins > MARGIN
         differing[left] += tells.reshape(differ.shape).sum(axis=1)
     return np.asarray(differing <= allowed)
 
 
-def probability_of(point: Array, posterior: Posterior, predictor: Predictor, alike: Alike) -> float:
+def probability_of(
+    point: Array, posterior: Posterior, predictor: Predictor, alike: Indistinguishable
+) -> float:
     """How probable a body's attachments are by a posterior, up to what no sensor can tell.
 
     Args:
@@ -78,8 +81,8 @@ def probability_of(point: Array, posterior: Posterior, predictor: Predictor, ali
     return float(posterior.weights @ same)
 
 
-def alike_shares(
-    modes: Sequence[Mode], posterior: Posterior, predictor: Predictor, alike: Alike
+def indistinguishable_shares(
+    modes: Sequence[Mode], posterior: Posterior, predictor: Predictor, alike: Indistinguishable
 ) -> Array:
     """How much of each mode no sensor can tell from the first mode's attachments.
 

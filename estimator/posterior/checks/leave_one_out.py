@@ -1,8 +1,8 @@
 """Does one interaction rule out lengths that it would not rule out in the simulator?
 
-Where the engines end in different poses, statics of the true body contradicts what was felt, and
-other lengths may explain it. Bodies that explain all interactions but one are therefore drawn, for
-each interaction in turn, and those that statics contradicts there are simulated in it. What the
+Where the engines end in different poses, statics of the true body contradicts what was observed,
+and other lengths may explain it. Bodies that explain all interactions but one are therefore drawn,
+for each interaction in turn, and those that statics contradicts there are simulated in it. What the
 simulator confirms belongs to the posterior as well.
 """
 
@@ -18,9 +18,9 @@ import numpy as np
 from estimator.body.morphology import Array
 from estimator.physics.base import Physics
 from estimator.posterior.checks.recheck import simulated_fits
+from estimator.posterior.model.gauss_newton import GaussNewton
 from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.sensor_data import SensorData
-from estimator.posterior.model.slopes import Lengths
 from estimator.posterior.model.special import logsumexp, softmax
 from estimator.posterior.model.unknowns import Attachments, Predictor
 from estimator.posterior.posterior import Posterior, systematic
@@ -33,7 +33,7 @@ _WIDE: Final = 1.5  # factor on the proposal's spread
 _LITTLE: Final = 0.01  # share of the posterior that is not worth adding
 
 
-def with_left_out(
+def leave_one_out_check(
     posterior: Posterior,
     predictor: Predictor,
     data: SensorData,
@@ -48,8 +48,8 @@ def with_left_out(
     Args:
         posterior: Of bodies that explain the readings by statics.
         predictor: Statics.
-        data: What the robot felt.
-        noise: How far readings stray.
+        data: The observations.
+        noise: Sensor noise.
         reference: The simulator.
         like: The first mode's attachments, and such as no sensor can tell from them: in the places
             of their samples come the added bodies.
@@ -60,27 +60,27 @@ def with_left_out(
     best = posterior.modes[0].point
     likelihood = Likelihood(data, noise)
     highest = _fits(likelihood, predictor, best[None])[0]
-    evidence = highest.sum() - _log_density_at(Lengths(predictor, data, likelihood), best)
+    evidence = highest.sum() - _log_density_at(GaussNewton(predictor, data, likelihood), best)
     added, shares = [], []
-    for turn in range(len(data)):
-        rest = data[np.delete(np.arange(len(data)), turn)]
+    for interaction in range(len(data)):
+        rest = data[np.delete(np.arange(len(data)), interaction)]
         draws, log_density = _draws(
-            best, Lengths(predictor, rest, Likelihood(rest, noise)), predictor, rng
+            best, GaussNewton(predictor, rest, Likelihood(rest, noise)), predictor, rng
         )
         fits = _fits(likelihood, predictor, draws)
-        others = np.delete(fits, turn, axis=1).sum(axis=1)
-        contradicted = fits[:, turn] < highest[turn] - _CONTRADICTED
-        explains = others > highest.sum() - highest[turn] - _CONTRADICTED
+        others = np.delete(fits, interaction, axis=1).sum(axis=1)
+        contradicted = fits[:, interaction] < highest[interaction] - _CONTRADICTED
+        explains = others > highest.sum() - highest[interaction] - _CONTRADICTED
         rows = np.flatnonzero(contradicted & explains)
         if not rows.size:
             continue
         tried = predictor.unknowns.decode_all(draws[rng.permutation(rows)[:_SIMULATED]])
-        felt = simulated_fits(tried, data[turn : turn + 1], noise, reference)
+        observed = simulated_fits(tried, data[interaction : interaction + 1], noise, reference)
         # which of them the simulator confirms is chance: there a trifle decides
         logs = others - log_density - math.log(_DRAWS)
-        confirmed = logs[rows] + logsumexp(felt) - math.log(len(felt))
-        as_stated = logsumexp((logs + fits[:, turn])[~contradicted])
-        # by the evidence, should the draws not come near the lengths that are believed
+        confirmed = logs[rows] + logsumexp(observed) - math.log(len(observed))
+        as_stated = logsumexp((logs + fits[:, interaction])[~contradicted])
+        # by the evidence, should the draws not come near the lengths of the posterior
         share = float(softmax(np.array([logsumexp(confirmed), max(as_stated, evidence)]))[0])
         probable = softmax(confirmed)
         if share > _LITTLE and _FEWEST * np.sum(probable**2) < 1.0:
@@ -101,23 +101,23 @@ def with_left_out(
 
 
 def _draws(
-    best: Array, lengths: Lengths, predictor: Predictor, rng: np.random.Generator
+    best: Array, solver: GaussNewton, predictor: Predictor, rng: np.random.Generator
 ) -> tuple[Array, Array]:
     """Bodies around the lengths that fit best, and the logarithm of their density."""
-    points, _ = lengths.polished(best[None])
+    points, _ = solver.polished(best[None])
     columns = predictor.unknowns.continuous
     normal = rng.standard_normal((_DRAWS, columns.size))
-    covariance = np.linalg.inv(lengths.slopes(points).precision[0])
+    covariance = np.linalg.inv(solver.slopes(points).precision[0])
     draws = np.tile(points[0], (_DRAWS, 1))
     draws[:, columns] += normal @ (_WIDE * np.linalg.cholesky(covariance)).T
-    highest = _log_density_at(lengths, points[0]) - columns.size * math.log(_WIDE)
+    highest = _log_density_at(solver, points[0]) - columns.size * math.log(_WIDE)
     inside = np.all((draws[:, columns] >= 0) & (draws[:, columns] <= 1), axis=1)
     return draws[inside], (highest - 0.5 * np.sum(normal**2, axis=1))[inside]
 
 
-def _log_density_at(lengths: Lengths, best: Array) -> float:
+def _log_density_at(solver: GaussNewton, best: Array) -> float:
     """Of the normal distribution that a posterior resembles, at its middle."""
-    precision = lengths.slopes(best[None]).precision[0]
+    precision = solver.slopes(best[None]).precision[0]
     return float(0.5 * np.linalg.slogdet(precision / (2 * math.pi))[1])
 
 

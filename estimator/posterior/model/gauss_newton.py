@@ -17,7 +17,7 @@ import numpy as np
 from estimator.body.morphology import Array
 from estimator.posterior.model.likelihood import LEANS, Likelihood
 from estimator.posterior.model.noise_family import step_weight
-from estimator.posterior.model.sensor_data import ASTRAY, MISFITS, SensorData
+from estimator.posterior.model.sensor_data import BRANCH, MISFITS, SensorData
 from estimator.posterior.model.unknowns import Columns, Predictor
 
 ROUGH: Final = 4.0
@@ -51,12 +51,12 @@ class Slopes:
     climb: Array
 
 
-class Lengths:
+class GaussNewton:
     """Finds the lengths that fit best.
 
     Args:
         predictor: Computes readings.
-        data: What the robot felt.
+        data: The observations.
         likelihood: Of ``data``.
         noise_known: Whether readings stray as announced, by no unknown factor.
     """
@@ -92,18 +92,21 @@ class Lengths:
         unexplained = np.flatnonzero(self._likelihood.inlier_share(misfits)[0] < 0.5)
         return list(reversed(unexplained.tolist()))
 
-    def rough_fits(self, values: Array, turns: Columns) -> Array:
+    def rough_fits(self, values: Array, interactions: Columns) -> Array:
         """Log-likelihoods of n points in k of the interactions, shape (n, k).
 
         Under ``ROUGH`` times the announced noise, everybody falling as statics has it.
         """
-        rows, each = np.repeat(np.arange(len(values)), len(turns)), np.tile(turns, len(values))
+        rows, each = (
+            np.repeat(np.arange(len(values)), len(interactions)),
+            np.tile(interactions, len(values)),
+        )
         bodies = self._predictor.unknowns.bodies(values)
         misfits = self._likelihood.misfits_at(
-            self._predictor, bodies, rows, each, ways=np.zeros(len(rows))
+            self._predictor, bodies, rows, each, branches=np.zeros(len(rows))
         )
-        fits = self._likelihood.of(misfits[:, None], ROUGH, turns=each[:, None])
-        return fits.reshape(len(values), len(turns))
+        fits = self._likelihood.of(misfits[:, None], ROUGH, interactions=each[:, None])
+        return fits.reshape(len(values), len(interactions))
 
     def polished(
         self, values: Array, most: int | None = None, groups: Array | None = None
@@ -119,35 +122,37 @@ class Lengths:
             groups: Numbers of groups, shape (n,); one by default.
         """
         led = values
-        for width in _WIDE:
-            led, fits = self._narrower(led, width)
+        for noise_scale in _WIDE:
+            led, fits = self._narrower(led, noise_scale)
         kept = _best_of_groups(fits, np.zeros(len(fits)) if groups is None else groups, most)
         both = np.concatenate([led[kept], values[kept]])
         going_on = np.arange(len(both))  # who does not get better once never will
-        for width in _NARROW:
-            before, (after, _) = both[going_on], self._narrower(both[going_on], width)
+        for noise_scale in _NARROW:
+            before, (after, _) = both[going_on], self._narrower(both[going_on], noise_scale)
             both[going_on] = after
             going_on = going_on[np.any(after != before, axis=1)]
             if not going_on.size:
                 break
-        ways, fits = both.reshape(2, len(kept), -1), self.fits(both).reshape(2, -1)
+        found, fits = both.reshape(2, len(kept), -1), self.fits(both).reshape(2, -1)
         better = np.argmax(fits, axis=0), np.arange(len(kept))
-        return ways[better], fits[better]
+        return found[better], fits[better]
 
-    def _narrower(self, values: Array, width: float) -> tuple[Array, Array]:
-        """One step, where it leads to something better; and how well that fits under the width."""
+    def _narrower(self, values: Array, noise_scale: float) -> tuple[Array, Array]:
+        """One step, where it leads to something better; and its log-likelihood under that noise."""
         values = values.copy()
         columns = self._predictor.unknowns.continuous
-        slopes = self.slopes(values, width)
+        slopes = self.slopes(values, noise_scale)
         step = np.linalg.solve(slopes.precision, slopes.climb[..., None])[..., 0]
         size = np.max(np.abs(step), axis=1, keepdims=True, initial=0.0)
         step *= np.minimum(1.0, _FARTHEST / np.maximum(size, 1e-12))
-        best, ways = self._of(slopes.misfits, width), slopes.misfits[..., ASTRAY]
+        best, branches = self._of(slopes.misfits, noise_scale), slopes.misfits[..., BRANCH]
         rows = np.arange(len(values))
         for share in (1.0, _SHORTER):
             trial = values[rows]
             trial[:, columns] = np.clip(trial[:, columns] + share * step[rows], 0.0, 1.0)
-            fits = self._of(self._misfits(trial, ways[rows], quickly=width > 1), width)
+            fits = self._of(
+                self._misfits(trial, branches[rows], quickly=noise_scale > 1), noise_scale
+            )
             better = fits > best[rows]
             values[rows[better]], best[rows[better]] = trial[better], fits[better]
             rows = rows[~better]
@@ -155,48 +160,52 @@ class Lengths:
                 break
         return values, best
 
-    def slopes(self, values: Array, width: float = 1.0) -> Slopes:
+    def slopes(self, values: Array, noise_scale: float = 1.0) -> Slopes:
         """Precision and gradient of the log-likelihood by differences, shape (n, size) in.
 
         Under wider noise than announced forks are left out, and joints turn in coarse steps: that
         matters near the truth.
         """
         columns = self._predictor.unknowns.continuous
-        count, lengths, turns = len(values), columns.size, len(self._data)
-        misfits = self._likelihood.misfits_of(self._predictor, values, surely=width > 1)
+        count, lengths, interactions = len(values), columns.size, len(self._data)
+        misfits = self._likelihood.misfits_of(self._predictor, values, surely=noise_scale > 1)
         sign = np.where(values[:, columns] + _STEP > 1, -_STEP, _STEP)
         moved = np.repeat(values[:, None], lengths, axis=1)
         for index, column in enumerate(columns):
             moved[:, index, column] += sign[:, index]
-        ways = np.repeat(misfits[..., ASTRAY], lengths, axis=0)
-        others = self._misfits(moved.reshape(count * lengths, -1), ways, quickly=width > 1)
+        branches = np.repeat(misfits[..., BRANCH], lengths, axis=0)
+        others = self._misfits(
+            moved.reshape(count * lengths, -1), branches, quickly=noise_scale > 1
+        )
         residuals = self._residuals(misfits)
-        there = self._residuals(others).reshape(count, lengths, turns, -1)
+        there = self._residuals(others).reshape(count, lengths, interactions, -1)
         change = (there - residuals[:, None]) / sign[:, :, None, None]
-        weight = self._likelihood.inlier_share(misfits, width)[..., None]
-        sigmas = width * self._likelihood.sigmas
+        weight = self._likelihood.inlier_share(misfits, noise_scale)[..., None]
+        sigmas = noise_scale * self._likelihood.sigmas
         weight = weight * step_weight(residuals / sigmas) / sigmas**2
         weight = np.where(np.max(np.abs(change), axis=1, initial=0.0) > _STEEPEST, 0.0, weight)
         precision = np.einsum("nikc,nkc,njkc->nij", change, weight, change, optimize=True)
         climb = -np.einsum("nikc,nkc,nkc->ni", change, weight, residuals, optimize=True)
         return Slopes(misfits=misfits, precision=precision + PRIOR * np.eye(lengths), climb=climb)
 
-    def _misfits(self, values: Array, ways: Array, *, quickly: bool) -> Array:
+    def _misfits(self, values: Array, branches: Array, *, quickly: bool) -> Array:
         """Of n points in k interactions, each under one of ``LEANS``, shape (n, k)."""
-        data, leans = self._data, LEANS[ways.ravel().astype(np.intp)]
+        data, leans = self._data, LEANS[branches.ravel().astype(np.intp)]
         readings = self._predictor.read_all(values, data.programs, leans, quickly=quickly)
         misfits = data.misfits(readings, np.tile(np.arange(len(data)), len(values)))
-        misfits[:, ASTRAY] = ways.ravel()
+        misfits[:, BRANCH] = branches.ravel()
         return misfits.reshape(len(values), len(data), MISFITS)
 
     def _residuals(self, misfits: Array) -> Array:
         """Of n points in k interactions, shape (n, k, …)."""
-        count, turns, _ = misfits.shape
-        flat = self._data.residuals(misfits.reshape(-1, MISFITS), np.tile(np.arange(turns), count))
-        return flat.reshape(count, turns, -1)
+        count, interactions, _ = misfits.shape
+        flat = self._data.residuals(
+            misfits.reshape(-1, MISFITS), np.tile(np.arange(interactions), count)
+        )
+        return flat.reshape(count, interactions, -1)
 
-    def _of(self, misfits: Array, width: float) -> Array:
-        fits: Array = self._likelihood.of(misfits, width).sum(axis=1)
+    def _of(self, misfits: Array, noise_scale: float) -> Array:
+        fits: Array = self._likelihood.of(misfits, noise_scale).sum(axis=1)
         return fits
 
 

@@ -12,9 +12,9 @@ from estimator.body.arrays import Flags
 from estimator.body.limbs import leg_lengths
 from estimator.body.morphology import Array
 from estimator.physics.statics import StaticsPhysics
-from estimator.posterior.belief import believe
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.posterior import Mode, Posterior
+from estimator.posterior.summary import summarise
 from estimator.storage.beliefs import Belief, NotKnown
 from tests.estimator.exploration.test_few_limbs import genome_of
 from tests.estimator.two_unknown_rows import NOISE, draw, equally_likely, programs
@@ -23,24 +23,24 @@ POINT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
 COUNT = 40
 
 
-def posterior(met: Callable[[int], tuple[bool, ...]]) -> Posterior:
+def posterior(found: Callable[[int], tuple[bool, ...]]) -> Posterior:
     """Many sets of attachments, each as probable as the others."""
     alone = equally_likely(np.tile(POINT, (8, 1)), POINT)
-    modes = tuple(Mode((number,), 1 / COUNT, POINT, 50.0, met(number)) for number in range(COUNT))
+    modes = tuple(Mode((number,), 1 / COUNT, POINT, 50.0, found(number)) for number in range(COUNT))
     return replace(alone, modes=modes)
 
 
-def believed(predictor: Predictor, one: Posterior, *, alike: bool) -> Belief:
+def summarised(predictor: Predictor, one: Posterior, *, alike: bool) -> Belief:
     data = draw(predictor, POINT, programs(3), np.random.default_rng(2))
 
     def same(ones: Array, others: Array) -> Flags:
         return np.full(len(ones), alike)
 
-    return believe(one, predictor, data, NOISE, same)
+    return summarise(one, predictor, data, NOISE, same)
 
 
 def stated(predictor: Predictor, one: Posterior, *, alike: bool) -> float | None:
-    return believed(predictor, one, alike=alike).probability
+    return summarised(predictor, one, alike=alike).probability
 
 
 def test_all_that_feel_alike_count_together(predictor: Predictor) -> None:
@@ -60,7 +60,7 @@ def test_where_the_populations_have_met_different_bodies_nothing_is_stated(
     in_turns = posterior(lambda number: (number % 2 == 0, number % 2 == 1))
     by_one = posterior(lambda number: (True, False))
     for one, alike in ((in_turns, False), (by_one, True)):
-        belief = believed(predictor, one, alike=alike)
+        belief = summarised(predictor, one, alike=alike)
         assert belief.met_in_common == 0.0
         assert belief.probability is None
         assert belief.not_known is NotKnown.DIFFERENT_BODIES
@@ -68,7 +68,7 @@ def test_where_the_populations_have_met_different_bodies_nothing_is_stated(
 
 def test_a_small_probability_is_stated_where_little_was_met_in_common(predictor: Predictor) -> None:
     few = posterior(lambda number: (number < 28, number >= 16))
-    belief = believed(predictor, few, alike=False)
+    belief = summarised(predictor, few, alike=False)
     assert 1 / COUNT < belief.met_in_common < 0.9
     assert belief.probability == pytest.approx(1 / COUNT)
     agreeing = belief.model_copy(update={"met_in_common": 0.6, "within_problem": 0.6})
@@ -76,8 +76,8 @@ def test_a_small_probability_is_stated_where_little_was_met_in_common(predictor:
 
 
 def test_of_what_explains_the_readings_poorly_nothing_is_stated(predictor: Predictor) -> None:
-    poor = replace(posterior(lambda number: (True, True)), credible=False)
-    belief = believed(predictor, poor, alike=True)
+    poor = replace(posterior(lambda number: (True, True)), adequate_fit=False)
+    belief = summarised(predictor, poor, alike=True)
     assert belief.probability is None
     assert belief.not_known is NotKnown.POOR_FIT
 
@@ -86,19 +86,19 @@ def test_of_what_few_samples_stand_for_only_that_it_is_improbable_is_stated(
     predictor: Predictor,
 ) -> None:
     everything = posterior(lambda number: (True, True))
-    few = tuple(replace(mode, effective=4.0) for mode in everything.modes)
+    few = tuple(replace(mode, ess=4.0) for mode in everything.modes)
     others = tuple(replace(mode, probability=0.1 / (COUNT - 1)) for mode in few[1:])
     one = replace(everything, modes=(replace(few[0], probability=0.9), *others))
-    belief = believed(predictor, one, alike=True)
+    belief = summarised(predictor, one, alike=True)
     assert belief.probability is None
     assert belief.not_known is NotKnown.FEW_DRAWS
-    improbable = believed(predictor, replace(everything, modes=few), alike=False)
+    improbable = summarised(predictor, replace(everything, modes=few), alike=False)
     assert improbable.probability == pytest.approx(1 / COUNT)
 
 
 def test_few_samples_each_of_many_that_feel_alike_are_not_few(predictor: Predictor) -> None:
     everything = posterior(lambda number: (True, True))
-    few = tuple(replace(mode, effective=4.0) for mode in everything.modes)
+    few = tuple(replace(mode, ess=4.0) for mode in everything.modes)
     assert stated(predictor, replace(everything, modes=few), alike=True) == pytest.approx(1.0)
 
 
@@ -106,7 +106,7 @@ def test_known_attachments_need_no_draws(
     predictor: Predictor, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     everything = posterior(lambda number: (True, True))
-    only = replace(everything.modes[0], probability=1.0, effective=4.0)
+    only = replace(everything.modes[0], probability=1.0, ess=4.0)
     assert stated(predictor, replace(everything, modes=(only,)), alike=True) is None
     monkeypatch.setattr(predictor.unknowns, "choices", np.array([], dtype=np.intp))
     assert stated(predictor, replace(everything, modes=(only,)), alike=True) == 1.0
@@ -116,9 +116,11 @@ def test_the_best_bodys_legs_are_as_long_as_the_middle_of_the_samples_legs() -> 
     predictor = Predictor(Unknowns(genome_of("parametric")), StaticsPhysics())
     rng = np.random.default_rng(4)
     values = rng.random((201, predictor.unknowns.size)) ** 2  # medians do not add up
-    felt = draw(predictor, values[0], rng.uniform(-0.5, 0.5, (2, 4)), rng)
+    observed = draw(predictor, values[0], rng.uniform(-0.5, 0.5, (2, 4)), rng)
     alone = equally_likely(values, values[0])
-    belief = believe(alone, predictor, felt, NOISE, lambda ones, _: np.ones(len(ones), dtype=bool))
+    belief = summarise(
+        alone, predictor, observed, NOISE, lambda ones, _: np.ones(len(ones), dtype=bool)
+    )
     samples, best = (
         leg_lengths(predictor.unknowns.decode_all(genes))
         for genes in (values, np.array([belief.best]))

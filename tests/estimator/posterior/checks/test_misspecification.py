@@ -13,19 +13,19 @@ from estimator.body.morphology import Array, Base
 from estimator.parallel.executors import ThisProcess
 from estimator.physics.base import Pair, Readings
 from estimator.physics.statics import StaticsPhysics
-from estimator.posterior.checks.departed import (
+from estimator.posterior.checks.misspecification import (
     clearly_better,
-    doubts,
+    fit_alternatives,
+    observable_deviations,
     outliers_left,
-    probability_departed,
-    that_can_be_felt,
+    probability_misspecified,
     with_consequence,
 )
-from estimator.posterior.model.departures import (
+from estimator.posterior.model.deviations import (
+    Alternative,
     Askew,
     Density,
-    Departure,
-    Doubt,
+    Deviation,
     Limp,
     OffCentre,
     OffZero,
@@ -39,7 +39,7 @@ from estimator.posterior.model.departures import (
 )
 from estimator.posterior.model.likelihood import FORKS, LEANS, Noise, apart
 from estimator.posterior.model.sensor_data import SensorData
-from estimator.posterior.model.unknowns import Predictor, Unknowns, departing_points
+from estimator.posterior.model.unknowns import Predictor, Unknowns, deviating_points
 from estimator.posterior.posterior import Mode, Posterior
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
@@ -56,7 +56,7 @@ ASKEW = TurnedHinge(text="a turned hinge", part=0, about=0, amount=math.radians(
 ROUND = TurnedHinge(text="a hinge turned about its axis", part=0, about=1, amount=1.0)
 ASIDE = TurnedMount(text="a leg that points aside", part=0, amount=math.radians(30))
 EXPLAINED = np.zeros(3)
-LENGTH = 2  # of the part that departs
+LENGTH = 2  # of the part that deviates
 DEAD = Limp(text="a dead servo", part=0)
 OFF_ZERO = OffZero(text="a servo off its zero", part=0, amount=math.radians(12))
 HEAVY = Density(text="heavy parts", amount=4.0)
@@ -72,7 +72,7 @@ LOOKED_AT = (
 )
 
 
-fit = partial(doubts, workers=ThisProcess())
+fit = partial(fit_alternatives, workers=ThisProcess())
 
 
 def around(point: np.ndarray) -> Posterior:
@@ -81,7 +81,7 @@ def around(point: np.ndarray) -> Posterior:
     return equally_likely(values, point)
 
 
-def doubted(predictor: Predictor, data: SensorData) -> tuple[Doubt, ...]:
+def explained_by(predictor: Predictor, data: SensorData) -> tuple[Alternative, ...]:
     return fit(around(POINT), predictor, data, NOISE, LOOKED_AT, reference=StaticsPhysics())
 
 
@@ -89,16 +89,16 @@ def felt_by(predictor: Predictor) -> SensorData:
     return draw(predictor, POINT, MOVED, np.random.default_rng(11), outlier=0.0)
 
 
-def felt_by_one_with(departure: Departure, predictor: Predictor) -> SensorData:
-    departing, point = predictor.departing([departure]), departing_points(POINT[None], 0)[0]
-    return draw(departing, point, MOVED, np.random.default_rng(11), outlier=0.0)
+def felt_by_one_with(deviation: Deviation, predictor: Predictor) -> SensorData:
+    deviating, point = predictor.deviating([deviation]), deviating_points(POINT[None], 0)[0]
+    return draw(deviating, point, MOVED, np.random.default_rng(11), outlier=0.0)
 
 
 @pytest.mark.parametrize("true", LOOKED_AT, ids=lambda true: true.name)
 def test_a_robot_that_departs_from_the_problem_is_noticed(
-    predictor: Predictor, true: Departure
+    predictor: Predictor, true: Deviation
 ) -> None:
-    better = clearly_better(doubted(predictor, felt_by_one_with(true, predictor)))
+    better = clearly_better(explained_by(predictor, felt_by_one_with(true, predictor)))
     assert better is not None
     assert better.text == true.text
 
@@ -111,42 +111,46 @@ def test_a_departure_is_found_though_the_best_body_makes_up_for_it_by_a_length(
     wrong[LENGTH] = mistaken
     data = felt_by_one_with(ONE_FAR, predictor)
     posterior = equally_likely(np.tile(wrong, (12, 1)), wrong)
-    (doubt,) = fit(posterior, predictor, data, NOISE, (ONE_FAR,), reference=StaticsPhysics())
-    assert doubt.point[LENGTH] == pytest.approx(POINT[LENGTH], abs=0.05)
+    (alternative,) = fit(posterior, predictor, data, NOISE, (ONE_FAR,), reference=StaticsPhysics())
+    assert alternative.point[LENGTH] == pytest.approx(POINT[LENGTH], abs=0.05)
 
 
 @pytest.mark.parametrize("size", [0.9, 1.3])
 @pytest.mark.parametrize("kind", [ASIDE, ONE_FAR, RAISED], ids=lambda kind: kind.name)
-def test_how_far_it_departs_is_found(predictor: Predictor, kind: Departure, size: float) -> None:
+def test_how_far_it_departs_is_found(predictor: Predictor, kind: Deviation, size: float) -> None:
     true = kind.sized(size)
-    better = clearly_better(doubted(predictor, felt_by_one_with(true, predictor)))
+    better = clearly_better(explained_by(predictor, felt_by_one_with(true, predictor)))
     assert better is not None
     assert better.text == true.text
     assert better.amount == pytest.approx(true.amount, rel=0.1)
 
 
 def test_a_robot_that_does_not_is_not_suspected(predictor: Predictor) -> None:
-    felt = felt_by(predictor)
-    assert clearly_better(doubted(predictor, felt)) is None
-    left = {doubt.departure.text for doubt in doubted(predictor, felt) if doubt.is_left}
+    observed = felt_by(predictor)
+    assert clearly_better(explained_by(predictor, observed)) is None
+    left = {
+        alternative.deviation.text
+        for alternative in explained_by(predictor, observed)
+        if alternative.is_left
+    }
     assert left <= {HEAVY.text}  # one movement of 32 tells, and that may be an outlier
 
 
 class Engine(StaticsPhysics):
-    """Another engine: whatever it is asked, it says what one body of some departure feels."""
+    """Another engine: whatever it is asked, it says what one body of some deviation feels."""
 
-    def __init__(self, departure: Departure, predictor: Predictor):
+    def __init__(self, deviation: Deviation, predictor: Predictor):
         super().__init__()
-        self._departing = predictor.departing([departure])
+        self._deviating = predictor.deviating([deviation])
 
     def read(self, pairs: Sequence[Pair]) -> Readings:
         moved = np.array([program for _, program in pairs])
-        return self._departing.read_all(departing_points(POINT[None], 0), moved)
+        return self._deviating.read_all(deviating_points(POINT[None], 0), moved)
 
 
 @pytest.mark.parametrize(("said", "named"), [(OFF_ZERO, False), (OFF_CENTRE, True)])
 def test_what_bodies_of_the_problem_feel_in_the_simulator_is_no_departure(
-    predictor: Predictor, said: Departure, named: bool
+    predictor: Predictor, said: Deviation, named: bool
 ) -> None:
     data, reference = felt_by_one_with(OFF_ZERO, predictor), Engine(said, predictor)
     one = fit(around(POINT), predictor, data, NOISE, [OFF_ZERO], reference=reference)
@@ -161,8 +165,10 @@ def test_a_rival_that_explains_the_readings_is_no_departure(predictor: Predictor
     both = replace(alone, modes=(*alone.modes, Mode((1,), 0.3, rival, 12.0, (True, True))))
     gains = [
         max(
-            doubt.gains.sum()
-            for doubt in fit(one, predictor, data, NOISE, LOOKED_AT, reference=StaticsPhysics())
+            alternative.gains.sum()
+            for alternative in fit(
+                one, predictor, data, NOISE, LOOKED_AT, reference=StaticsPhysics()
+            )
         )
         for one in (alone, both)
     ]
@@ -173,40 +179,44 @@ def test_a_rival_that_explains_the_readings_is_no_departure(predictor: Predictor
 def test_what_few_movements_cannot_tell_stays_a_doubt(predictor: Predictor) -> None:
     flat = replace(felt_by(predictor)[:1], programs=np.zeros((1, 4)))
     still = draw(predictor, POINT, flat.programs, np.random.default_rng(11), outlier=0.0)
-    left = {doubt.departure.text for doubt in doubted(predictor, still) if doubt.is_left}
-    assert ASKEW.text in left  # an axis shows when the leg turns
+    left = {
+        alternative.deviation.text
+        for alternative in explained_by(predictor, still)
+        if alternative.is_left
+    }
+    assert ASKEW.text in left  # an axis shows when the leg interactions
 
 
 def test_a_hinge_turned_about_its_own_axis_is_the_same_hinge(predictor: Predictor) -> None:
-    assert that_can_be_felt((ASKEW, ROUND), POINT, predictor, MOVED, MODALITIES) == (ASKEW,)
-    without_tilt = that_can_be_felt((TURNED, ROUND), POINT, predictor, MOVED, ("touch",))
+    assert observable_deviations((ASKEW, ROUND), POINT, predictor, MOVED, MODALITIES) == (ASKEW,)
+    without_tilt = observable_deviations((TURNED, ROUND), POINT, predictor, MOVED, ("touch",))
     assert without_tilt == ()
 
 
-def odds_departed(doubted: Sequence[Doubt], outliers: Array) -> float:
-    share = probability_departed(doubted, outliers, NOISE)
+def odds_departed(alternatives: Sequence[Alternative], outliers: Array) -> float:
+    share = probability_misspecified(alternatives, outliers, NOISE)
     return share / (1 - share)
 
 
 def test_what_departs_has_the_prior_s_share_until_movements_have_told(predictor: Predictor) -> None:
-    fitted = doubted(predictor, felt_by(predictor))
-    untold = [replace(doubt, gains=np.zeros(3), log_share=0.0) for doubt in fitted]
-    assert probability_departed(untold, np.zeros(0), NOISE) == pytest.approx(1 / 6)
-    alone = replace(untold[0], log_prior=0.0)
-    assert probability_departed([alone], np.zeros(0), NOISE) == pytest.approx(1 / 6)
-    told = [replace(doubt, gains=np.array([-3.0, 0.0, -4.0])) for doubt in untold]
-    one_left = [untold[0], *told[1:]]
-    one_size_left = [replace(untold[0], log_share=-1.0), *told[1:]]
-    others = odds_departed(told, EXPLAINED)
+    fitted = explained_by(predictor, felt_by(predictor))
+    unlearnt = [replace(alternative, gains=np.zeros(3), log_share=0.0) for alternative in fitted]
+    assert probability_misspecified(unlearnt, np.zeros(0), NOISE) == pytest.approx(1 / 6)
+    alone = replace(unlearnt[0], log_prior=0.0)
+    assert probability_misspecified([alone], np.zeros(0), NOISE) == pytest.approx(1 / 6)
+    present = [replace(alternative, gains=np.array([-3.0, 0.0, -4.0])) for alternative in unlearnt]
+    one_left = [unlearnt[0], *present[1:]]
+    one_size_left = [replace(unlearnt[0], log_share=-1.0), *present[1:]]
+    others = odds_departed(present, EXPLAINED)
     assert 0.2 / 6 * 0.7**3 < others < 0.2 / 4 * 0.7**3
     one = odds_departed(one_left, EXPLAINED) - others
-    families = [doubt.departure.family for doubt in fitted]
+    families = [alternative.deviation.family for alternative in fitted]
     of_its_family = families.count(families[0])
     assert one == pytest.approx(0.8 / 5 / len(set(families)) / of_its_family, rel=0.05)
     assert odds_departed(one_size_left, EXPLAINED) - others < 0.5 * one
-    clear = [replace(untold[0], gains=np.full(3, 400.0)), *told[1:]]
-    assert probability_departed(clear, EXPLAINED, NOISE) == pytest.approx(1.0)
-    assert probability_departed((), np.ones(3), NOISE) == 0.0
+    clear = [replace(unlearnt[0], gains=np.full(3, 400.0)), *present[1:]]
+    assert probability_misspecified(clear, EXPLAINED, NOISE) == pytest.approx(1.0)
+    assert probability_misspecified((), np.ones(3), NOISE) == 0.0
 
 
 def test_a_family_of_departures_is_as_probable_as_another_of_fewer(predictor: Predictor) -> None:
@@ -215,22 +225,26 @@ def test_a_family_of_departures_is_as_probable_as_another_of_fewer(predictor: Pr
     assert len(both) == 2
     odds = []
     for left, refuted in (((THICK,), turned), (turned, (THICK,))):
-        departures = [*left, *refuted]
+        deviations = [*left, *refuted]
         gains = [0.0] * len(left) + [-20.0] * len(refuted)
-        told = [
-            Doubt(departure=departure, point=POINT, gains=np.array([gain]), log_prior=log_prior)
-            for departure, gain, log_prior in zip(
-                departures, gains, log_priors(departures).tolist(), strict=True
+        present = [
+            Alternative(
+                deviation=deviation, point=POINT, gains=np.array([gain]), log_prior=log_prior
+            )
+            for deviation, gain, log_prior in zip(
+                deviations, gains, log_priors(deviations).tolist(), strict=True
             )
         ]
-        odds.append(odds_departed(told, np.zeros(1)))
+        odds.append(odds_departed(present, np.zeros(1)))
     assert odds[0] == pytest.approx(odds[1], rel=1e-6)
 
 
 def test_what_no_body_explains_speaks_for_ways_that_are_not_looked_at(predictor: Predictor) -> None:
-    told = [replace(one, gains=np.full(3, -9.0)) for one in doubted(predictor, felt_by(predictor))]
+    present = [
+        replace(one, gains=np.full(3, -9.0)) for one in explained_by(predictor, felt_by(predictor))
+    ]
     shares = [
-        probability_departed(told, np.repeat([1.0, 0.05, 0.0], counts), NOISE)
+        probability_misspecified(present, np.repeat([1.0, 0.05, 0.0], counts), NOISE)
         for counts in ((0, 0, 6), (0, 1, 6), (1, 0, 6), (2, 0, 5), (1, 0, 16))
     ]
     explained, perhaps, one, two, one_of_many = shares
@@ -242,32 +256,32 @@ def test_what_no_body_explains_speaks_for_ways_that_are_not_looked_at(predictor:
 
 
 def test_nothing_is_doubted_where_no_departure_can_be_felt(predictor: Predictor) -> None:
-    felt = felt_by(predictor)
-    assert fit(around(POINT), predictor, felt, NOISE, (), reference=StaticsPhysics()) == ()
+    observed = felt_by(predictor)
+    assert fit(around(POINT), predictor, observed, NOISE, (), reference=StaticsPhysics()) == ()
 
 
 def test_one_movement_that_only_a_departure_explains_is_no_outlier(predictor: Predictor) -> None:
-    fitted = doubted(predictor, felt_by(predictor))
+    fitted = explained_by(predictor, felt_by(predictor))
     best = replace(fitted[0], gains=np.array([19.0, -0.5, 0.3, -1.0]))
-    assert clearly_better([best, *fitted[1:]]) == best.departure
+    assert clearly_better([best, *fitted[1:]]) == best.deviation
     worse = replace(best, gains=np.array([19.0, -8.0, 0.3, -2.0]))
     assert clearly_better([worse, *fitted[1:]]) is None
 
 
-ELSEWHERE = 1  # a movement in which parts twice as thick are felt by 5°
+ELSEWHERE = 1  # a movement in which parts twice as thick are observed by 5°
 
 
 def one_ended_elsewhere(data: SensorData, predictor: Predictor) -> SensorData:
     thick = felt_by_one_with(THICK, predictor)
-    felt = {name: replace(one, values=one.values.copy()) for name, one in data.felt.items()}
-    for name, one in felt.items():
-        one.values[ELSEWHERE] = thick.felt[name].values[ELSEWHERE]
-    return replace(data, felt=felt)
+    observed = {name: replace(one, values=one.values.copy()) for name, one in data.observed.items()}
+    for name, one in observed.items():
+        one.values[ELSEWHERE] = thick.observed[name].values[ELSEWHERE]
+    return replace(data, observed=observed)
 
 
 def test_one_movement_that_ended_elsewhere_says_nothing(predictor: Predictor) -> None:
     data = one_ended_elsewhere(felt_by(predictor), predictor)
-    assert clearly_better(doubted(predictor, data)) is None
+    assert clearly_better(explained_by(predictor, data)) is None
 
 
 def test_a_departure_is_not_blamed_for_what_the_simulator_was_not_asked(
@@ -293,14 +307,14 @@ def test_what_the_simulator_explains_speaks_for_no_other_robot(predictor: Predic
 
 def test_a_departure_is_named_with_what_it_means_for_lengths_outside_their_intervals() -> None:
     spread = np.array([[-0.003], [0.0], [0.003]])
-    believed = np.array([0.2, 0.1]) + spread * [1.0, 20.0]  # the second is hardly known
+    summarised = np.array([0.2, 0.1]) + spread * [1.0, 20.0]  # the second is hardly known
     for lengths, said in (
         ([0.212, 0.1], "parts 2 times as thick (then legs are up to 12 mm longer)"),
         ([0.188, 0.12], "parts 2 times as thick (then legs are up to 12 mm shorter)"),
         ([0.201, 0.12], "parts 2 times as thick"),
         ([0.204, 0.1], "parts 2 times as thick"),  # not worth saying
     ):
-        assert with_consequence(THICK, np.array(lengths), believed) == said
+        assert with_consequence(THICK, np.array(lengths), summarised) == said
 
 
 def test_a_single_unknown_length_can_be_doubted() -> None:
@@ -310,9 +324,9 @@ def test_a_single_unknown_length_can_be_doubted() -> None:
     predictor, point = Predictor(Unknowns(genome), StaticsPhysics()), np.array([0.5])
     data = draw(predictor, point, MOVED, np.random.default_rng(11), outlier=0.0)
     alone = equally_likely(np.full((12, 1), 0.5), point)
-    (doubt,) = fit(alone, predictor, data, NOISE, [THICK], reference=StaticsPhysics())
-    assert doubt.departure.text == THICK.text
-    assert doubt.gain < 0
+    (alternative,) = fit(alone, predictor, data, NOISE, [THICK], reference=StaticsPhysics())
+    assert alternative.deviation.text == THICK.text
+    assert alternative.gain < 0
 
 
 @pytest.mark.parametrize("mistaken", [(0.5, 0.92), (0.99, 0.99), (0.05, 0.05)])
@@ -337,16 +351,16 @@ def test_lengths_of_a_whole_leg_that_make_up_for_a_departure_are_undone(
         ]
     )
     far = Travel(text="a servo that turns too far", amount=1.2, part=0)
-    departing, rng = predictor.departing([far]), np.random.default_rng(11)
-    data = draw(departing, departing_points(true[None], 0, 1.4)[0], moved, rng, outlier=0.0)
+    deviating, rng = predictor.deviating([far]), np.random.default_rng(11)
+    data = draw(deviating, deviating_points(true[None], 0, 1.4)[0], moved, rng, outlier=0.0)
     posterior = equally_likely(np.tile(wrong, (12, 1)), wrong)
     noise = Noise(tilt=0.0063, clearance=0.0013)
-    (doubt,) = fit(posterior, predictor, data, noise, (far,), reference=StaticsPhysics())
-    assert doubt.point[leg].sum() == pytest.approx(true[leg].sum(), abs=0.1)
-    assert doubt.departure.amount == pytest.approx(far.sized(1.4).amount, abs=0.05)
+    (alternative,) = fit(posterior, predictor, data, noise, (far,), reference=StaticsPhysics())
+    assert alternative.point[leg].sum() == pytest.approx(true[leg].sum(), abs=0.1)
+    assert alternative.deviation.amount == pytest.approx(far.sized(1.4).amount, abs=0.05)
 
 
-def observed(readings: Readings, row: int, program: Array) -> Observation:
+def observation(readings: Readings, row: int, program: Array) -> Observation:
     return Observation(
         angles=tuple(program.tolist()),
         touch=tuple(bool(bit) for bit in readings.touch[row]),
@@ -359,15 +373,15 @@ def test_to_which_side_a_body_falls_speaks_for_no_departure() -> None:
     genome = Genome(Problem.parse(PROBLEM, "legs"), Base(size=(0.14, 0.14, 0.085), mass=1.0))
     predictor, point = Predictor(Unknowns(genome), StaticsPhysics()), np.full(4, 0.85)
     moved = np.random.default_rng(0).uniform(-0.5, 0.5, (4000, 4))
-    felt = [predictor.read_all(point[None], moved, np.tile(lean, (4000, 1))) for lean in LEANS]
-    plumb, *leaning = felt
+    observed = [predictor.read_all(point[None], moved, np.tile(lean, (4000, 1))) for lean in LEANS]
+    plumb, *leaning = observed
     turned = [apart(plumb, one, NOISE) for one in leaning]
     narrow = np.flatnonzero(turned[-1] & ~np.any(turned[: len(FORKS)], axis=0))[:3]
     sure = np.flatnonzero(~np.any(turned, axis=0))[:6]
     assert (len(narrow), len(sure)) == (3, 6)
     data = SensorData.of(
         [
-            observed(readings, row, moved[row])
+            observation(readings, row, moved[row])
             for readings, rows in ((leaning[-1], narrow), (plumb, sure))
             for row in rows.tolist()
         ],

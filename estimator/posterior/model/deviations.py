@@ -1,7 +1,7 @@
-"""Ways in which a robot may be built otherwise than a problem says.
+"""Deviations of a robot from what its problem states.
 
 A problem lists what a leg can sit on and how its hinge can turn it. A robot whose hinge was put in
-askew is none of its bodies, but in some movements feels like one of them. Departures are bodies
+askew is none of its bodies, but in some movements feels like one of them. Deviations are bodies
 next to those of the problem, by which such a robot is noticed.
 """
 
@@ -31,14 +31,14 @@ _WORSE: Final = 4.0  # nats: what explains the readings so much worse is refuted
 
 
 @dataclass(frozen=True, kw_only=True)
-class Departure(ABC):
+class Deviation(ABC):
     """One way in which the robot may be built otherwise.
 
     Attributes:
         text: For people, as the rest of "a body with …"; braces stand for the amount.
         amount: How far it goes, rad, m, or as a factor.
         unit: Factor on the amount in the text.
-        part: Index of the part that departs; none: all of them, or the main body.
+        part: Index of the part that deviates; none: all of them, or the main body.
     """
 
     is_factor: ClassVar[bool] = False
@@ -54,21 +54,21 @@ class Departure(ABC):
         return self.text.replace("{}", f"{abs(self.amount) * self.unit:.2g}")
 
     def of(self, bodies: Bodies, sizes: Array | float = 1.0) -> Bodies:
-        """The same bodies built so.
+        """The bodies with this deviation.
 
         Args:
             bodies: n bodies of the problem.
-            sizes: How far each departs, shape (n,); 0: not at all, 1: by the amount.
+            sizes: How far each deviates, shape (n,); 0: not at all, 1: by the amount.
         """
         return self._built(bodies, self._amounts(np.broadcast_to(sizes, len(bodies))))
 
-    def sized(self, size: float) -> Departure:
-        """The same that goes so far as to be the new amount."""
+    def sized(self, size: float) -> Deviation:
+        """This deviation with an amount of so many times its own."""
         return replace(self, amount=float(self._amounts(np.array(size))))
 
     @property
-    def kind(self) -> Departure:
-        """What it has in common with those that differ from it in their amounts alone."""
+    def kind(self) -> Deviation:
+        """The deviation without its amount: deviations of one kind are built at once."""
         return replace(self, text="", amount=1.0, unit=1.0)
 
     @property
@@ -82,11 +82,11 @@ class Departure(ABC):
 
     @abstractmethod
     def _built(self, bodies: Bodies, amounts: Array) -> Bodies:
-        """The bodies, each departing by its own amount, shape (n,)."""
+        """The bodies, each deviating by its own amount, shape (n,)."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Thickness(Departure):
+class Thickness(Deviation):
     """Parts of another thickness: a factor on their radii."""
 
     is_factor: ClassVar[bool] = True
@@ -96,8 +96,8 @@ class Thickness(Departure):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Travel(Departure):
-    """Servos that turn farther than they are told, or less far: a factor on the angle."""
+class Travel(Deviation):
+    """A factor on the angle by which servos turn."""
 
     is_factor: ClassVar[bool] = True
 
@@ -106,7 +106,7 @@ class Travel(Departure):
 
 
 @dataclass(frozen=True, kw_only=True)
-class TurnedHinge(Departure):
+class TurnedHinge(Deviation):
     """The axis of one part's hinge turned about one of the part's own directions.
 
     Attributes:
@@ -126,8 +126,8 @@ class TurnedHinge(Departure):
 
 
 @dataclass(frozen=True, kw_only=True)
-class OffZero(Departure):
-    """A hinge that stands elsewhere than its servo believes: a horn put on askew."""
+class OffZero(Deviation):
+    """A hinge whose zero differs from its servo's: a horn put on askew."""
 
     part: int
 
@@ -138,7 +138,7 @@ class OffZero(Departure):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ScaledFigure(Departure):
+class ScaledFigure(Deviation):
     """A figure of ``Bodies.base`` that is some times what it should be.
 
     Attributes:
@@ -167,7 +167,7 @@ class TiltGain(ScaledFigure):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ShiftedFigure(Departure):
+class ShiftedFigure(Deviation):
     """A figure of ``Bodies.base`` to which something is added.
 
     Attributes:
@@ -191,7 +191,7 @@ class TooHigh(ShiftedFigure):
 
 
 @dataclass(frozen=True, kw_only=True)
-class OffCentre(Departure):
+class OffCentre(Deviation):
     """A main body whose mass is elsewhere than in its middle: a battery at one end.
 
     The amount is a share of the main body's extent along the axis.
@@ -209,7 +209,7 @@ class OffCentre(Departure):
 
 
 @dataclass(frozen=True, kw_only=True)
-class TurnedMount(Departure):
+class TurnedMount(Deviation):
     """One part that points elsewhere from where it sits, leftward in the planar pose."""
 
     part: int
@@ -231,7 +231,7 @@ class TurnedMount(Departure):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Limp(Departure):
+class Limp(Deviation):
     """One part, and what it carries, hangs from a joint that its servo does not hold.
 
     Such parts support nothing, as if they had no length, and their ends lie on the ground.
@@ -256,19 +256,19 @@ class Limp(Departure):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Doubt:
-    """A body that departs from the problem, as far and with the lengths that fit best.
+class Alternative:
+    """An alternative hypothesis: a body that deviates from the problem, fitted to the readings.
 
     Attributes:
-        departure: How it does, and how far.
+        deviation: How it does, and how far.
         point: Its genes, shape (size,).
         gains: How much better than the best body of the problem it explains each interaction,
             nats, shape (k,).
         log_share: Logarithm of the share of the sizes looked at that explain as much.
-        log_prior: Logarithm of how probable its departure was among all that are looked at.
+        log_prior: Logarithm of how probable its deviation was among all that are looked at.
     """
 
-    departure: Departure
+    deviation: Deviation
     point: Array
     gains: Array
     log_share: float = 0.0
@@ -286,47 +286,47 @@ class Doubt:
 
     @property
     def log_weight(self) -> float:
-        """Logarithm of how probable it is by now, to a constant that all doubts share."""
+        """Logarithm of how probable it is by now, to a constant that all alternatives share."""
         return self.log_prior + self.gain
 
     @property
     def clear_gain(self) -> float:
-        """The same without the interaction that gains most: it may be an outlier."""
+        """``gain`` without the interaction that gains most: it may be an outlier."""
         return self.gain - float(self.gains.max())
 
 
-def log_priors(departures: Sequence[Departure]) -> Array:
-    """Logarithms of how probable departures are before any reading, adding up to 1, shape (n,).
+def log_priors(deviations: Sequence[Deviation]) -> Array:
+    """Logarithms of how probable deviations are before any reading, adding up to 1, shape (n,).
 
-    Their families are as probable as each other, and so are the departures of one family.
+    Their families are as probable as each other, and so are the deviations of one family.
     """
-    sizes = Counter(one.family for one in departures)
-    return -np.log([len(sizes) * sizes[one.family] for one in departures])
+    sizes = Counter(one.family for one in deviations)
+    return -np.log([len(sizes) * sizes[one.family] for one in deviations])
 
 
-class Departures:
-    """Several departures; bodies of the same kind of them are built at once.
+class Deviations:
+    """Several deviations; bodies of the same kind of them are built at once.
 
     Args:
-        departures: By number.
+        deviations: By number.
     """
 
-    def __init__(self, departures: Sequence[Departure]) -> None:
-        numbers: dict[Departure, int] = {}
+    def __init__(self, deviations: Sequence[Deviation]) -> None:
+        numbers: dict[Deviation, int] = {}
         self._kind = np.array(
-            [numbers.setdefault(one.kind, len(numbers)) for one in departures], dtype=np.intp
+            [numbers.setdefault(one.kind, len(numbers)) for one in deviations], dtype=np.intp
         )
         self._kinds = list(numbers)
-        self._amount = np.array([one.amount for one in departures])
-        self._is_factor = np.array([one.is_factor for one in departures])
+        self._amount = np.array([one.amount for one in deviations])
+        self._is_factor = np.array([one.is_factor for one in deviations])
 
     def of(self, bodies: Bodies, which: Integers, sizes: Array) -> Bodies:
-        """Bodies of a problem, each built by one of the departures.
+        """Bodies of a problem, each built by one of the deviations.
 
         Args:
             bodies: n bodies.
-            which: Number of the departure of each, shape (n,).
-            sizes: How far each departs, shape (n,); see ``Departure.of``.
+            which: Number of the deviation of each, shape (n,).
+            sizes: How far each deviates, shape (n,); see ``Deviation.of``.
         """
         amount, kind = self._amount[which], self._kind[which]
         powers = np.abs(amount) ** sizes  # factors are positive

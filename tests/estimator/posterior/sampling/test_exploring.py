@@ -1,4 +1,4 @@
-"""Robots with many legs: while readings cannot tell of all of them, chains only wander."""
+"""Robots with many legs: while readings cannot tell of all of them, chains only explore."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from estimator.posterior.sampling.sampler import Effort, Sampler
 from tests.estimator.exploration.test_few_limbs import genome_of
 from tests.estimator.two_unknown_rows import NOISE, draw
 
-SMALL = Effort(levels=4, width=16, steps=20, rounds=4)
+SMALL = Effort(levels=4, chains_per_level=16, steps=20, rounds=4)
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +29,7 @@ def predictor() -> Predictor:
 
 @pytest.fixture(scope="module")
 def data(predictor: Predictor) -> SensorData:
-    """What a hexapod felt that moved two of its legs."""
+    """What a hexapod observed that moved two of its legs."""
     rng = np.random.default_rng(5)
     point = predictor.unknowns.permitted(rng.random((1, predictor.unknowns.size)))[0]
     programs = np.zeros((1, 12))
@@ -52,7 +52,7 @@ def test_one_reading_of_two_legs_is_explained_and_nothing_is_certain(
     assert explained.mean() > 0.8  # or it ended beside, as many more bodies do
     assert not predictor.unknowns.forbidden(posterior.values).any()
     assert sum(mode.probability for mode in posterior.modes) == pytest.approx(1.0)
-    met_by_both = [mode.probability for mode in posterior.modes if all(mode.met)]
+    met_by_both = [mode.probability for mode in posterior.modes if all(mode.found)]
     assert sum(met_by_both) < 0.2
     still = predictor.unknowns.decided(posterior.values)[:, predictor.unknowns.parts[1][0]]
     shares = np.bincount(still, minlength=6) / len(still)
@@ -85,22 +85,22 @@ def test_chains_wander_no_more_once_the_searches_agree(
         one.learn(data)
 
 
-@pytest.mark.parametrize(("unexplained", "doubted"), [(0, False), (1, False), (2, True)])
+@pytest.mark.parametrize(("unexplained", "alternatives"), [(0, False), (1, False), (2, True)])
 def test_what_the_searches_agree_on_is_doubted_no_more_but_where_it_explains_too_little(
     predictor: Predictor,
     data: SensorData,
     monkeypatch: pytest.MonkeyPatch,
     *,
     unexplained: int,
-    doubted: bool,
+    alternatives: bool,
 ) -> None:
-    monkeypatch.setattr("estimator.posterior.sampling.sampler._ALIKE", 0.0)  # all is told
+    monkeypatch.setattr("estimator.posterior.sampling.sampler._ALIKE", 0.0)  # all is present
     monkeypatch.setattr(agreement, "fit_of", lambda *body: Fit(unexplained=unexplained, excess=0.0))
-    monkeypatch.setattr(agreement.Agreement, "share_met", 1.0)
+    monkeypatch.setattr(agreement.Agreement, "coverage", 1.0)
     monkeypatch.setattr(Sampler, "_weighed", lambda sampler, agreed, data: agreed)
     one = sampler(predictor)
     agreed: Any = one.learn(data)
-    assert one.state()["agreed_on"] == ([] if doubted else sorted(agreed.keys))
+    assert one.state()["agreed_on"] == ([] if alternatives else sorted(agreed.keys))
 
 
 def test_a_sampler_goes_on_from_its_state(predictor: Predictor, data: SensorData) -> None:

@@ -1,4 +1,4 @@
-"""Bodies that depart from a run's problem: when they are looked for, and what they take."""
+"""The misspecification check of a run: when bodies that deviate from its problem are fitted."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ import numpy as np
 from estimator.body.limbs import leg_lengths
 from estimator.body.morphology import Array
 from estimator.physics.base import Physics
-from estimator.posterior.checks.departed import (
+from estimator.posterior.checks.misspecification import (
     clearly_better,
-    doubts,
+    fit_alternatives,
+    observable_deviations,
     outliers_left,
-    probability_departed,
-    that_can_be_felt,
+    probability_misspecified,
     with_consequence,
 )
 from estimator.posterior.fitted import FittedPosterior
-from estimator.posterior.model.departures import Doubt
+from estimator.posterior.model.deviations import Alternative
 from estimator.posterior.model.likelihood import Noise
-from estimator.posterior.model.possible_departures import possible_departures
+from estimator.posterior.model.possible_deviations import possible_deviations
 from estimator.posterior.posterior import Posterior, systematic
 from estimator.storage.beliefs import Belief, NotKnown
 from estimator.storage.store import RunStore
@@ -30,7 +30,7 @@ from estimator.storage.store import RunStore
 SURE: Final = 0.95
 """Attachments are known when they are stated to be so probable."""
 
-_FEW: Final = 100  # movements, in which a departure shows if it can be felt at all
+_FEW: Final = 100  # movements, in which a deviation shows if it can be observed at all
 
 
 def attachments_known(belief: Belief, wanted: float, store: RunStore) -> bool:
@@ -39,8 +39,8 @@ def attachments_known(belief: Belief, wanted: float, store: RunStore) -> bool:
     return (belief.probability or 0.0) >= wanted and belief.explained and not contradicted
 
 
-class Doubting:
-    """Fits bodies that depart from a run's problem, and says what they leave of a belief.
+class MisspecificationCheck:
+    """Fits bodies that deviate from a run's problem, and weighs them against the posterior.
 
     Args:
         store: The run.
@@ -55,11 +55,11 @@ class Doubting:
 
     def once_sure(
         self, belief: Belief, fitted: FittedPosterior, reference: Physics
-    ) -> tuple[Doubt, ...]:
-        """Bodies that depart, where attachments are known, beforehand or by now; else none.
+    ) -> tuple[Alternative, ...]:
+        """Alternative hypotheses, where attachments are known, beforehand or by now; else none.
 
         Args:
-            belief: What is believed.
+            belief: The summary so far.
             fitted: Of the problem's bodies.
             reference: The simulator.
         """
@@ -69,31 +69,31 @@ class Doubting:
         )
         if fitted.unknowns.bits and not attachments_known(as_stated, SURE, self._store):
             return ()
-        return self._departing(fitted, reference, fitted.noise)
+        return self._deviating(fitted, reference, fitted.noise)
 
     def in_the_end(
         self, belief: Belief, fitted: FittedPosterior, reference: Physics
-    ) -> tuple[Doubt, ...]:
-        """Bodies that depart, whatever is known."""
-        return self._departing(fitted, reference, self._noise_for(belief, fitted))
+    ) -> tuple[Alternative, ...]:
+        """Alternative hypotheses at the end of a run, whatever is known."""
+        return self._deviating(fitted, reference, self._noise_for(belief, fitted))
 
-    def _departing(
+    def _deviating(
         self, fitted: FittedPosterior, reference: Physics, noise: Noise
-    ) -> tuple[Doubt, ...]:
+    ) -> tuple[Alternative, ...]:
         posterior, predictor = fitted.posterior, fitted.predictor
-        departures = that_can_be_felt(
-            possible_departures(fitted.problem),
+        deviations = observable_deviations(
+            possible_deviations(fitted.problem),
             posterior.modes[0].point,
             predictor,
             self._movements,
             fitted.modalities,
         )
-        return doubts(
+        return fit_alternatives(
             posterior,
             predictor,
             fitted.data,
             noise,
-            departures,
+            deviations,
             reference=reference,
             workers=self._workers,
         )
@@ -101,7 +101,7 @@ class Doubting:
     def _noise_for(self, belief: Belief, fitted: FittedPosterior) -> Noise:
         """As announced, or as sampled along where attachments are open and the best fits poorly.
 
-        By announced noise readings of a noisier robot would speak for bodies that depart.
+        By announced noise readings of a noisier robot would speak for bodies that deviate.
         """
         if not fitted.unknowns.bits or belief.not_known is not NotKnown.POOR_FIT:
             return fitted.noise
@@ -110,12 +110,12 @@ class Doubting:
     def left_of(
         self,
         belief: Belief,
-        doubted: Sequence[Doubt],
+        alternatives: Sequence[Alternative],
         fitted: FittedPosterior,
         reference: Physics,
     ) -> Belief:
-        """What is believed, in the light of bodies that depart."""
-        if not doubted:
+        """The summary, with the probability that the robot deviates from the problem."""
+        if not alternatives:
             return belief
         by_statics = np.array([one.outlier for one in belief.foretold])
         outliers = outliers_left(
@@ -126,21 +126,23 @@ class Doubting:
             self._noise_for(belief, fitted),
             reference=reference,
         )
-        better = clearly_better(doubted)
+        better = clearly_better(alternatives)
         return belief.model_copy(
             update={
-                "departed": probability_departed(doubted, outliers, fitted.noise),
+                "departed": probability_misspecified(alternatives, outliers, fitted.noise),
                 "departure": None if better is None else better.name,
             }
         )
 
-    def untested(self, doubted: Sequence[Doubt], posterior: Posterior) -> tuple[str, ...]:
-        """Which departures the readings leave, and what they would mean for the lengths."""
+    def untested(
+        self, alternatives: Sequence[Alternative], posterior: Posterior
+    ) -> tuple[str, ...]:
+        """Which deviations the readings leave, and what they would mean for the lengths."""
         decode_all = self._store.genome.decode_all
         rows = systematic(posterior.weights, len(posterior.values), 0.5)
-        believed = leg_lengths(decode_all(posterior.values[rows]))
+        summarised = leg_lengths(decode_all(posterior.values[rows]))
         return tuple(
-            with_consequence(one.departure, leg_lengths(decode_all(one.point[None]))[0], believed)
-            for one in doubted
+            with_consequence(one.deviation, leg_lengths(decode_all(one.point[None]))[0], summarised)
+            for one in alternatives
             if one.is_left
         )

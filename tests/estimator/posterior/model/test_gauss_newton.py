@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from estimator.physics.statics import StaticsPhysics
+from estimator.posterior.model.gauss_newton import GaussNewton
 from estimator.posterior.model.likelihood import LEANS, Likelihood
 from estimator.posterior.model.sensor_data import SensorData
-from estimator.posterior.model.slopes import Lengths
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
@@ -27,25 +27,25 @@ FOUR_LEGS = [
 ]
 
 
-def felt_by_four_legs() -> Lengths:
-    """Lengths that are to explain what the body ``FOUR_LEGS`` felt."""
+def felt_by_four_legs() -> GaussNewton:
+    """Finds the lengths that explain what the body ``FOUR_LEGS`` observed."""
     genome = Genome(Problem.load("topological"), replace(BODY, mass=0.6))
     predictor, rng = Predictor(Unknowns(genome), StaticsPhysics()), np.random.default_rng(3)
     point, moved = np.array([FOUR_LEGS]), np.radians(MOVED)
-    felt = predictor.read_all(point, moved, LEANS[SIDES])
-    tilt = felt.tilt + rng.normal(0, NOISE.tilt, felt.tilt.shape)
-    clearance = felt.clearance + rng.normal(0, NOISE.clearance, len(moved))
+    observed = predictor.read_all(point, moved, LEANS[SIDES])
+    tilt = observed.tilt + rng.normal(0, NOISE.tilt, observed.tilt.shape)
+    clearance = observed.clearance + rng.normal(0, NOISE.clearance, len(moved))
     observations = [
         Observation(
             angles=tuple(moved[row].tolist()),
-            touch=tuple(map(bool, felt.touch[row])),
+            touch=tuple(map(bool, observed.touch[row])),
             tilt=(float(tilt[row, 0]), float(tilt[row, 1])),
             clearance=float(clearance[row]),
         )
         for row in range(len(moved))
     ]
     data = SensorData.of(observations, MODALITIES, CAP)
-    return Lengths(predictor, data, Likelihood(data, NOISE))
+    return GaussNewton(predictor, data, Likelihood(data, NOISE))
 
 
 def test_lengths_that_fit_already_are_not_led_astray() -> None:
@@ -70,20 +70,20 @@ def test_interactions_that_a_body_leaves_unexplained_are_named_the_last_one_firs
     genome = Genome(Problem.load("topological"), replace(BODY, mass=0.6))
     predictor = Predictor(Unknowns(genome), StaticsPhysics())
     point, moved = np.array(FOUR_LEGS), np.radians(MOVED)
-    felt = predictor.read_all(point[None], moved)
+    observed = predictor.read_all(point[None], moved)
     beside = {1: 15.0, 4: 30.0}  # degrees
     observations = [
         Observation(
             angles=tuple(moved[row].tolist()),
-            touch=tuple(map(bool, felt.touch[row])),
+            touch=tuple(map(bool, observed.touch[row])),
             tilt=(
-                float(felt.tilt[row, 0]) + math.radians(beside.get(row, 0.0)),
-                float(felt.tilt[row, 1]),
+                float(observed.tilt[row, 0]) + math.radians(beside.get(row, 0.0)),
+                float(observed.tilt[row, 1]),
             ),
-            clearance=float(felt.clearance[row]),
+            clearance=float(observed.clearance[row]),
         )
         for row in range(len(moved))
     ]
     data = SensorData.of(observations, MODALITIES, CAP)
-    lengths = Lengths(predictor, data, Likelihood(data, NOISE))
+    lengths = GaussNewton(predictor, data, Likelihood(data, NOISE))
     assert lengths.unexplained(point) == [4, 1]
