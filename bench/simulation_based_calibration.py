@@ -40,11 +40,9 @@ from estimator.physics.equivalence import PROGRAMS
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.indistinguishable import indistinguishable
 from estimator.posterior.information import SAMPLES, information_gained
-from estimator.posterior.model.densities import DENSITIES
 from estimator.posterior.model.likelihood import LEANS, LIKELY, Noise, apart
-from estimator.posterior.model.noise_factors import drawn_scales
-from estimator.posterior.model.noise_family import drawn
-from estimator.posterior.model.sensor_data import SensorData
+from estimator.posterior.model.noise import drawn, drawn_scales
+from estimator.posterior.model.sensor_data import DENSITIES, SensorData
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.posterior import Posterior
 from estimator.posterior.sampling.sampler import Effort, Sampler

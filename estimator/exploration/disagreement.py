@@ -8,7 +8,7 @@ import numpy as np
 
 from estimator.body.morphology import Array
 from estimator.exploration.situation import Choice, Situation
-from estimator.posterior.model.densities import DENSITIES
+from estimator.posterior.model.sensor_data import DENSITIES
 from estimator.readings.modalities.registry import MODALITIES
 
 CANDIDATES: Final = 300

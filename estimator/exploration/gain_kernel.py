@@ -12,12 +12,10 @@ from numpy.typing import NDArray
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.physics.kernel.compiling import compiled, entrance, stamp
-from estimator.posterior.model import mixture, noise_family
+from estimator.posterior.model import mixture, noise
 from estimator.posterior.model.mixture import Level, Spread, level_of, log_densities
 
-_SOURCES: Final = stamp(
-    Path(__file__).parent, *map(Path, (mixture.__file__, noise_family.__file__))
-)
+_SOURCES: Final = stamp(Path(__file__).parent, *map(Path, (mixture.__file__, noise.__file__)))
 _LEVEL_SIZE: Final = len(Level._fields)
 _LEAST: Final = -60.0  # logarithm of a density that vanishes beside an outlier's
 

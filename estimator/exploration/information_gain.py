@@ -22,9 +22,9 @@ from estimator.body.morphology import Array
 from estimator.exploration.gain_kernel import gains
 from estimator.parallel.executors import Threads
 from estimator.physics.base import Readings
-from estimator.posterior.model import noise_family
-from estimator.posterior.model.densities import DENSITIES, ReadingCounts
 from estimator.posterior.model.likelihood import Noise, apart
+from estimator.posterior.model.noise import drawn
+from estimator.posterior.model.sensor_data import DENSITIES, ReadingCounts
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,7 +103,7 @@ class InformationGain:
         """
         touch, tilt, clear = (name in self._modalities for name in ("touch", "tilt", "clearance"))
         sensors = slice(None if touch else 0)
-        noise_draws = noise_family.drawn((draws, 3), rng)
+        noise_draws = drawn((draws, 3), rng)
         uniforms = rng.random((draws, 1 + predictions.touch.shape[2]))
         if not tilt:
             noise_draws[:, :2] = 0.0

@@ -20,9 +20,8 @@ from estimator.posterior.checks.misspecification import (
     with_consequence,
 )
 from estimator.posterior.fitted import FittedPosterior
-from estimator.posterior.model.deviations import Alternative
+from estimator.posterior.model.deviations import Alternative, possible_deviations
 from estimator.posterior.model.likelihood import Noise
-from estimator.posterior.model.possible_deviations import possible_deviations
 from estimator.posterior.posterior import Posterior, systematic
 from estimator.storage.beliefs import Belief, NotKnown
 from estimator.storage.store import RunStore

@@ -17,8 +17,7 @@ from estimator.identification import misspecification as when_misspecified
 from estimator.identification import posterior_method
 from estimator.posterior.checks import leave_one_out, misspecification, recheck
 from estimator.posterior.discovery import discovery
-from estimator.posterior.model.deviations import Deviation
-from estimator.posterior.model.possible_deviations import possible_deviations
+from estimator.posterior.model.deviations import Deviation, possible_deviations
 from estimator.posterior.sampling import weighing
 from estimator.posterior.sampling.sampler import Effort
 from estimator.problem.problem import Problem

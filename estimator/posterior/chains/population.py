@@ -16,7 +16,7 @@ import numpy as np
 from estimator.body.morphology import Array
 from estimator.posterior.chains.moves import exchange_parts, propose
 from estimator.posterior.model.likelihood import Likelihood, Noise
-from estimator.posterior.model.noise_factors import drawn_scales, log_prior
+from estimator.posterior.model.noise import drawn_scales, log_prior
 from estimator.posterior.model.sensor_data import BRANCH, MISFITS, SensorData
 from estimator.posterior.model.unknowns import Columns, Predictor
 

@@ -18,10 +18,9 @@ import numpy as np
 
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
-from estimator.posterior.model.densities import DENSITIES, SCALED
 from estimator.posterior.model.likelihood import Likelihood, Noise
-from estimator.posterior.model.noise_family import MEAN_LOSS, VARIANCE_LOSS
-from estimator.posterior.model.sensor_data import COLUMNS, SensorData
+from estimator.posterior.model.noise import MEAN_LOSS, VARIANCE_LOSS
+from estimator.posterior.model.sensor_data import COLUMNS, DENSITIES, SCALED, SensorData
 from estimator.posterior.model.special import at_least, logsumexp
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Posterior

@@ -16,7 +16,7 @@ import numpy as np
 
 from estimator.body.morphology import Array
 from estimator.posterior.model.likelihood import LEANS, Likelihood
-from estimator.posterior.model.noise_family import step_weight
+from estimator.posterior.model.noise import step_weight
 from estimator.posterior.model.sensor_data import BRANCH, MISFITS, SensorData
 from estimator.posterior.model.unknowns import Columns, Predictor
 

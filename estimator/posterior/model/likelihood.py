@@ -11,7 +11,7 @@ sensor's range, touch bits even. p2 is p1 with 3° and 10 mm more deviation: a r
 the pose predicted, on the edge of a foot that models take to be round. A pose that the model cannot
 predict (undecided, or a simulation that failed) leaves only e p0. A clearance at the
 end of the sensor's range says that the ground lies beyond: a tail integral. Missing readings are
-left out. ``densities`` has the factors.
+left out. ``sensor_data`` has the factors.
 """
 
 from __future__ import annotations
@@ -27,14 +27,17 @@ import numpy as np
 from estimator.body.arrays import Bodies, Flags
 from estimator.body.morphology import Array
 from estimator.physics.base import Readings
-from estimator.posterior.model.densities import (
+from estimator.posterior.model.noise import NoiseFactors
+from estimator.posterior.model.sensor_data import (
+    BRANCH,
+    COLUMNS,
     DENSITIES,
+    MISFITS,
     MODEL_CLEARANCE,
     MODEL_TILT,
     SCALED,
+    SensorData,
 )
-from estimator.posterior.model.noise_factors import NoiseFactors
-from estimator.posterior.model.sensor_data import BRANCH, COLUMNS, MISFITS, SensorData
 from estimator.posterior.model.special import expit, logsumexp
 from estimator.posterior.model.unknowns import Columns, Predictor
 from estimator.readings.modalities.registry import MODALITIES

@@ -1,19 +1,19 @@
-"""What a posterior is over: points of the unit cube, each with the body that it stands for."""
+"""The unit cube that a posterior is over, its bodies, and the readings that these predict."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.body.arrays import Bodies, Flags
+from estimator.body.arrays import TILT_GAIN, TOO_HIGH, Bodies, Flags
 from estimator.body.morphology import Array, Morphology
 from estimator.physics.base import ArrayMarginPhysics, Readings
 from estimator.posterior.model.deviations import Deviation, Deviations
-from estimator.posterior.model.servos_and_sensors import as_sensed, performed
 from estimator.problem.genes import Gene
 from estimator.problem.genome import Genome
 
@@ -286,3 +286,45 @@ def _places(genome: Genome) -> tuple[Columns, ...]:
 
 def _where(chosen: list[bool]) -> Columns:
     return np.flatnonzero(np.array(chosen, dtype=bool))
+
+
+def performed(programs: Array, bodies: Bodies) -> Array:
+    """How far motors turn that are told to perform programs, rad, shape (n, motors).
+
+    Args:
+        programs: rad, shape (n, motors).
+        bodies: The body of each.
+    """
+    odd, part = np.nonzero((bodies.travel != 1) & (bodies.motor >= 0))
+    if not odd.size:
+        return programs
+    angles = programs.copy()
+    angles[odd, bodies.motor[odd, part]] *= bodies.travel[odd, part]
+    return angles
+
+
+def as_sensed(readings: Readings, bodies: Bodies) -> Readings:
+    """What the bodies' sensors make of poses: limp parts lie on the ground, and are observed there.
+
+    Args:
+        readings: Of n bodies, as a back-end has them.
+        bodies: These.
+    """
+    gain, too_high = bodies.base[:, TILT_GAIN], bodies.base[:, TOO_HIGH]
+    if np.any(gain != 1) or np.any(too_high != 0):
+        height = np.maximum(readings.clearance + too_high, 0.0)
+        readings = replace(
+            readings,
+            tilt=readings.tilt * gain[:, None],
+            clearance=np.where(readings.saturated, readings.clearance, height),
+        )
+    rows, columns = np.nonzero(bodies.limp & (bodies.sensor >= 0))
+    if not rows.size:
+        return readings
+    lying = np.zeros(readings.touch.shape, dtype=bool)
+    lying[rows, bodies.sensor[rows, columns]] = True
+    return replace(
+        readings,
+        touch=readings.touch | lying,
+        touch_doubtful=readings.touch_doubtful & ~lying,
+    )

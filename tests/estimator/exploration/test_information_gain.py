@@ -10,10 +10,9 @@ from estimator.body.morphology import Array
 from estimator.exploration.information_gain import InformationGain, Predictions
 from estimator.parallel.executors import Threads
 from estimator.physics.base import Readings
-from estimator.posterior.model.densities import DENSITIES
 from estimator.posterior.model.likelihood import Likelihood, Noise
-from estimator.posterior.model.noise_family import drawn
-from estimator.posterior.model.sensor_data import SensorData
+from estimator.posterior.model.noise import drawn
+from estimator.posterior.model.sensor_data import DENSITIES, SensorData
 from estimator.posterior.model.special import logsumexp
 from estimator.readings.observation import Observation
 

@@ -20,8 +20,8 @@ from estimator.identification.listener import Listener
 from estimator.identification.run import identify, resume
 from estimator.physics.backends import IN_THIS_PROCESS
 from estimator.posterior.checks import misspecification
-from estimator.posterior.model.densities import MODEL_TILT
 from estimator.posterior.model.deviations import Alternative, Thickness, Travel
+from estimator.posterior.model.sensor_data import MODEL_TILT
 from estimator.posterior.summary import summarise
 from estimator.report.result import Result
 from estimator.report.run_files import write_report

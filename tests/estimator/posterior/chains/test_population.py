@@ -8,7 +8,7 @@ import pytest
 from estimator.body.morphology import Array
 from estimator.posterior.chains.population import HOTTEST, Population
 from estimator.posterior.model.likelihood import Likelihood, Noise
-from estimator.posterior.model.noise_factors import drawn_scales
+from estimator.posterior.model.noise import drawn_scales
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Predictor
 from estimator.readings.observation import Observation

@@ -11,8 +11,8 @@ from estimator.posterior.model.deviations import (
     TooHigh,
     Travel,
     TurnedMount,
+    possible_deviations,
 )
-from estimator.posterior.model.possible_deviations import possible_deviations
 from estimator.posterior.model.unknowns import Predictor, deviating_points
 from estimator.problem.problem import Problem
 from tests.estimator.two_unknown_rows import programs

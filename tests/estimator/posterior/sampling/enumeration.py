@@ -9,7 +9,7 @@ from scipy.special import logsumexp
 
 from estimator.body.morphology import Array
 from estimator.posterior.model.likelihood import Likelihood, Noise
-from estimator.posterior.model.noise_factors import log_prior
+from estimator.posterior.model.noise import log_prior
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Attachments, Predictor
 

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from estimator.physics.base import Readings
-from estimator.posterior.model.densities import DENSITIES, SCALED
 from estimator.posterior.model.likelihood import Likelihood, Noise
-from estimator.posterior.model.sensor_data import MISFITS, SensorData
+from estimator.posterior.model.sensor_data import DENSITIES, MISFITS, SCALED, SensorData
 from estimator.readings.modalities.registry import MODALITIES
 from estimator.readings.observation import Observation
 
