@@ -19,8 +19,7 @@ from estimator.identification.next_program import ChoiceResources, next_program
 from estimator.physics.backends import REFERENCE, Computers, abilities_of, in_workers, maker
 from estimator.physics.base import ArrayMarginPhysics, Physics, WorldSettings
 from estimator.physics.equivalence import PROGRAMS
-from estimator.posterior.checks.leave_one_out import leave_one_out_check
-from estimator.posterior.checks.recheck import fine, recheck
+from estimator.posterior.checks.simulator import fine, leave_one_out_check, recheck
 from estimator.posterior.fitted import FittedPosterior, load_posterior
 from estimator.posterior.indistinguishable import (
     Indistinguishable,

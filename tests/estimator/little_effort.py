@@ -15,7 +15,7 @@ from estimator.__main__ import main
 from estimator.exploration import best_programs, choosing, information
 from estimator.identification import misspecification as when_misspecified
 from estimator.identification import posterior_method
-from estimator.posterior.checks import leave_one_out, misspecification, recheck
+from estimator.posterior.checks import misspecification, simulator
 from estimator.posterior.discovery import discovery
 from estimator.posterior.model.deviations import Deviation, possible_deviations
 from estimator.posterior.sampling import weighing
@@ -53,12 +53,12 @@ def little_effort() -> Iterator[None]:
         patch.setattr(choosing, "CANDIDATES", 100)
         patch.setattr(best_programs, "_LIKELY", 20)
         patch.setattr(choosing, "_MORE_DRAWS", 200)
-        patch.setattr(recheck, "SAMPLES", 6)
-        patch.setattr(recheck, "STEP", 1 / 120)
+        patch.setattr(simulator, "SAMPLES", 6)
+        patch.setattr(simulator, "STEP", 1 / 120)
         patch.setattr(when_misspecified, "possible_deviations", _few_departures)
         patch.setattr(misspecification, "_SIMULATED", 6)
-        patch.setattr(leave_one_out, "_DRAWS", 32)
-        patch.setattr(leave_one_out, "_SIMULATED", 4)
+        patch.setattr(simulator, "_DRAWS", 32)
+        patch.setattr(simulator, "_SIMULATED", 4)
         yield
 
 

@@ -15,13 +15,16 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Array
-from estimator.posterior.chains.population import EVERY, Population
-from estimator.posterior.chains.rows import other_attachments
 from estimator.posterior.checks.verdict import fit_of
-from estimator.posterior.discovery.neighbours import Neighbours
-from estimator.posterior.discovery.part_trees import joined_parts
-from estimator.posterior.discovery.ranking import ranked, ranked_by_attachments
-from estimator.posterior.discovery.recombination import with_subtrees_of_others
+from estimator.posterior.discovery.moves import other_attachments
+from estimator.posterior.discovery.neighbours import (
+    Neighbours,
+    joined_parts,
+    ranked,
+    ranked_by_attachments,
+    with_subtrees_of_others,
+)
+from estimator.posterior.discovery.population import EVERY, Population
 from estimator.posterior.model.gauss_newton import GaussNewton, best_of_each
 from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.sensor_data import SensorData

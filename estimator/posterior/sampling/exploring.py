@@ -15,8 +15,8 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Array
-from estimator.posterior.chains.population import EVERY, Population
 from estimator.posterior.discovery.discovery import BestPoints, Discovery
+from estimator.posterior.discovery.population import EVERY, Population
 from estimator.posterior.model.special import softmax
 from estimator.posterior.posterior import Mode, Posterior, coverage, found_by_each
 

@@ -14,8 +14,8 @@ import numpy as np
 from estimator.body.morphology import Array
 from estimator.errors import SearchStateError
 from estimator.physics.base import ArrayMarginPhysics
-from estimator.posterior.chains.population import Population
 from estimator.posterior.discovery.discovery import Discovery, chains_with_attachments
+from estimator.posterior.discovery.population import Population
 from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns

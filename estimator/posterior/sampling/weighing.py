@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Array
-from estimator.posterior.chains.population import Population
+from estimator.posterior.discovery.population import Population
 from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.special import logsumexp, softmax

@@ -1,3 +1,5 @@
+"""Bodies that deviate from a problem are fitted alike, whoever does it."""
+
 from __future__ import annotations
 
 import math
@@ -10,7 +12,7 @@ import pytest
 
 from estimator.body.arrays import ACCELEROMETER, TOO_HIGH
 from estimator.body.morphology import Array, Base
-from estimator.parallel.executors import ThisProcess
+from estimator.parallel.executors import ThisProcess, WorkerProcesses
 from estimator.physics.base import Pair, Readings
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.checks.misspecification import (
@@ -397,3 +399,25 @@ def test_to_which_side_a_body_falls_speaks_for_no_departure() -> None:
     left = fit(alone, predictor, data, NOISE, aside, reference=StaticsPhysics())
     assert clearly_better(left) is None
     assert left[0].gain < 1
+
+
+def test_who_fits_what_departs_makes_no_difference(predictor: Predictor) -> None:
+    data, few = felt_by(predictor), (THICK, ASKEW, DEAD, HEAVY)
+    fitted, costs = [], []
+    with WorkerProcesses(1) as another:
+        for workers in (ThisProcess(), another):
+            counting, reference = Predictor(predictor.unknowns, StaticsPhysics()), StaticsPhysics()
+            fitted.append(
+                fit_alternatives(
+                    *(around(POINT), counting, data, NOISE, few),
+                    reference=reference,
+                    workers=workers,
+                )
+            )
+            costs.append(counting.simulations)
+    one, other = fitted
+    assert [alternative.deviation for alternative in one] == [
+        alternative.deviation for alternative in other
+    ]
+    assert all(np.array_equal(a.gains, b.gains) for a, b in zip(one, other, strict=True))
+    assert costs[0] == costs[1] > 1000

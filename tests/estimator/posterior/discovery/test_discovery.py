@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from estimator.body.morphology import Array
-from estimator.posterior.chains.population import Population
 from estimator.posterior.discovery import discovery
 from estimator.posterior.discovery.discovery import Discovery
+from estimator.posterior.discovery.population import Population
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Predictor
 from tests.estimator.two_unknown_rows import NOISE, draw, programs

@@ -10,11 +10,10 @@ import pytest
 
 from estimator.body.morphology import Array
 from estimator.physics.statics import StaticsPhysics
-from estimator.posterior.chains.population import Population
-from estimator.posterior.chains.rows import other_attachments
 from estimator.posterior.discovery.discovery import Discovery
-from estimator.posterior.discovery.neighbours import Neighbours
-from estimator.posterior.discovery.part_trees import exchanged, joined_parts
+from estimator.posterior.discovery.moves import other_attachments
+from estimator.posterior.discovery.neighbours import Neighbours, exchanged, joined_parts
+from estimator.posterior.discovery.population import Population
 from estimator.posterior.model.gauss_newton import GaussNewton
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.sensor_data import SensorData

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from estimator.body.morphology import Array
-from estimator.posterior.discovery.ranking import ranked, ranked_by_attachments
+from estimator.posterior.discovery.neighbours import ranked, ranked_by_attachments
 from estimator.posterior.model.gauss_newton import GaussNewton
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.sensor_data import SensorData

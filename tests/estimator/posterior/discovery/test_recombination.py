@@ -7,10 +7,9 @@ import pytest
 
 from estimator.body.morphology import Array
 from estimator.physics.statics import StaticsPhysics
-from estimator.posterior.chains.population import Population
 from estimator.posterior.discovery.discovery import Discovery
-from estimator.posterior.discovery.part_trees import subtrees
-from estimator.posterior.discovery.recombination import with_subtrees_of_others
+from estimator.posterior.discovery.neighbours import subtrees, with_subtrees_of_others
+from estimator.posterior.discovery.population import Population
 from estimator.posterior.model.gauss_newton import GaussNewton
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.sensor_data import SensorData

@@ -10,8 +10,8 @@ import pytest
 from estimator.identification.paper.fit import fit_genes
 from estimator.identification.paper.objectives import LargestError
 from estimator.physics.statics import StaticsPhysics
-from estimator.posterior.chains.moves import propose
-from estimator.posterior.chains.population import Population
+from estimator.posterior.discovery.moves import propose
+from estimator.posterior.discovery.population import Population
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem

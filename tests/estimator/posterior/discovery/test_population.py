@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from estimator.body.morphology import Array
-from estimator.posterior.chains.population import HOTTEST, Population
+from estimator.posterior.discovery.population import HOTTEST, Population
 from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.noise import drawn_scales
 from estimator.posterior.model.sensor_data import SensorData

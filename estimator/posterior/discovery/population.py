@@ -14,7 +14,7 @@ from typing import Any, Final, Self
 import numpy as np
 
 from estimator.body.morphology import Array
-from estimator.posterior.chains.moves import exchange_parts, propose
+from estimator.posterior.discovery.moves import exchange_parts, propose
 from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.noise import drawn_scales, log_prior
 from estimator.posterior.model.sensor_data import BRANCH, MISFITS, SensorData
