@@ -31,7 +31,7 @@ from bench.prior_bodies import drawn_genes, on_default_robot
 from bench.study_command import add_options, complete_by_command
 from estimator.body.limbs import leg_lengths
 from estimator.body.morphology import Array
-from estimator.exploration.choosing import Chooser
+from estimator.exploration.information import Chooser
 from estimator.exploration.information_gain import InformationGain
 from estimator.identification.misspecification import SURE
 from estimator.parallel.executors import ThisProcess
@@ -39,14 +39,13 @@ from estimator.physics.base import Readings
 from estimator.physics.equivalence import PROGRAMS
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.indistinguishable import indistinguishable
-from estimator.posterior.information import SAMPLES, information_gained
 from estimator.posterior.model.likelihood import LEANS, LIKELY, Noise, apart
 from estimator.posterior.model.noise import drawn, drawn_scales
 from estimator.posterior.model.sensor_data import DENSITIES, SensorData
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.posterior import Posterior
 from estimator.posterior.sampling.sampler import Effort, Sampler
-from estimator.posterior.summary import summarise
+from estimator.posterior.summary import SAMPLES, information_gained, summarise
 from estimator.readings.modalities.registry import MODALITIES
 from estimator.readings.observation import Observation
 from estimator.study.harness import BriefRun, made_by

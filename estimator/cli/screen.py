@@ -15,7 +15,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from estimator.identification.listener import Listener
+from estimator.identification.method import Listener
 from estimator.readings.modalities.registry import MODALITIES
 from estimator.readings.observation import Observation
 from protocol.errors import RobotError

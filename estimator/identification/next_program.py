@@ -6,8 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from estimator.errors import EstimatorError
-from estimator.exploration.rules import RULES
-from estimator.exploration.situation import Choice, Situation
+from estimator.exploration.rules import RULES, Choice, Situation
 from estimator.identification.paper.objectives import OBJECTIVES
 from estimator.physics.base import ArrayMarginPhysics
 from estimator.posterior.fitted import FittedPosterior

@@ -13,7 +13,7 @@ from typing import ClassVar, Final, cast
 import numpy as np
 
 from estimator.errors import EstimatorError
-from estimator.identification.listener import Listener
+from estimator.identification.method import Listener
 from estimator.identification.misspecification import SURE, MisspecificationCheck, attachments_known
 from estimator.identification.next_program import ChoiceResources, next_program
 from estimator.physics.backends import REFERENCE, Computers, abilities_of, in_workers, maker
@@ -30,7 +30,7 @@ from estimator.posterior.model.deviations import Alternative
 from estimator.posterior.model.likelihood import Noise
 from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
 from estimator.posterior.posterior import Posterior
-from estimator.posterior.sampling.agreement import ENOUGH_TO_ERR
+from estimator.posterior.sampling.populations import ENOUGH_TO_ERR
 from estimator.posterior.sampling.sampler import Effort, Sampler
 from estimator.posterior.summary import summarise
 from estimator.readings.observation import Observation

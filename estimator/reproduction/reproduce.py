@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from estimator.errors import EstimatorError
-from estimator.identification.listener import Listener
+from estimator.identification.method import Listener
 from estimator.parallel.cluster import Cluster
 from estimator.physics.backends import abilities_of
 from estimator.report.evaluation_files import TRUTH

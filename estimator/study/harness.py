@@ -30,7 +30,7 @@ from pathlib import Path
 from typing import ClassVar, Final, Protocol
 
 from estimator.errors import WorkerError
-from estimator.identification.listener import Listener
+from estimator.identification.method import Listener
 from estimator.parallel.cluster import Cluster, still_wanted
 from estimator.parallel.executors import WorkerProcesses
 from estimator.study.ledger import RUNS, Ledger, Session, commits_of, note_commit

@@ -16,7 +16,7 @@ from bench.power.study import SEEDS, study
 from bench.power.tables import page
 from bench.power.trial import Figures, Step, Trial, TrialRun
 from bench.prior_bodies import drawn_body
-from estimator.identification.listener import Listener
+from estimator.identification.method import Listener
 from estimator.study.harness import directory
 from sim_robot.world.body import load_body
 

@@ -12,7 +12,7 @@ from typing import Final
 import pytest
 
 from estimator.__main__ import main
-from estimator.exploration import best_programs, choosing, information
+from estimator.exploration import best_programs, information
 from estimator.identification import misspecification as when_misspecified
 from estimator.identification import posterior_method
 from estimator.posterior.checks import misspecification, simulator
@@ -50,9 +50,9 @@ def little_effort() -> Iterator[None]:
     with little_search(), pytest.MonkeyPatch.context() as patch:
         patch.setattr(posterior_method, "Effort", lambda: _LITTLE)
         patch.setattr(information, "SAMPLES", 50)
-        patch.setattr(choosing, "CANDIDATES", 100)
+        patch.setattr(information, "CANDIDATES", 100)
         patch.setattr(best_programs, "_LIKELY", 20)
-        patch.setattr(choosing, "_MORE_DRAWS", 200)
+        patch.setattr(information, "_MORE_DRAWS", 200)
         patch.setattr(simulator, "SAMPLES", 6)
         patch.setattr(simulator, "STEP", 1 / 120)
         patch.setattr(when_misspecified, "possible_deviations", _few_departures)

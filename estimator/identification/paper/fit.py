@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from estimator.body.arrays import Bodies
 from estimator.body.morphology import Array, Morphology
 from estimator.errors import EstimatorError
-from estimator.exploration.situation import Objective
+from estimator.exploration.rules import Objective
 from estimator.physics.base import ArrayPhysics, Physics, Readings, takes_arrays
 from estimator.problem.genome import Genome
 from estimator.readings.observation import Observation, ObservedReadings

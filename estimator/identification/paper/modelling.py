@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from estimator.body.morphology import Array
-from estimator.exploration.situation import Objective
+from estimator.exploration.rules import Objective
 from estimator.identification.paper.fit import fit_genes
 from estimator.physics.base import ArrayPhysics, Physics
 from estimator.problem.genome import Genome

@@ -15,7 +15,7 @@ import numpy as np
 
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
-from estimator.exploration.situation import Objective
+from estimator.exploration.rules import Objective
 from estimator.identification.paper.subjective_error import interaction_errors, largest
 from estimator.physics.base import Readings
 from estimator.plugins import Registry

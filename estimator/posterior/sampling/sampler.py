@@ -20,9 +20,8 @@ from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
 from estimator.posterior.posterior import Mode, Posterior, found_by_each
-from estimator.posterior.sampling.agreement import CONSIDERED, Agreement
 from estimator.posterior.sampling.evidence import EvidenceEstimator, ModeEvidence
-from estimator.posterior.sampling.exploring import explored
+from estimator.posterior.sampling.populations import CONSIDERED, Agreement, explored
 from estimator.posterior.sampling.weighing import renormalised, sampled, weighed
 
 ALGORITHM: Final = "evolutionary Monte Carlo"

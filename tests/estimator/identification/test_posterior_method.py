@@ -16,7 +16,7 @@ from estimator.body.limbs import driven_limbs, leg_lengths
 from estimator.errors import EstimatorError
 from estimator.identification import misspecification as when_misspecified
 from estimator.identification import posterior_method
-from estimator.identification.listener import Listener
+from estimator.identification.method import Listener
 from estimator.identification.run import identify, resume
 from estimator.physics.backends import IN_THIS_PROCESS
 from estimator.posterior.checks import misspecification

@@ -13,7 +13,7 @@ import pytest
 from rich.console import Console
 
 from estimator.errors import EstimatorError, InteractionError, ProblemError, RunDirectoryError
-from estimator.identification.listener import Listener
+from estimator.identification.method import Listener
 from estimator.identification.run import identify, resume
 from estimator.parallel.executors import ThisProcess
 from estimator.physics.backends import IN_THIS_PROCESS as HERE

@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 import pytest
 
-from estimator.identification.listener import Listener
+from estimator.identification.method import Listener
 from estimator.identification.run import identify
 from estimator.live import run_follower
 from estimator.live.run_follower import RunFollower

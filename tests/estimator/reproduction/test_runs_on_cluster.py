@@ -12,7 +12,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from estimator.identification.listener import Listener
+from estimator.identification.method import Listener
 from estimator.parallel.cluster import Cluster
 from estimator.report.evaluation_files import TRUTH
 from estimator.reproduction.paper_run import Budget, PlannedRun

@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 from estimator.errors import PhysicsError, RunDirectoryError
-from estimator.identification.listener import Listener
+from estimator.identification.method import Listener
 from estimator.parallel.cluster import Cluster
 from estimator.study.harness import Completed, Progress, complete, directory, in_words, made_by
 from estimator.versions import commit
@@ -166,7 +166,7 @@ def test_two_commands_do_not_share_a_directory(tmp_path: Path) -> None:
 LONG = Count("long", work=1e9)
 PROGRAM = f"""
 from pathlib import Path
-from estimator.identification.listener import Listener
+from estimator.identification.method import Listener
 from estimator.study.harness import complete
 from {__name__} import LONG
 if __name__ == "__main__":

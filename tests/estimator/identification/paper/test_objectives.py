@@ -5,7 +5,7 @@ import pytest
 
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
-from estimator.exploration.situation import Objective
+from estimator.exploration.rules import Objective
 from estimator.identification.paper.objectives import OBJECTIVES, LargestError, RobustMeanError
 from estimator.physics.base import Readings
 from estimator.readings.observation import Observation

@@ -14,7 +14,7 @@ from estimator.posterior.discovery.discovery import Discovery
 from estimator.posterior.model.gauss_newton import GaussNewton
 from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.unknowns import Predictor
-from estimator.posterior.sampling import agreement
+from estimator.posterior.sampling import populations
 from estimator.posterior.sampling.evidence import EvidenceEstimator
 from estimator.posterior.sampling.sampler import Effort
 from estimator.posterior.sampling.weighing import drawn
@@ -147,7 +147,7 @@ def test_nothing_is_certain_of_four_interactions_that_are_explained_poorly(
 ) -> None:
     data = draw(predictor, POINT, programs(5, seed=4), np.random.default_rng(2))
     monkeypatch.setattr(Discovery, "start_anew", lambda search, steps: None)
-    monkeypatch.setattr(agreement, "fit_of", lambda *body: Fit(unexplained=0, excess=1.5))
+    monkeypatch.setattr(populations, "fit_of", lambda *body: Fit(unexplained=0, excess=1.5))
     believing = make_sampler(predictor, effort=QUICK)
     assert not believing.learn(data[:4]).adequate_fit
     assert believing.learn(data).adequate_fit
@@ -160,7 +160,7 @@ def test_a_body_that_fits_poorly_is_searched_for_anew_once(
     data = draw(predictor, POINT, programs(6), np.random.default_rng(2))
     begun: list[Discovery] = []
     monkeypatch.setattr(Discovery, "start_anew", lambda search, steps: begun.append(search))
-    monkeypatch.setattr(agreement, "fit_of", lambda *body: Fit(unexplained=0, excess=1.5))
+    monkeypatch.setattr(populations, "fit_of", lambda *body: Fit(unexplained=0, excess=1.5))
     doubting = make_sampler(predictor, effort=QUICK)
     doubting.learn(data)
     assert begun
@@ -182,7 +182,7 @@ def test_what_explains_too_little_is_searched_for_anew_though_much_explains_as_l
     begun: list[Discovery] = []
     fit = Fit(unexplained=unexplained, excess=excess)
     monkeypatch.setattr(Discovery, "start_anew", lambda search, steps: begun.append(search))
-    monkeypatch.setattr(agreement, "fit_of", lambda *body: fit)
-    monkeypatch.setattr(agreement.Agreement, "few", False)
+    monkeypatch.setattr(populations, "fit_of", lambda *body: fit)
+    monkeypatch.setattr(populations.Agreement, "few", False)
     make_sampler(predictor, effort=QUICK).learn(data)
     assert bool(begun) == anew

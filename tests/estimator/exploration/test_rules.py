@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from estimator.exploration.disagreement import most_disputed_program
-from estimator.exploration.situation import Situation
+from estimator.exploration.rules import Situation, most_disputed_program
 from estimator.identification.paper.objectives import LargestError
 from estimator.problem.genome import Genome
 from estimator.readings.modalities.registry import MODALITIES

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from estimator.body.morphology import Base
-from estimator.exploration.choosing import Chooser
+from estimator.exploration.information import Chooser
 from estimator.exploration.information_gain import InformationGain
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.model.deviations import Alternative, Density, Deviation, Limp, TurnedHinge

@@ -1,8 +1,8 @@
 import pytest
 
 from estimator.errors import InteractionError
-from estimator.identification.acting import carry_out
-from estimator.identification.listener import Listener
+from estimator.identification.loop import carry_out
+from estimator.identification.method import Listener
 from estimator.readings.observation import Observation, Program
 from estimator.robot_link.base import OnProgress
 from estimator.storage.records import InteractionRecord, Ticket
