@@ -31,7 +31,7 @@ from estimator.posterior.posterior import Posterior, systematic
 from estimator.posterior.summary import SAMPLES
 
 _WORTH_SAYING: Final = 0.25  # bits about one trait
-_SAID: Final = 2
+_SAID: Final = 2  # traits, named as the reason
 
 
 def most_informative_program(situation: Situation) -> Choice:
@@ -50,7 +50,7 @@ def most_informative_program(situation: Situation) -> Choice:
 
 
 def _reason(models: FittedPosterior, about: Array) -> str:
-    """What the program tells apart, in words."""
+    """What the program discriminates between, in words."""
     order = np.argsort(-about, kind="stable")
     named = [column for column in order.tolist() if about[column] >= _WORTH_SAYING][:_SAID]
     parts = [_possible_values(models, column) for column in named]
@@ -78,9 +78,9 @@ def _possible_values(models: FittedPosterior, column: int) -> str:
     return f"{gene.name} ({low:.{digits}f} to {high:.{digits}f} {gene.unit})"
 
 
-_DRAWS: Final = 100
+_DRAWS: Final = 100  # readings for each program
 _THINNED: Final = slice(None, None, 2)  # of the bodies, by which all but finalists are compared
-_MORE_DRAWS: Final = 800
+_MORE_DRAWS: Final = 800  # for each finalist
 _AT_ONCE: Final = 4096  # readings, whose bodies fit into a processor's cache
 _THICKER: Final = 1.4  # times as thick; bodies that then lie otherwise foresee nothing
 _FORESEEABLE: Final = math.radians(2.0)  # path margin; of so many, those near forks look best
@@ -137,7 +137,7 @@ class _Hypotheses:
 
 
 class Chooser:
-    """Chooses motor programs.
+    """Finds the motor program with the largest expected information gain.
 
     Args:
         predictor: Computes readings.

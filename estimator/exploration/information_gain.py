@@ -33,7 +33,7 @@ from estimator.posterior.model.sensor_data import DENSITIES, ReadingCounts
 
 @dataclass(frozen=True, kw_only=True)
 class Predictions:
-    """What n samples feel in each of p programs.
+    """Readings that n samples predict in each of p programs.
 
     Attributes:
         touch: Touch bits, shape (p, n, s).
@@ -84,7 +84,7 @@ class InformationGain:
         self._modalities = tuple(modalities)
 
     def apart(self, one: Readings, other: Readings) -> Flags:
-        """Which of n readings are plainly not of the same pose, shape (n,)."""
+        """Whether n pairs of readings are of different poses, shape (n,)."""
         return apart(one, other, self._noise)
 
     def of(
@@ -99,7 +99,7 @@ class InformationGain:
         """Expected information of each program, in bits, shape (p,).
 
         Args:
-            predictions: What equally likely samples feel.
+            predictions: Of equally likely samples.
             scales: Logarithms of their noise factors, shape (n, 2).
             groups: Group of each sample, shape (n,).
             rng: Draws the noise, which is the same for all programs.

@@ -35,7 +35,7 @@ def next_program(
     posterior: FittedPosterior,
     resources: ChoiceResources,
 ) -> Choice:
-    """What the rule chooses after the interactions that were learnt from, the same each time.
+    """The program that the rule chooses after the interactions so far; a resumed run gets it again.
 
     Args:
         store: The run's memory.

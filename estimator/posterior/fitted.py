@@ -104,7 +104,7 @@ class FittedPosterior:
 
     @classmethod
     def history(cls, store: RunStore) -> list[FittedPosterior]:
-        """As it was after each interaction; empty of a population."""
+        """The posterior after each interaction; empty of a population."""
         observations = store.observations()
         return [
             cls.of_summary(store, belief, observations[:count])
@@ -207,7 +207,7 @@ class FittedPosterior:
         return None if self.best is None else self.genome.decode(self.best)
 
     def bodies(self, count: int) -> list[Morphology]:
-        """So many bodies that stand for all, each as often as its weight says to within one."""
+        """So many representative bodies, each as often as its weight says to within one."""
         return self.genome.decode_all(self.samples[systematic(self.weights, count, 0.5)])
 
     def sample(self, count: int, rng: np.random.Generator) -> FittedPosterior:
@@ -241,12 +241,12 @@ class FittedPosterior:
 
     @property
     def probability(self) -> float | None:
-        """That all attachments are those of the best body; ``None``: it is not known."""
+        """Probability that the best body's attachments are right; ``None``: not known."""
         return None if self.belief is None else self.belief.probability
 
     @property
     def attachments(self) -> tuple[Attachment, ...]:
-        """What was chosen among several, by the best body, each with its probability.
+        """Each open choice of the best body, with its probability.
 
         Empty of a population, and before the first interaction.
         """
@@ -294,7 +294,7 @@ class FittedPosterior:
         return SensorData.of(self.observations, self.modalities, self.clearance_cap)
 
     def predict(self, programs: ArrayLike) -> Readings:
-        """What the samples would feel at rest, without noise; each falls as it does undisturbed.
+        """Readings that the samples predict, without noise, each on its undisturbed branch.
 
         Args:
             programs: Angle of each joint, rad: shape (joints,), or (p, joints).

@@ -21,7 +21,7 @@ class Mode:
     """One set of attachments.
 
     Attributes:
-        attachments: What it chooses.
+        attachments: The chosen values, in the order of the columns that choose.
         probability: Share of the posterior.
         point: Its best point of the cube, shape (size,).
         ess: Effective number of draws behind the probability.

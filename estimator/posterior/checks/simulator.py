@@ -34,7 +34,7 @@ STEP: Final = 1 / 240  # s
 
 _REST_WINDOW: Final = 0.3  # s
 
-_RIVALS: Final = 6
+_RIVALS: Final = 6  # modes that are simulated, at most
 _WORTH: Final = 0.005  # probability of a mode that is simulated
 _FEWEST: Final = 3  # samples of a mode
 
@@ -47,7 +47,7 @@ def fine(world: WorldSettings) -> WorldSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class Recheck:
-    """What the simulator said.
+    """A posterior that was reweighted by the simulator.
 
     Attributes:
         posterior: The posterior with its weights.
@@ -157,7 +157,7 @@ def _reweighted(
 
 
 def _forks(predictor: Predictor, points: Array, data: SensorData, noise: Noise) -> Array:
-    """Where a trifle decides to which side a body falls, so that no simulation tells, (n, k)."""
+    """Where a small inclination of gravity changes the branch a body falls to, shape (n, k)."""
     plumb = predictor.read_all(points, data.programs)
     forks = np.zeros(len(plumb), dtype=bool)
     for lean in FORKS:
@@ -165,7 +165,7 @@ def _forks(predictor: Predictor, points: Array, data: SensorData, noise: Noise) 
     return forks.reshape(len(points), len(data))
 
 
-_DRAWS: Final = 64
+_DRAWS: Final = 64  # bodies for each interaction that is left out
 _SIMULATED: Final = 12  # of the draws of one interaction
 _CONTRADICTED: Final = 6.0  # nats less than the best body has
 _FEWEST_DRAWS: Final = 4.0  # effective number of draws that may stand for others

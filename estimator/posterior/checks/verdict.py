@@ -36,7 +36,7 @@ TOO_NOISY: Final = 2.0
 POOR: Final = 1.0
 """Excess of a fit that one right body of six has."""
 
-_SURELY: Final = 0.95
+_SURELY: Final = 0.95  # probability that a factor lies above ``TOO_NOISY``
 _BY_CHANCE: Final = 1e-3  # probability of so many wrong bits of a touch sensor
 _STRIKING: Final = 3.0  # standard deviations
 

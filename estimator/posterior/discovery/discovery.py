@@ -31,14 +31,14 @@ from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
 
 _WATCHED: Final = 3  # levels, from the coldest up
-_POLISHED: Final = 200
+_POLISHED: Final = 200  # sets of attachments whose lengths are fitted, in one round
 _POLISHED_BESIDE: Final = 40  # where neighbours are tried, too
 _LEADERS: Final = 4  # in one sweep
 _SWEPT: Final = (math.inf, 16.0, 16.0)  # nats that they may lie below the best, in one and the next
 _ELSEWHERE: Final = 800  # random lengths tried with a leader's attachments
 _PROMISING: Final = 60  # of them polished,
 _FINISHED: Final = 3  # and one in so many to the end, the best
-_STARTS: Final = 24
+_STARTS: Final = 24  # of these, fitted
 _CLIMBING: Final = 2  # bodies whose neighbours are tried at once
 _HIGHER: Final = 3.0  # nats, for which it is worth going on,
 _CLIMBS: Final = 4  # so often in one round
@@ -106,7 +106,7 @@ class Discovery:
         self._explores = explores
 
     def observe(self, data: SensorData, noise: Noise) -> None:
-        """Begins anew, from where the chains are and what they have found.
+        """Takes in all observations; the search goes on from its chains and what it has found.
 
         Args:
             data: The observations of all interactions.

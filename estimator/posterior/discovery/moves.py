@@ -16,10 +16,10 @@ from estimator.body.morphology import Array
 from estimator.posterior.model.unknowns import Columns, Unknowns
 
 _SMALLEST: Final = 0.001  # of a length's range: the scales of random steps, log-uniform
-_LARGEST: Final = 0.2
+_LARGEST: Final = 0.2  # and the largest of them
 _ALL_LENGTHS: Final = 0.5  # of the random steps move all lengths, the others some
-_SOME: Final = 0.3
-_JITTER: Final = 1e-4
+_SOME: Final = 0.3  # chance of each length to be moved then
+_JITTER: Final = 1e-4  # of a length's range, added to steps along differences
 _HINGED_ANEW: Final = 0.5  # of the parts that change places
 
 

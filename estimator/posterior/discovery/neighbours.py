@@ -36,7 +36,7 @@ _POLISHED: Final = 32  # of all neighbours, and of all recombined bodies
 
 
 class Neighbours:
-    """Finds better bodies near others.
+    """Tries bodies that differ from a given one in one or two limbs.
 
     Where it is not known which part sits on which, that is any part put on in another way, alone
     and with any other on it.

@@ -27,7 +27,7 @@ EVERY: Final = 5
 """Steps between two samples."""
 
 _CROSSINGS: Final = 0.25  # per step
-_SCALE_STEP: Final = 0.3
+_SCALE_STEP: Final = 0.3  # standard deviation of a step of a factor's logarithm
 
 
 class Population:

@@ -42,7 +42,7 @@ _WORSE: Final = 4.0  # nats: what explains the readings so much worse is refuted
 
 @dataclass(frozen=True, kw_only=True)
 class Deviation(ABC):
-    """One way in which the robot may be built otherwise.
+    """One deviation of a robot from what its problem states.
 
     Attributes:
         text: For people, as the rest of "a body with …"; braces stand for the amount.
@@ -315,7 +315,7 @@ def log_priors(deviations: Sequence[Deviation]) -> Array:
 
 
 class Deviations:
-    """Several deviations; bodies of the same kind of them are built at once.
+    """Several deviations, whose bodies are built kind by kind.
 
     Args:
         deviations: By number.

@@ -32,7 +32,7 @@ PRIOR: Final = 12.0
 _STEP: Final = 5e-4  # of a length's range
 _STEEPEST: Final = 60.0  # a reading that changes more (rad or m per range) has jumped
 _FARTHEST: Final = 0.25  # of a length's range, in one step
-_SHORTER: Final = 0.3
+_SHORTER: Final = 0.3  # of a step, tried where the whole one does not help
 
 
 @dataclass(frozen=True, kw_only=True)

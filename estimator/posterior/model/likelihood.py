@@ -123,7 +123,7 @@ class Noise:
 
 
 def apart(one: Readings, other: Readings, noise: Noise) -> Flags:
-    """Which of n readings come from poses that are plainly not the same, shape (n,)."""
+    """Whether n pairs of readings differ so much that their poses do, shape (n,)."""
     tilt = np.max(np.abs(one.tilt - other.tilt), axis=1) > _PLAINLY * noise.tilt
     clearance = np.abs(one.clearance - other.clearance) > _PLAINLY * noise.clearance
     plainly: Flags = tilt | clearance | (one.valid != other.valid)

@@ -134,7 +134,7 @@ class Density(ABC):
 
     @abstractmethod
     def log_anywhere(self, known: ReadingCounts, cap: float) -> Array:
-        """Logarithm of the density of what a robot might feel anywhere, shape (k,).
+        """Logarithm of the density of readings in an arbitrary pose, shape (k,).
 
         Args:
             known: Of shape (k,).

@@ -175,7 +175,7 @@ class Cost(NamedTuple):
 
 
 class Predictor:
-    """Predicts what points of the cube feel in some motor programs.
+    """Predicts the readings of points of the cube in motor programs.
 
     Args:
         unknowns: The cube.
@@ -227,7 +227,7 @@ class Predictor:
         *,
         quickly: bool = False,
     ) -> Readings:
-        """What some of the bodies feel, each in the program of its row.
+        """Predicted readings of some of the bodies, each in its own program.
 
         Args:
             bodies: From ``Unknowns.bodies``.
@@ -257,7 +257,7 @@ class Predictor:
         *,
         quickly: bool = False,
     ) -> Readings:
-        """What each of n points feels in each of k programs: n · k rows, programs fastest.
+        """Predicted readings of n points in each of k programs: n · k rows, programs fastest.
 
         Args:
             values: Points, shape (n, size).
@@ -289,7 +289,7 @@ def _where(chosen: list[bool]) -> Columns:
 
 
 def performed(programs: Array, bodies: Bodies) -> Array:
-    """How far motors turn that are told to perform programs, rad, shape (n, motors).
+    """Angles that motors reach in programs, by the travel of their servos, rad, shape (n, motors).
 
     Args:
         programs: rad, shape (n, motors).
@@ -304,7 +304,7 @@ def performed(programs: Array, bodies: Bodies) -> Array:
 
 
 def as_sensed(readings: Readings, bodies: Bodies) -> Readings:
-    """What the bodies' sensors make of poses: limp parts lie on the ground, and are observed there.
+    """Readings as deviating sensors give them; limp parts lie on the ground and touch it.
 
     Args:
         readings: Of n bodies, as a back-end has them.

@@ -25,16 +25,16 @@ from estimator.posterior.model.unknowns import Cost, Predictor
 
 _FREEDOM: Final = 5.0  # of Student's t
 _SHARES: Final = np.array([0.65, 0.27, 0.08])  # close, broad, anywhere
-_CLOSE: Final = 1.2
-_BROAD: Final = 3.0
-_ROUNDS: Final = 3
-_CENTRES: Final = 8
+_CLOSE: Final = 1.2  # factor on the standard deviations of the close part
+_BROAD: Final = 3.0  # and of the broad one
+_ROUNDS: Final = 3  # of draws, each after the first from an adapted mixture
+_CENTRES: Final = 8  # of an adapted mixture
 _FEWEST: Final = 60  # draws in a round
 
 
 @dataclass(frozen=True, kw_only=True)
 class ModeEvidence:
-    """One set of attachments.
+    """The evidence of one set of attachments, and the draws that estimate it.
 
     Attributes:
         log_evidence: Logarithm of the integral of the likelihood over lengths and noise factors,

@@ -44,7 +44,7 @@ _FEW: Final = 50  # sets of attachments that all populations can have found
 
 @dataclass(frozen=True, kw_only=True)
 class Agreement:
-    """What the populations have found, side by side, and how far they agree.
+    """Agreement of the populations: the attachments that each has found, and how well they fit.
 
     Attributes:
         points: The best of each set of attachments that may matter, best first, shape (n, size).
@@ -74,7 +74,7 @@ class Agreement:
         data: SensorData,
         noise: Noise,
     ) -> Self:
-        """Compares.
+        """Compares what the populations have found.
 
         Args:
             bodies: What each population has found.
@@ -110,7 +110,7 @@ class Agreement:
 
     @property
     def leaders(self) -> list[Attachments]:
-        """Attachments about as probable as the leader's, as those that feel alike are."""
+        """Attachments about as probable as the leader's, such as indistinguishable ones."""
         rows = np.flatnonzero(self.guesses > self.guesses.max() - _AS_PROBABLE)
         return [self.keys[row] for row in rows]
 
@@ -144,12 +144,12 @@ class Agreement:
 
     @property
     def few(self) -> bool:
-        """Whether all that matters is so little that every population can have found it."""
+        """Whether so few sets of attachments matter that every population can have found all."""
         return bool(np.sum(softmax(self.guesses) ** 2) > 1 / _FEW)
 
     @property
     def coverage(self) -> float:
-        """How much of the posterior the populations have found."""
+        """Share of the posterior that the populations have found."""
         return coverage(softmax(self.guesses), found_by_each(self.keys, self.found))
 
     def share_beyond(self, known: Collection[Attachments]) -> float:

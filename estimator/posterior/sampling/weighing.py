@@ -27,7 +27,7 @@ _WELL: Final = 64  # modes estimated by all draws; of more, each by fewer
 _DRAWN: Final = 16  # points of a mode, for the next interaction,
 _DRAWN_OF: Final = 32  # of so many modes, drawn as if
 _SPREAD: Final = 64  # of the evidence's draws counted at least
-_LEAST_POWER: Final = 1e-3
+_LEAST_POWER: Final = 1e-3  # to which weights are raised
 _STEPS: Final = 20  # of valid sampling,
 _GROUPS: Final = 2  # of chains, each moved by one worker
 _FEW: Final = (
@@ -138,7 +138,7 @@ def _moved(
     few: bool,
     starts: tuple[Array, Array, int],
 ) -> tuple[Array, Array, Cost]:
-    """Where chains stand in the end, values and scales, and what that cost.
+    """Moves a group of chains: their last values and scales, and the cost.
 
     Args:
         predictor: Computes readings.
@@ -166,7 +166,7 @@ def _moved(
 
 
 def _spread_out(weights: Array, wanted: int) -> Array:
-    """Weights raised to a power, so that at least so many draws count."""
+    """Weights, raised to the power at which their effective size is at least ``wanted``."""
     power = 1.0
     while True:
         spread = weights**power
