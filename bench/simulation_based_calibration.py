@@ -32,22 +32,19 @@ from bench.study_command import add_options, complete_by_command
 from estimator.body.limbs import leg_lengths
 from estimator.body.morphology import Array
 from estimator.executors import ThisProcess
-from estimator.exploration.choosing import Chooser
+from estimator.exploration.information import Chooser
 from estimator.exploration.information_gain import InformationGain
-from estimator.identification.doubting import SURE
+from estimator.identification.misspecification import SURE
 from estimator.physics.equivalence import PROGRAMS
 from estimator.physics.statics import StaticsPhysics
-from estimator.posterior.alike import feel_alike
-from estimator.posterior.belief import believe
-from estimator.posterior.information import SAMPLES, information_gained
-from estimator.posterior.model.densities import DENSITIES
+from estimator.posterior.indistinguishable import indistinguishable_points
 from estimator.posterior.model.likelihood import LEANS, LIKELY, Noise, apart
-from estimator.posterior.model.noise_factors import drawn_scales
-from estimator.posterior.model.noise_family import drawn
-from estimator.posterior.model.sensor_data import SensorData
+from estimator.posterior.model.noise import drawn, drawn_scales
+from estimator.posterior.model.sensor_data import DENSITIES, SensorData
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.posterior import Posterior
 from estimator.posterior.sampling.sampler import Effort, Sampler
+from estimator.posterior.summary import SAMPLES, information_gained, summarise
 from estimator.readings.modalities import MODALITIES
 from estimator.readings.observation import Observation, PredictedReadings
 from estimator.reproduction.harness import BriefRun, made_by
@@ -180,10 +177,14 @@ def trial(seed: int, problem_name: str, interactions: int) -> list[dict[str, Any
     open_legs = np.flatnonzero(anybody[0] != anybody[1])
     lengths = leg_lengths([true_body])[0, open_legs]
     truth = Posterior(
-        values=body[None], scales=robot.scales[None], weights=np.ones(1), modes=(), credible=True
+        values=body[None],
+        scales=robot.scales[None],
+        weights=np.ones(1),
+        modes=(),
+        adequate_fit=True,
     )
     programs = np.array([problem.random_program(rng, capabilities) for _ in range(PROGRAMS)])
-    alike = partial(feel_alike, predictor, programs, tuple(MODALITIES))
+    alike = partial(indistinguishable_points, predictor, programs, tuple(MODALITIES))
     gain = InformationGain(noise, cap, tuple(MODALITIES))
     posterior, told = sampler.prior(), []
     observed: list[Observation] = []
@@ -193,7 +194,7 @@ def trial(seed: int, problem_name: str, interactions: int) -> list[dict[str, Any
         observed.append(robot.perform(chosen.program))
         data, before = SensorData.of(observed, tuple(MODALITIES), cap), posterior
         posterior = sampler.learn(data)
-        belief = believe(posterior, predictor, data, noise, alike, before=before)
+        belief = summarise(posterior, predictor, data, noise, alike, before=before)
         leader = posterior.modes[0].point.copy()
         leader[unknowns.continuous] = body[unknowns.continuous]
         right = bool(alike(leader[None], body[None])[0])

@@ -7,11 +7,11 @@ from .errors import EstimatorError as EstimatorError
 from .errors import SearchStateError as SearchStateError
 from .exploration.best_programs import best_programs as best_programs
 from .exploration.rules import RULES as RULES
+from .exploration.rules import Choice as Choice
+from .exploration.rules import Objective as Objective
 from .exploration.rules import Rule as Rule
-from .exploration.situation import Choice as Choice
-from .exploration.situation import Objective as Objective
-from .exploration.situation import Situation as Situation
-from .identification.listener import Listener as Listener
+from .exploration.rules import Situation as Situation
+from .identification.method import Listener as Listener
 from .identification.paper.objectives import OBJECTIVES as OBJECTIVES
 from .identification.paper.objectives import LargestError as LargestError
 from .identification.paper.objectives import RobustMeanError as RobustMeanError

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from estimator.errors import EstimatorError
-from estimator.identification.listener import Listener
+from estimator.identification.method import Listener
 from estimator.identification.run import identify as identify_run
 from estimator.identification.run import resume as resume_run
 from estimator.physics.backends import on_this_computer

@@ -22,8 +22,7 @@ from bench.power.tables import by_group, run_table, success_table
 from bench.power.trial import Trial, TrialRun
 from bench.study_command import add_options, complete_by_command
 from estimator.identification import posterior_method
-from estimator.posterior.chains import population
-from estimator.posterior.discovery import discovery
+from estimator.posterior.discovery import discovery, population
 from estimator.posterior.model import likelihood
 from estimator.posterior.model.likelihood import LEANS
 from estimator.posterior.sampling.sampler import Effort

@@ -12,7 +12,7 @@ import numpy as np
 
 from bench.power.study import FAULTY, KNOWN_ATTACHMENTS, PICTURES, SUBJECTS
 from bench.power.trial import Figures, Step, Trial, TrialRun
-from estimator.identification.doubting import SURE
+from estimator.identification.misspecification import SURE
 from estimator.report.canvas import COLOURS, new_figure
 
 Runs = Sequence[tuple[Trial, Sequence[Figures]]]

@@ -19,8 +19,8 @@ from estimator.body.morphology import Array
 from estimator.evaluation.attachments import Comparison, Truth
 from estimator.evaluation.length_search import LengthSearch
 from estimator.evaluation.score import length_search
-from estimator.identification.doubting import SURE
-from estimator.identification.listener import Listener
+from estimator.identification.method import Listener
+from estimator.identification.misspecification import SURE
 from estimator.identification.run import identify
 from estimator.physics.backends import IN_THIS_PROCESS
 from estimator.physics.statics import StaticsPhysics

@@ -23,7 +23,7 @@ from rich.progress import (
 from rich.segment import Segment
 
 from estimator.errors import RunDirectoryError
-from estimator.identification.listener import Listener
+from estimator.identification.method import Listener
 from estimator.readings.modalities import MODALITIES
 from estimator.readings.observation import Observation
 from estimator.storage.database import holds_run

@@ -17,8 +17,8 @@ from pydantic import BaseModel, ConfigDict
 
 from estimator.body.morphology import Array
 from estimator.errors import EstimatorError, InteractionError
-from estimator.identification.acting import carry_out
-from estimator.identification.listener import Listener
+from estimator.identification.loop import carry_out
+from estimator.identification.method import Listener
 from estimator.identification.robot_link import RobotLink
 from estimator.physics.base import Physics
 from estimator.posterior.fitted import FittedPosterior

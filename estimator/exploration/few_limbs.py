@@ -4,7 +4,7 @@ A reading of many limbs at once tells as much as one of a few, but of nothing in
 it leaves open can only be found by trying all limbs together. A limb that stays as it lies hardly
 matters, so with few moved a robot of many legs is found leg by leg. Where it is not known which
 part sits on which, each part that a motor turns is a limb by itself; and samples that have come to
-agree sooner than their readings can have told them to are not believed.
+agree sooner than their readings can have told them to are not trusted.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ _OPEN: Final = 24.0
 two parts. One alone often lifts into the air, and tells nothing."""
 
 _OPEN_OF_PARTS: Final = 12.0
-"""The same of single parts: as much as two of which nothing is known."""
+"""Bits that single moved parts hold together, at most: as much as two that are unknown."""
 
-_TOLD: Final = 5.0
+_BITS_LEARNT: Final = 5.0
 """Bits about attachments of single parts that one interaction surely tells no more than; fewer than
 the sampler waits for before it weighs, since to move all parts too soon cannot be made good."""
 
@@ -51,13 +51,13 @@ class Limbs:
     Attributes:
         limbs: Each of them.
         open: Bits about attachments that those which move hold together, at most.
-        untold: Bits about all of them that are open before the first interaction, where samples may
-            agree sooner than they should; else 0.
+        unlearnt: Bits about all of them that are open before the first interaction, where samples
+            may agree sooner than they should; else 0.
     """
 
     limbs: tuple[LimbGenes, ...]
     open: float
-    untold: float
+    unlearnt: float
 
 
 def limbs_of(unknowns: Unknowns) -> Limbs:
@@ -83,10 +83,10 @@ def limbs_of(unknowns: Unknowns) -> Limbs:
         )
         for chain in chains
     )
-    untold = 0.0
+    unlearnt = 0.0
     if unknowns.parents.any():
-        untold = sum(float(np.log2(unknowns.counts[limb.choices]).sum()) for limb in limbs)
-    return Limbs(limbs=limbs, open=most, untold=untold)
+        unlearnt = sum(float(np.log2(unknowns.counts[limb.choices]).sum()) for limb in limbs)
+    return Limbs(limbs=limbs, open=most, unlearnt=unlearnt)
 
 
 def _down_from(tip: int, parents: Sequence[int]) -> list[int]:
@@ -118,7 +118,7 @@ def with_few_limbs(
     """
     bits = np.array([_entropy(decided[:, limb.choices]) for limb in limbs.limbs])
     if bits.size:  # which limbs the samples are wrong about nobody knows: so all alike
-        bits += max(limbs.untold - _TOLD * interactions - bits.sum(), 0.0) / bits.size
+        bits += max(limbs.unlearnt - _BITS_LEARNT * interactions - bits.sum(), 0.0) / bits.size
     if bits.sum() <= limbs.open:
         return programs
     order = rng.permuted(np.tile(np.arange(len(bits)), (len(programs), 1)), axis=1)

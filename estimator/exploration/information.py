@@ -1,24 +1,37 @@
-"""The rule ``information``: the program that is expected to tell most about the body."""
+"""The rule ``information``: the program with the largest expected information gain about the body.
+
+``Chooser`` finds it; the rule says in words what the program discriminates between.
+"""
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
+from estimator.body.arrays import Bodies
 from estimator.body.morphology import Array
 from estimator.executors import Threads
-from estimator.exploration.choosing import Chooser
-from estimator.exploration.information_gain import InformationGain
-from estimator.exploration.situation import Choice, Situation
+from estimator.exploration.best_programs import CANDIDATES, best_programs
+from estimator.exploration.few_limbs import limbs_of, with_few_limbs
+from estimator.exploration.information_gain import InformationGain, Predictions
+from estimator.exploration.rules import Choice, Situation
 from estimator.posterior.fitted import FittedPosterior
-from estimator.posterior.information import SAMPLES
-from estimator.posterior.model.departures import Doubt
+from estimator.posterior.model.deviations import Alternative
+from estimator.posterior.model.likelihood import FORKS, LEANS
+from estimator.posterior.model.special import softmax
+from estimator.posterior.model.unknowns import Columns, Predictor
+from estimator.posterior.posterior import Posterior, systematic
+from estimator.posterior.summary import SAMPLES
+from estimator.readings.observation import PredictedReadings
 
 _WORTH_SAYING: Final = 0.25  # bits about one trait
-_SAID: Final = 2
+_SAID: Final = 2  # traits, named as the reason
 
 
 def most_informative_program(situation: Situation) -> Choice:
@@ -27,7 +40,7 @@ def most_informative_program(situation: Situation) -> Choice:
     with Threads(situation.jobs) as threads:
         gain = InformationGain(models.noise, models.clearance_cap, models.modalities, threads)
         chosen = Chooser(models.predictor, gain, models.program_range).choose(
-            models.posterior, models.doubts, len(models.observations), situation.rng
+            models.posterior, models.alternatives, len(models.observations), situation.rng
         )
     return Choice(
         program=tuple(chosen.program.tolist()),
@@ -37,22 +50,24 @@ def most_informative_program(situation: Situation) -> Choice:
 
 
 def _reason(models: FittedPosterior, about: Array) -> str:
-    """What the program tells apart, in words."""
+    """What the program discriminates between, in words."""
     order = np.argsort(-about, kind="stable")
     named = [column for column in order.tolist() if about[column] >= _WORTH_SAYING][:_SAID]
-    parts = [_alternatives(models, column) for column in named]
+    parts = [_possible_values(models, column) for column in named]
     return f"tells apart: {'; '.join(parts)}" if parts else "narrows what is known already"
 
 
-def _tests(doubts: Sequence[Doubt]) -> list[str]:
-    """What else the program would show: how the robot may depart from the problem."""
-    if not doubts:
+def _tests(alternatives: Sequence[Alternative]) -> list[str]:
+    """What else the program would show: how the robot may deviate from the problem."""
+    if not alternatives:
         return []
-    most = doubts[0].departure.name
-    return [f"tests {most}" + (f" and {len(doubts) - 1} more" if len(doubts) > 1 else "")]
+    most = alternatives[0].deviation.name
+    return [
+        f"tests {most}" + (f" and {len(alternatives) - 1} more" if len(alternatives) > 1 else "")
+    ]
 
 
-def _alternatives(models: FittedPosterior, column: int) -> str:
+def _possible_values(models: FittedPosterior, column: int) -> str:
     genome, gene = models.genome, models.genome.genes[column]
     if gene.choices:
         likely = Counter(genome.words(column, models.samples)).most_common(2)
@@ -61,3 +76,279 @@ def _alternatives(models: FittedPosterior, column: int) -> str:
     low, high = genome.quantities(column, ends).tolist()
     digits = 0 if gene.trait == "length" else 1
     return f"{gene.name} ({low:.{digits}f} to {high:.{digits}f} {gene.unit})"
+
+
+_DRAWS: Final = 100  # readings for each program
+_THINNED: Final = slice(None, None, 2)  # of the bodies, by which all but finalists are compared
+_MORE_DRAWS: Final = 800  # for each finalist
+_AT_ONCE: Final = 4096  # readings, whose bodies fit into a processor's cache
+_THICKER: Final = 1.4  # times as thick; bodies that then lie otherwise foresee nothing
+_FORESEEABLE: Final = math.radians(2.0)  # path margin; of so many, those near forks look best
+_ALTERNATIVES: Final = 0.5  # times as many bodies that deviate from the problem as models
+_KNOWN: Final = (
+    0.01  # m: lengths that need not be told apart any further while there are alternatives
+)
+_PLUMB: Final = LEANS[:1]
+_BRANCHES: Final = np.vstack([_PLUMB, FORKS])  # inclinations of gravity
+
+
+@dataclass(frozen=True, kw_only=True)
+class InformativeProgram:
+    """A motor program, and what it would tell.
+
+    Attributes:
+        program: rad, shape (motors,).
+        bits: Information that it is expected to give about the body.
+        about: Information about each column of the cube, bits: about a choice, or about the half of
+            its range in which a length lies; shape (size,).
+        tests: Doubts that it would settle.
+    """
+
+    program: Array
+    bits: float
+    about: Array
+    tests: tuple[Alternative, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Hypotheses:
+    """Equally likely bodies, one of which may be the robot's.
+
+    Attributes:
+        bodies: n of them.
+        scales: Logarithms of their noise factors, shape (n, 2).
+        groups: Bodies of one group are the same, shape (n,).
+    """
+
+    bodies: Bodies
+    scales: Array
+    groups: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.groups)
+
+    def some(self, rows: slice) -> _Hypotheses:
+        """Some of them."""
+        return _Hypotheses(
+            bodies=self.bodies[rows],
+            scales=self.scales[rows],
+            groups=self.groups[rows],
+        )
+
+
+class Chooser:
+    """Finds the motor program with the largest expected information gain.
+
+    Args:
+        predictor: Computes readings.
+        gain: Computes information.
+        ends: Lowest and highest target of each motor, rad, shape (motors, 2).
+    """
+
+    def __init__(
+        self,
+        predictor: Predictor,
+        gain: InformationGain,
+        ends: Array,
+    ) -> None:
+        self._predictor = predictor
+        self._gain = gain
+        self._ends = ends
+        self._limbs = limbs_of(predictor.unknowns)
+
+    def choose(
+        self,
+        samples: Posterior,
+        alternatives: Sequence[Alternative],
+        interactions: int,
+        rng: np.random.Generator,
+    ) -> InformativeProgram:
+        """The motor program that is expected to tell most.
+
+        Args:
+            samples: Equally likely bodies.
+            alternatives: Bodies that deviate from the problem. All together are taken to be half as
+                likely as the samples, and the program tells of them rather than more of lengths
+                that are known well.
+            interactions: How many the samples have been learnt from.
+            rng: The choice's own.
+        """
+        low, high = self._ends.T
+        models = self._models(samples)
+        known = (
+            self._with_alternatives(models, samples, alternatives, rng) if alternatives else models
+        )
+        few = known.some(_THINNED)
+        candidates = with_few_limbs(
+            rng.uniform(low, high, (CANDIDATES, len(low))),
+            self._limbs,
+            self._predictor.unknowns.decided(samples.values),
+            interactions,
+            rng,
+        )
+
+        def rough(programs: Array) -> Array:
+            (quick,) = self._read(few, programs, _PLUMB, quickly=True)
+            return self._bits(few, Predictions.of(quick, len(few)), rng, _DRAWS)
+
+        def good(programs: Array) -> Array:
+            predictions = self._sure_predictions(few, programs, quickly=True)
+            return self._bits(few, predictions, rng, _DRAWS)
+
+        def sure(programs: Array) -> Array:
+            return self._bits(known, self._surest_predictions(known, programs), rng, _MORE_DRAWS)
+
+        programs, gains = best_programs(
+            good, self._ends, rng, candidates=candidates, rough=rough, sure=sure
+        )
+        chosen, bits = programs[[0]], gains[[0]]
+        predictions = self._surest_predictions(models, chosen)
+        if alternatives:
+            bits = self._bits(models, predictions, rng, _MORE_DRAWS)
+        return InformativeProgram(
+            program=chosen[0],
+            bits=float(bits[0]),
+            about=self._about(samples, predictions, rng),
+            tests=self._tested(models, alternatives, chosen),
+        )
+
+    def _models(self, samples: Posterior) -> _Hypotheses:
+        bodies = self._predictor.unknowns.bodies(samples.values)
+        return _Hypotheses(
+            bodies=bodies,
+            scales=samples.scales,
+            groups=np.arange(len(bodies)),
+        )
+
+    def _with_alternatives(
+        self,
+        models: _Hypotheses,
+        samples: Posterior,
+        alternatives: Sequence[Alternative],
+        rng: np.random.Generator,
+    ) -> _Hypotheses:
+        """In random order, since few draws go to the first only.
+
+        What deviates from the problem has no lengths of its own that are known any better, so its
+        bodies are spread as the models are: a movement that other lengths make up for tests
+        nothing.
+        """
+        count = len(models)
+        probabilities = softmax(np.array([alternative.log_weight for alternative in alternatives]))
+        others = systematic(probabilities, int(_ALTERNATIVES * count), 0.5)
+        spread = samples.values - samples.values.mean(axis=0)
+        spread = spread[rng.integers(len(spread), size=len(others))]
+        order = rng.permutation(count + len(others))
+        built = [
+            self._built(alternatives[index], away)
+            for index, away in zip(others, spread, strict=True)
+        ]
+        attachments = self._predictor.unknowns.attachments(samples.values)
+        lengths = np.round(models.bodies.length / _KNOWN)
+        _, alike = np.unique(np.hstack([attachments, lengths]), axis=0, return_inverse=True)
+        return _Hypotheses(
+            bodies=Bodies.joined([models.bodies, *built])[order],
+            scales=np.vstack([models.scales, np.zeros((len(others), 2))])[order],
+            groups=np.concatenate([alike.reshape(-1), count + others])[order],
+        )
+
+    def _built(self, alternative: Alternative, away: Array | None = None) -> Bodies:
+        """The body of an alternative, or one that is so much longer or shorter, shape (size,)."""
+        unknowns, point = self._predictor.unknowns, alternative.point.copy()
+        if away is not None:
+            columns = unknowns.continuous
+            point[columns] = np.clip(point[columns] + away[columns], 0, 1)
+        return alternative.deviation.of(unknowns.bodies(point[None]))
+
+    def _tested(
+        self, models: _Hypotheses, alternatives: Sequence[Alternative], program: Array
+    ) -> tuple[Alternative, ...]:
+        """The alternatives whose readings differ from those of most models."""
+        (expected,) = self._read(models, program, _PLUMB)
+        tested = []
+        for alternative in alternatives:
+            bodies = self._built(alternative)[np.zeros(len(models), dtype=np.intp)]
+            (predicted,) = self._read(replace(models, bodies=bodies), program, _PLUMB)
+            if np.mean(self._gain.apart(expected, predicted)) > 0.5:
+                tested.append(alternative)
+        return tuple(tested)
+
+    def _bits(
+        self, known: _Hypotheses, predictions: Predictions, rng: np.random.Generator, draws: int
+    ) -> Array:
+        return self._gain.of(predictions, known.scales, known.groups, rng, draws=draws)
+
+    def _sure_predictions(
+        self, known: _Hypotheses, programs: Array, *, quickly: bool = False
+    ) -> Predictions:
+        """Predicted readings, none where a body may fall to more sides than one.
+
+        Where much is to be found, none also where it matters how thick capsules are: what is
+        square but not known to be rests on its edges.
+        """
+        plumb, *others = self._read(known, programs, _BRANCHES, quickly=quickly)
+        if self._predictor.unknowns.many:
+            radius = np.where(known.bodies.box, 1.0, _THICKER) * known.bodies.radius
+            thicker = replace(known, bodies=known.bodies.changed(radius=radius))
+            others += self._read(thicker, programs, _PLUMB, quickly=quickly)
+        predictions = Predictions.of(plumb, len(known))
+        for other in others:
+            apart = self._gain.apart(plumb, other)
+            predictions.no_prediction[apart.reshape(predictions.no_prediction.shape)] = True
+        return predictions
+
+    def _surest_predictions(self, known: _Hypotheses, programs: Array) -> Predictions:
+        """Predicted readings, none also where path margins are small: slow to compute."""
+        predictions = self._sure_predictions(known, programs)
+        rows, repeated = _each_with_each(len(known), programs)
+        margins = self._predictor.margins(known.bodies, rows, repeated, most=_FORESEEABLE)
+        predictions.no_prediction[
+            (margins < _FORESEEABLE).reshape(predictions.no_prediction.shape)
+        ] = True
+        return predictions
+
+    def _read(
+        self, known: _Hypotheses, programs: Array, leans: Array, *, quickly: bool = False
+    ) -> list[PredictedReadings]:
+        """Readings of all bodies in all programs, one record for each of the inclinations."""
+        pieces = []
+        count = len(leans)
+        at_once = max(1, _AT_ONCE // (count * len(known)))
+        for start in range(0, len(programs), at_once):
+            rows, repeated = _each_with_each(len(known), programs[start : start + at_once])
+            rows, each = np.repeat(rows, count), np.tile(leans, (len(rows), 1))
+            repeated = np.repeat(repeated, count, axis=0)
+            pieces.append(self._predictor.read(known.bodies, rows, repeated, each, quickly=quickly))
+        readings = PredictedReadings.concatenate(pieces)
+        return [readings[branch::count] for branch in range(count)]
+
+    def _about(
+        self, samples: Posterior, predictions: Predictions, rng: np.random.Generator
+    ) -> Array:
+        unknowns = self._predictor.unknowns
+        about = np.zeros(unknowns.size)
+        for column, groups in _groups(
+            samples.values, unknowns.choices, unknowns.attachments(samples.values)
+        ):
+            about[column] = self._gain.of(
+                predictions, samples.scales, groups, rng, draws=4 * len(groups)
+            )[0]
+        for column in unknowns.continuous:
+            halves = (samples.values[:, column] > np.median(samples.values[:, column])).astype(
+                np.int64
+            )
+            about[column] = self._gain.of(
+                predictions, samples.scales, halves, rng, draws=4 * len(halves)
+            )[0]
+        return np.maximum(about, 0.0)
+
+
+def _each_with_each(count: int, programs: Array) -> tuple[Columns, Array]:
+    """Numbers of all bodies with the first program, then with the next; and their programs."""
+    return np.tile(np.arange(count), len(programs)), np.repeat(programs, count, axis=0)
+
+
+def _groups(
+    values: Array, columns: Columns, chosen: NDArray[np.int64]
+) -> Sequence[tuple[int, NDArray[np.int64]]]:
+    return [(int(column), chosen[:, index]) for index, column in enumerate(columns)]

@@ -3,7 +3,7 @@
 A reading is drawn from each sample's prediction, noise included, and what it would tell about the
 group of samples that its sample belongs to is ``log p(y | group) - log p(y)``, under the mixture by
 which bodies are judged. So a program that separates bodies only by what cannot be measured, or in
-poses that the models cannot foretell, is worth nothing. With
+poses that the models cannot predict, is worth nothing. With
 every sample a group of its own this is the information about the body as a whole; with samples
 grouped by what they say of one leg's side, it is the information about that side.
 """
@@ -13,6 +13,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,24 +22,26 @@ from numpy.typing import NDArray
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.executors import Threads
-from estimator.exploration.gain_kernel import gains
-from estimator.posterior.model import noise_family
-from estimator.posterior.model.densities import DENSITIES, Known
+from estimator.physics.kernel.compiling import compiled, entrance, stamp
+from estimator.posterior.model import mixture, noise
 from estimator.posterior.model.likelihood import Noise, apart
+from estimator.posterior.model.mixture import Level, Spread, level_of, log_densities
+from estimator.posterior.model.noise import drawn
+from estimator.posterior.model.sensor_data import DENSITIES, ReadingCounts
 from estimator.readings.observation import PredictedReadings
 
 
 @dataclass(frozen=True, kw_only=True)
-class Forecast:
-    """What n samples feel in each of p programs.
+class Predictions:
+    """Readings that n samples predict in each of p programs.
 
     Attributes:
-        touch: Shape (p, n, s); likewise ``doubtful``.
-        doubtful: Touch bits that might as well be otherwise.
+        touch: Touch bits, shape (p, n, s).
+        doubtful: Whether a touch bit is undecided, shape (p, n, s).
         tilt: rad, shape (p, n, 2).
         clearance: m, shape (p, n).
         beyond: The ground lies beyond the sensor's range, shape (p, n).
-        silent: The model cannot foretell its pose, shape (p, n).
+        no_prediction: The model cannot predict its pose, shape (p, n).
     """
 
     touch: Flags
@@ -45,10 +49,10 @@ class Forecast:
     tilt: Array
     clearance: Array
     beyond: Flags
-    silent: Flags
+    no_prediction: Flags
 
     @classmethod
-    def of(cls, readings: PredictedReadings, samples: int) -> Forecast:
+    def of(cls, readings: PredictedReadings, samples: int) -> Predictions:
         """From readings of all samples in one program and the next."""
         shape = (len(readings) // samples, samples)
         return cls(
@@ -57,7 +61,7 @@ class Forecast:
             tilt=readings.tilt.reshape(*shape, 2),
             clearance=readings.clearance.reshape(shape),
             beyond=readings.saturated.reshape(shape),
-            silent=(readings.undecided | ~readings.valid).reshape(shape),
+            no_prediction=(readings.undecided | ~readings.valid).reshape(shape),
         )
 
 
@@ -65,7 +69,7 @@ class InformationGain:
     """Computes information gains under one robot's noise.
 
     Args:
-        noise: How far readings stray.
+        noise: Sensor noise.
         cap: Range of the distance sensor, m.
         modalities: Sensors that count.
         threads: Share out the programs; one by default.
@@ -80,12 +84,12 @@ class InformationGain:
         self._modalities = tuple(modalities)
 
     def apart(self, one: PredictedReadings, other: PredictedReadings) -> Flags:
-        """Which of n readings are plainly not of the same pose, shape (n,)."""
+        """Whether n pairs of readings are of different poses, shape (n,)."""
         return apart(one, other, self._noise)
 
     def of(
         self,
-        forecast: Forecast,
+        predictions: Predictions,
         scales: Array,
         groups: NDArray[np.int64],
         rng: np.random.Generator,
@@ -95,7 +99,7 @@ class InformationGain:
         """Expected information of each program, in bits, shape (p,).
 
         Args:
-            forecast: What equally likely samples feel.
+            predictions: Of equally likely samples.
             scales: Logarithms of their noise factors, shape (n, 2).
             groups: Group of each sample, shape (n,).
             rng: Draws the noise, which is the same for all programs.
@@ -103,27 +107,27 @@ class InformationGain:
         """
         touch, tilt, clear = (name in self._modalities for name in ("touch", "tilt", "clearance"))
         sensors = slice(None if touch else 0)
-        deviations = noise_family.drawn((draws, 3), rng)
-        uniforms = rng.random((draws, 1 + forecast.touch.shape[2]))
+        noise_draws = drawn((draws, 3), rng)
+        uniforms = rng.random((draws, 1 + predictions.touch.shape[2]))
         if not tilt:
-            deviations[:, :2] = 0.0
-        result = np.zeros(len(forecast.tilt))
+            noise_draws[:, :2] = 0.0
+        result = np.zeros(len(predictions.tilt))
         laid_out = np.ascontiguousarray  # the kernel would be compiled for each layout
         arguments = (
-            laid_out(forecast.touch[..., sensors]),
-            laid_out(forecast.doubtful[..., sensors]),
-            laid_out(forecast.tilt) if tilt else np.zeros_like(forecast.tilt),
-            laid_out(forecast.clearance),
-            laid_out(forecast.beyond),
-            laid_out(forecast.silent),
+            laid_out(predictions.touch[..., sensors]),
+            laid_out(predictions.doubtful[..., sensors]),
+            laid_out(predictions.tilt) if tilt else np.zeros_like(predictions.tilt),
+            laid_out(predictions.clearance),
+            laid_out(predictions.beyond),
+            laid_out(predictions.no_prediction),
             laid_out(scales),
             self._noise.spread,
-            self._anywhere(forecast.touch.shape[2]),
+            self._anywhere(predictions.touch.shape[2]),
             self._cap,
             2.0 if tilt else 0.0,
             clear,
             np.ascontiguousarray(groups, dtype=np.int64),
-            deviations,
+            noise_draws,
             uniforms,
             result,
         )
@@ -138,7 +142,156 @@ class InformationGain:
         logs = np.full(2, math.log(self._noise.outlier))
         for name, count in (("touch", bits), ("tilt", 2), ("clearance", 1)):
             if name in self._modalities:
-                known = Known(count=np.full(2, count), beyond=beyond)
+                known = ReadingCounts(count=np.full(2, count), beyond=beyond)
                 logs += DENSITIES[name].log_anywhere(known, self._cap)
         density: Array = np.exp(logs)
         return density
+
+
+_SOURCES: Final = stamp(Path(__file__).parent, *map(Path, (mixture.__file__, noise.__file__)))
+_LEVEL_SIZE: Final = len(Level._fields)
+_LEAST: Final = -60.0  # logarithm of a density that vanishes beside an outlier's
+
+
+@compiled
+def _differing(touch: Flags, doubtful: Flags, bits: Flags) -> tuple[float, float]:
+    """How many touch bits are not as one prediction has them, and of how many it is not sure."""
+    wrong, unsure = 0.0, 0.0
+    for bit in range(len(bits)):
+        if doubtful[bit]:
+            unsure += 1.0
+        elif touch[bit] != bits[bit]:
+            wrong += 1.0
+    return wrong, unsure
+
+
+@compiled
+def _draw_bits(touch: Flags, doubtful: Flags, wrong: float, uniforms: Array, bits: Flags) -> None:
+    """Touch bits as they may be observed under one prediction; the first number is not theirs."""
+    for bit in range(len(bits)):
+        bits[bit] = touch[bit] != (uniforms[1 + bit] < (0.5 if doubtful[bit] else wrong))
+
+
+@compiled
+def _keep(level: Level, kept: Array) -> None:
+    for number in range(len(level)):
+        kept[number] = level[number]
+
+
+@compiled
+def _kept(levels: Array, row: int) -> Level:
+    return Level(
+        levels[row, 0],
+        levels[row, 1],
+        levels[row, 2],
+        levels[row, 3],
+        levels[row, 4],
+        levels[row, 5],
+        levels[row, 6],
+        levels[row, 7],
+        levels[row, 8],
+        levels[row, 9],
+    )
+
+
+def _make_gains(sources: int) -> Any:
+    @entrance
+    def gains(
+        start: int,
+        end: int,
+        touch: Flags,
+        doubtful: Flags,
+        tilt: Array,
+        clearance: Array,
+        beyond: Flags,
+        no_prediction: Flags,
+        scales: Array,
+        spread: Spread,
+        anywhere: Array,
+        cap: float,
+        angles: float,
+        clear: bool,
+        groups: NDArray[np.int64],
+        noise_draws: Array,
+        uniforms: Array,
+        result: Array,
+    ) -> int:
+        """Fills ``result`` of programs ``start`` to ``end``, in nats; see ``InformationGain.of``.
+
+        What a robot feels anywhere, or that a sample has no prediction, tells nothing: that density
+        is the same for every body.
+
+        Args:
+            scales: Logarithms of each sample's noise factors, shape (samples, 2).
+            spread: Sensor noise.
+            anywhere: Density of a reading anywhere, the share of outliers included, shape (2,):
+                within the range of the distance sensor, and beyond it.
+            angles: How many angles are read; where none, those of all samples are alike.
+            clear: Whether clearance is read.
+            noise_draws: Of two tilts and the clearance, in units of the noise, shape (draws, 3).
+            uniforms: Decide on outliers and bits, shape (draws, 1 + sensors).
+        """
+        _, samples, sensors = touch.shape
+        bits = np.empty(sensors, np.bool_)
+        levels = np.empty((samples, _LEVEL_SIZE))
+        for sample in range(samples):
+            _keep(level_of(spread, 1.0, scales[sample, 0], scales[sample, 1]), levels[sample])
+        beside = spread.outlier * spread.nearby
+        for program in range(start, end):
+            total = 0.0
+            for draw in range(len(noise_draws)):
+                source, chance = draw % samples, uniforms[draw, 0]
+                if no_prediction[program, source] or beside <= chance < spread.outlier:
+                    continue
+                level = _kept(levels, source)
+                of_tilt, of_clearance = level.tilt, level.clearance
+                if chance < beside:
+                    of_tilt, of_clearance = level.tilt_beside, level.clearance_beside
+                one = tilt[program, source, 0] + of_tilt * noise_draws[draw, 0]
+                two = tilt[program, source, 1] + of_tilt * noise_draws[draw, 1]
+                height = clearance[program, source] + of_clearance * noise_draws[draw, 2]
+                far = clear and (beyond[program, source] or height >= cap)
+                if far:
+                    height = cap
+                _draw_bits(
+                    touch[program, source],
+                    doubtful[program, source],
+                    spread.touch,
+                    uniforms[draw],
+                    bits,
+                )
+                elsewhere = anywhere[1 if far else 0]
+                everyone, own, members = 0.0, 0.0, 0
+                for other in range(samples):
+                    density = elsewhere
+                    if not no_prediction[program, other]:
+                        away = height - clearance[program, other]
+                        if far and beyond[program, other]:
+                            away = -math.inf
+                        near, nearby = log_densities(
+                            (one - tilt[program, other, 0], two - tilt[program, other, 1]),
+                            angles,
+                            away,
+                            clear,
+                            far,
+                            _differing(touch[program, other], doubtful[program, other], bits),
+                            float(sensors),
+                            _kept(levels, other),
+                        )
+                        density = (1 - spread.nearby) * elsewhere
+                        if nearby > _LEAST:
+                            density += beside * math.exp(nearby)
+                        if near > _LEAST:
+                            density += (1 - spread.outlier) * math.exp(near)
+                    everyone += density
+                    if groups[other] == groups[source]:
+                        own += density
+                        members += 1
+                total += math.log(own / members) - math.log(everyone / samples)
+            result[program] = total / len(noise_draws)
+        return 0 * sources
+
+    return gains
+
+
+gains: Final = _make_gains(_SOURCES)

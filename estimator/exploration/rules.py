@@ -1,15 +1,95 @@
-"""Exploration rules by name: which motor program the robot performs next.
+"""Exploration rules: which motor program the robot performs next, and what a rule is given.
 
 A rule of another package belongs to the entry-point group ``bodyschema.exploration``.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final, Protocol
 
-from estimator.exploration.situation import Choice, Situation
+import numpy as np
+
+from estimator.body.arrays import Flags
+from estimator.body.morphology import Array
 from estimator.plugins import Registry
+from estimator.posterior.fitted import FittedPosterior
+from estimator.posterior.model.sensor_data import DENSITIES
+from estimator.readings.modalities import MODALITIES
+from estimator.readings.observation import Observation, PredictedReadings, Program
+from protocol.wire.capabilities import Capabilities
+
+
+class Objective(Protocol):
+    """What the paper's search minimises."""
+
+    def __init__(self, capabilities: Capabilities) -> None: ...
+
+    def terms(
+        self, readings: PredictedReadings, observed: Observation, modalities: Sequence[str]
+    ) -> Array:
+        """Error of each of n models in one interaction, shape (n,).
+
+        At least 0; infinite where a model's reading is invalid.
+        """
+
+    def lower_bound(self, terms: Array) -> Array:
+        """What the total is at least, shape (n,): a model that reaches its limit has lost.
+
+        Args:
+            terms: Of n models in k interactions, shape (k, n); 0 where not yet computed.
+        """
+
+    def total(self, terms: Array, undecided: Flags) -> Array:
+        """The figure over all interactions, shape (n,).
+
+        Args:
+            terms: Shape (k, n).
+            undecided: Whether the model's pose might as well be another, shape (k, n).
+        """
+
+
+@dataclass(frozen=True, kw_only=True)
+class Situation:
+    """All that is known when a motor program is to be chosen.
+
+    Attributes:
+        posterior: What is known of the body by now, and the interactions that it was learnt from;
+            random bodies before the first. Of the method ``paper`` it has the population.
+        objective: By what the method ``paper`` fits models; the method ``posterior`` has its own
+            likelihood.
+        rng: The choice's own.
+        jobs: Threads that the rule may use, apart from those of physics; what it chooses must not
+            depend on it.
+    """
+
+    posterior: FittedPosterior
+    objective: Objective
+    rng: np.random.Generator
+    jobs: int = 1
+
+    def random_programs(self, count: int) -> list[Program]:
+        """Motor programs as the paper draws them: every target from the problem's range."""
+        problem, robot = self.posterior.problem, self.posterior.capabilities
+        drawn = [problem.random_program(self.rng, robot) for _ in range(count)]
+        return [tuple(program.tolist()) for program in drawn]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Choice:
+    """A motor program, and why it was chosen.
+
+    Attributes:
+        program: Target angle of each joint, rad.
+        reason: For people, as the rest of a sentence; empty where there is none.
+        bits: Information about the body that it is expected to give, where the rule knows.
+    """
+
+    program: Program
+    reason: str = ""
+    bits: float | None = None
 
 
 class Rule(Protocol):
@@ -29,13 +109,48 @@ def random_program(situation: Situation) -> Choice:
     return Choice(program=program)
 
 
+CANDIDATES: Final = 300  # random programs that ``disagreement`` compares
+MODELS: Final = 64  # by which it does so
+_SATURATED: Final = 10.0  # standard deviations: what lies farther apart is no more apart
+
+
+def most_disputed_program(situation: Situation) -> Choice:
+    """Maximises the mean distance between the readings that pairs of models predict.
+
+    Distances are in units of the announced noise and saturate, so that one wild prediction does
+    not outweigh many that differ.
+    """
+    models = situation.posterior.sample(MODELS, situation.rng)
+    noise = models.noise
+    programs = situation.random_programs(CANDIDATES)
+    spread = np.zeros(CANDIDATES)
+    for index, program in enumerate(programs):
+        readings = models.predict(program)
+        columns: list[Array] = []
+        for name, density in DENSITIES.items():
+            if name in models.modalities:
+                values = MODALITIES[name].predicted(readings).T
+                columns += list(values / noise.of(name) if density.scaled else _SATURATED * values)
+        spread[index] = sum(_mean_distance(values) for values in columns)
+    winner = int(np.argmax(spread))
+    return Choice(
+        program=programs[winner],
+        reason=f"its models differ by {spread[winner]:.1f} standard deviations in sum",
+    )
+
+
+def _mean_distance(values: Array) -> float:
+    apart = np.abs(values[:, None] - values[None, :])
+    return float(np.mean(np.minimum(apart, _SATURATED)))
+
+
 RULES: Final[Registry[Rule]] = Registry(
     kind="exploration rule",
     group="bodyschema.exploration",
     own=MappingProxyType(
         {
             "information": "estimator.exploration.information:most_informative_program",
-            "disagreement": "estimator.exploration.disagreement:most_disputed_program",
+            "disagreement": "estimator.exploration.rules:most_disputed_program",
             "random": "estimator.exploration.rules:random_program",
         }
     ),

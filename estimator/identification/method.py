@@ -1,4 +1,4 @@
-"""What a method of modelling is: it learns from interactions, and says what it believes."""
+"""The interfaces between a run and its method, and between a run and who listens to it."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from typing import ClassVar, Protocol
 
-from estimator.identification.listener import Listener
 from estimator.physics.backends import Executors
 from estimator.physics.base import ArrayPhysics
 from estimator.posterior.fitted import FittedPosterior
 from estimator.readings.observation import Observation
 from estimator.storage.run_config import RunConfig
 from estimator.storage.store import RunStore
+from protocol.errors import RobotError
 
 
 class Method(Protocol):
@@ -74,3 +74,29 @@ class Method(Protocol):
 
     def finish(self, observations: Sequence[Observation]) -> None:
         """Asks the reference back-end for the last word, unless it was asked."""
+
+
+class Listener:
+    """Hears what happens in a run; every method may be overridden, and does nothing here."""
+
+    def say(self, sentence: str) -> None:
+        """Something that a person should know."""
+
+    def expect(self, work: float, done: float) -> None:
+        """How much work there is in all, in any unit, and how much of it is done already."""
+
+    def worked(self, work: float, what: str) -> None:
+        """Some of the work is done, and safe on disk; ``what`` says where the run stands."""
+
+    def chosen(self, number: int, reason: str, bits: float | None) -> None:
+        """An interaction's motor program was chosen: why, and how much it should tell."""
+
+    def moving(self, number: int, phase: str, fraction: float) -> None:
+        """How far an interaction is: its phase and the share of it that is done, 0 to 1."""
+
+    def observed(self, number: int, observation: Observation) -> None:
+        """An interaction is over and its observation safe on disk."""
+
+    def may_retry(self, error: RobotError) -> bool:
+        """Whether to ask the robot again, now that a person has done what ``error`` advises."""
+        return False

@@ -6,8 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from estimator.errors import EstimatorError
-from estimator.exploration.rules import RULES
-from estimator.exploration.situation import Choice, Situation
+from estimator.exploration.rules import RULES, Choice, Situation
 from estimator.identification.paper.objectives import OBJECTIVES
 from estimator.physics.base import ArrayPhysics
 from estimator.posterior.fitted import FittedPosterior
@@ -36,7 +35,7 @@ def next_program(
     posterior: FittedPosterior,
     resources: ChoiceResources,
 ) -> Choice:
-    """What the rule chooses after the interactions that were learnt from, the same each time.
+    """The program that the rule chooses after the interactions so far; a resumed run gets it again.
 
     Args:
         store: The run's memory.

@@ -13,8 +13,8 @@ from typing import ClassVar, Final
 import numpy as np
 
 from estimator.errors import EstimatorError
-from estimator.identification.doubting import SURE, Doubting, attachments_known
-from estimator.identification.listener import Listener
+from estimator.identification.method import Listener
+from estimator.identification.misspecification import SURE, MisspecificationCheck, attachments_known
 from estimator.identification.next_program import ChoiceResources, next_program
 from estimator.physics.backends import (
     REFERENCE,
@@ -25,17 +25,20 @@ from estimator.physics.backends import (
 )
 from estimator.physics.base import ArrayPhysics, Physics, WorldSettings
 from estimator.physics.equivalence import PROGRAMS
-from estimator.posterior.alike import Alike, feel_alike, probability_of
-from estimator.posterior.belief import believe
-from estimator.posterior.checks.left_out import with_left_out
-from estimator.posterior.checks.recheck import fine, recheck
-from estimator.posterior.fitted import FittedPosterior, loaded
-from estimator.posterior.model.departures import Doubt
+from estimator.posterior.checks.simulator import fine, leave_one_out_check, recheck
+from estimator.posterior.fitted import FittedPosterior, load_posterior
+from estimator.posterior.indistinguishable import (
+    Indistinguishable,
+    indistinguishable_points,
+    probability_of,
+)
+from estimator.posterior.model.deviations import Alternative
 from estimator.posterior.model.likelihood import Noise
 from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
 from estimator.posterior.posterior import Posterior
-from estimator.posterior.sampling.agreement import ENOUGH_TO_ERR
+from estimator.posterior.sampling.populations import ENOUGH_TO_ERR
 from estimator.posterior.sampling.sampler import Effort, Sampler
+from estimator.posterior.summary import summarise
 from estimator.randomness import Stream, generator, seeds
 from estimator.readings.observation import Observation
 from estimator.storage.posteriors import RIVAL, NextMovement, NotKnown, StoredPosterior
@@ -54,8 +57,8 @@ class PosteriorMethod:
         store: The run's memory; opened for writing.
         listener: Hears what happens.
         make_physics: Makes the back-end that samples, for each population one.
-        physics: The same, on all cores: for what is done while the workers rest.
-        workers: Move the populations' chains, and fit bodies that depart from the problem.
+        physics: Another such back-end, on all cores: for what is done while the workers rest.
+        workers: Move the populations' chains, and fit bodies that deviate from the problem.
         make_reference: Makes the back-end that has the last word, from the same workers.
     """
 
@@ -136,19 +139,19 @@ class PosteriorMethod:
         self._counters = beliefs[-1][1] if beliefs else Counters()
         self._started = time.monotonic()
         self._posterior = self._sampler.prior()
-        self._doubted: tuple[Doubt, ...] | None = None  # not looked for yet
+        self._alternatives: tuple[Alternative, ...] | None = None  # not looked for yet
         rng = generator(store.settings.seed, Stream.EQUIVALENCE)
         self._movements = np.array(
             [store.problem.random_program(rng, store.capabilities) for _ in range(PROGRAMS)]
         )
-        self._alike: Alike = partial(
-            feel_alike, self._predictor, self._movements, store.settings.modalities
+        self._indistinguishable: Indistinguishable = partial(
+            indistinguishable_points, self._predictor, self._movements, store.settings.modalities
         )
-        self._doubting = Doubting(store, self._movements, workers)
+        self._misspecification = MisspecificationCheck(store, self._movements, workers)
         checkpoint = store.checkpoint()
         if checkpoint is not None:
             self._sampler.restore(checkpoint.state)
-            self._posterior = loaded(beliefs[-1][0], self._predictor.unknowns)
+            self._posterior = load_posterior(beliefs[-1][0], self._predictor.unknowns)
 
     @property
     def _predictor(self) -> Predictor:
@@ -159,7 +162,7 @@ class PosteriorMethod:
         return number + 4.0
 
     def done(self, number: int) -> float:
-        """The same where it was learnt from already."""
+        """The work of an interaction that was learnt from already, else 0."""
         return self.work(number) if number < self._learnt else 0.0
 
     def learn(self, number: int, observations: Sequence[Observation]) -> None:
@@ -169,10 +172,10 @@ class PosteriorMethod:
         before, fitted = self._posterior, self._fitted(self._posterior, observations)
         self._posterior = self._sampler.learn(fitted.data)
         fitted = replace(fitted, posterior=self._posterior)
-        belief = self._believed(fitted, before)
+        belief = self._summarised(fitted, before)
         belief = belief.model_copy(update={"overturned": self._overturned(number)})
-        self._doubted = self._doubting.once_sure(belief, fitted, self._reference)
-        belief = self._doubting.left_of(belief, self._doubted, fitted, self._reference)
+        self._alternatives = self._misspecification.once_sure(belief, fitted, self._reference)
+        belief = self._misspecification.left_of(belief, self._alternatives, fitted, self._reference)
         self._store.save_posterior(number, belief, self._cost(), self._sampler.state())
         self._learnt = number + 1
         settings = self._store.settings
@@ -182,32 +185,34 @@ class PosteriorMethod:
         )
 
     def posterior(self) -> FittedPosterior:
-        """The samples, with doubts once attachments are sure or, where these are known, lengths."""
+        """The posterior; with alternatives once attachments (or, if known, lengths) are sure."""
         beliefs, observations = self._store.posteriors(), self._store.observations()
         if not beliefs:
             return self._fitted(self._posterior, observations)
         belief, _ = beliefs[-1]
-        doubts: tuple[Doubt, ...] = ()
+        alternatives: tuple[Alternative, ...] = ()
         if self._predictor.unknowns.bits or self._lengths_known(belief):
-            doubts = tuple(one for one in self._doubted_of(belief) if one.is_left)
+            alternatives = tuple(one for one in self._alternatives_of(belief) if one.is_left)
         fitted = self._fitted(self._posterior, observations)
-        return replace(fitted, best=np.array(belief.best), summary=belief, doubts=doubts)
+        return replace(
+            fitted, best=np.array(belief.best), summary=belief, alternatives=alternatives
+        )
 
-    def _doubted_of(self, belief: StoredPosterior) -> tuple[Doubt, ...]:
-        """Bodies that depart, fitted by ``learn``, or now if the run was resumed."""
-        if self._doubted is None:
+    def _alternatives_of(self, belief: StoredPosterior) -> tuple[Alternative, ...]:
+        """Bodies that deviate, fitted by ``learn``, or now if the run was resumed."""
+        if self._alternatives is None:
             fitted = self._fitted(self._posterior, self._store.observations())
             with closing(self._make_physics()) as physics:  # what it costs was counted before
-                self._doubted = self._doubting.once_sure(
+                self._alternatives = self._misspecification.once_sure(
                     belief, fitted.computed_by(physics), self._make_reference()
                 )
-        return self._doubted
+        return self._alternatives
 
     def is_sure(self, number: int) -> bool:
         """Whether attachments and lengths are as sure as the settings ask for.
 
         They must have been so before the last movement too: it then tested whether the robot
-        departs from the problem. A run that has ended stays so, whatever the simulator said then.
+        deviates from the problem. A run that has ended stays so, whatever the simulator said then.
         """
         wanted = self._store.settings.sure
         if wanted is None or number != self._learnt - 1:
@@ -228,7 +233,7 @@ class PosteriorMethod:
         if not sure:
             return None
         was = np.array(beliefs[sure[-1]].best)
-        left = probability_of(was, self._posterior, self._predictor, self._alike)
+        left = probability_of(was, self._posterior, self._predictor, self._indistinguishable)
         return sure[-1] if left < 1 - SURE else None
 
     def _lengths_known(self, belief: StoredPosterior) -> bool:
@@ -245,7 +250,7 @@ class PosteriorMethod:
         sampled = self._fitted(self._posterior, observations)
         data, noise = sampled.data, sampled.noise
         checked = recheck(self._posterior, self._predictor, data, noise, self._reference)
-        posterior = with_left_out(
+        posterior = leave_one_out_check(
             checked.posterior,
             self._predictor,
             data,
@@ -255,23 +260,23 @@ class PosteriorMethod:
             rng=generator(self._store.settings.seed, Stream.LEFT_OUT),
         )
         fitted = replace(sampled, posterior=posterior)
-        final = self._believed(fitted)
-        before = doubted = self._doubted_of(belief)
-        if not doubted or final.not_known is NotKnown.POOR_FIT:
-            doubted = self._doubting.in_the_end(
+        final = self._summarised(fitted)
+        before = alternatives = self._alternatives_of(belief)
+        if not alternatives or final.not_known is NotKnown.POOR_FIT:
+            alternatives = self._misspecification.in_the_end(
                 final, replace(sampled, posterior=checked.posterior), self._reference
             )
         known = not self._predictor.unknowns.bits or (final.probability or 0.0) >= SURE
         poor = final.not_known is NotKnown.POOR_FIT and len(observations) >= ENOUGH_TO_ERR
         if before or known or poor:
-            final = self._doubting.left_of(final, doubted, fitted, self._reference)
+            final = self._misspecification.left_of(final, alternatives, fitted, self._reference)
         final = final.model_copy(
             update={
-                "untested_deviations": self._doubting.untested(doubted, posterior),
+                "untested_deviations": self._misspecification.untested(alternatives, posterior),
                 "information_gain_bits": belief.information_gain_bits,
                 "overturned": belief.overturned,
                 "simulated": checked.simulated,
-                "ess": checked.effective,
+                "ess": checked.ess,
             }
         )
         if any(not mode.indistinguishable for mode in final.modes if mode.probability >= RIVAL):
@@ -279,7 +284,7 @@ class PosteriorMethod:
         self._store.save_posterior(last, final, self._cost(), None)
 
     def _like_first_of(self, posterior: Posterior, belief: StoredPosterior) -> set[Attachments]:
-        """A posterior's leading attachments, with those that felt like them after the last."""
+        """A posterior's first attachments, and those indistinguishable from them in the summary."""
         leader = posterior.modes[0].attachments
         genes = np.array([mode.genes for mode in belief.modes if mode.indistinguishable])
         alike = set(self._predictor.unknowns.keys(genes))
@@ -292,15 +297,15 @@ class PosteriorMethod:
             choice = next_program(self._store, "information", fitted, resources)
         return NextMovement(program=choice.program, reason=choice.reason, bits=choice.bits or 0.0)
 
-    def _believed(
+    def _summarised(
         self, fitted: FittedPosterior, before: Posterior | None = None
     ) -> StoredPosterior:
-        return believe(
+        return summarise(
             fitted.posterior,
             self._predictor,
             fitted.data,
             fitted.noise,
-            self._alike,
+            self._indistinguishable,
             before=before,
         )
 

@@ -15,9 +15,8 @@ from pydantic import ValidationError
 
 from estimator.errors import EstimatorError, InteractionError
 from estimator.exploration.rules import RULES
-from estimator.identification.listener import Listener
 from estimator.identification.loop import Identification
-from estimator.identification.method import Method
+from estimator.identification.method import Listener, Method
 from estimator.identification.next_program import ChoiceResources
 from estimator.identification.paper.method import PaperMethod
 from estimator.identification.paper.objectives import OBJECTIVES

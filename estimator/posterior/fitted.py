@@ -19,7 +19,7 @@ from estimator.body.morphology import Array, Morphology
 from estimator.errors import EstimatorError
 from estimator.physics.backends import open_arrays
 from estimator.physics.base import ArrayPhysics, WorldSettings
-from estimator.posterior.model.departures import Doubt
+from estimator.posterior.model.deviations import Alternative
 from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Predictor, Unknowns
@@ -63,7 +63,7 @@ class FittedPosterior:
         problem: What was known about the robot beforehand.
         capabilities: What the robot says of itself.
         modalities: Sensors that count.
-        observations: What the robot felt, in the interactions that were learnt from.
+        observations: Observations of the interactions that were learnt from.
         posterior: The samples, and the sets of attachments that they choose among.
         open_predictor: Makes what computes readings, when it is first needed.
         best: The best body's genome, shape (genes,); ``None`` before the first interaction. Of a
@@ -72,11 +72,11 @@ class FittedPosterior:
             interaction.
         errors: Of a population, subjective errors, shape (n,): by the reference back-end where it
             was asked.
-        searched: The same as the search saw them.
+        searched: Of a population, subjective errors as the search computed them, shape (n,).
         ranking: Of a population, its indices, best first, shape (n,). Models that the reference
             back-end simulated come before the others, in its order.
-        doubts: Bodies that depart from the problem and explain the readings as well, while a run
-            goes on.
+        alternatives: Bodies that deviate from the problem and explain the readings as well, while a
+            run goes on.
     """
 
     problem: Problem
@@ -90,7 +90,7 @@ class FittedPosterior:
     errors: Array | None = None
     searched: Array | None = None
     ranking: NDArray[np.intp] | None = None
-    doubts: tuple[Doubt, ...] = ()
+    alternatives: tuple[Alternative, ...] = ()
 
     # --- as a run has it --------------------------------------------------------------------------
 
@@ -104,7 +104,7 @@ class FittedPosterior:
 
     @classmethod
     def history(cls, store: RunStore) -> list[FittedPosterior]:
-        """As it was after each interaction; empty of a population."""
+        """The posterior after each interaction; empty of a population."""
         observations = store.observations()
         return [
             cls.of_stored(store, posterior, observations[:count])
@@ -118,7 +118,7 @@ class FittedPosterior:
         """As a run has stored it."""
         with reading(store.directory):
             best = np.array(stored.best, dtype=float)
-            posterior = loaded(stored, Unknowns(store.genome))
+            posterior = load_posterior(stored, Unknowns(store.genome))
         return replace(cls.in_run(store, posterior, observations), best=best, summary=stored)
 
     @classmethod
@@ -173,7 +173,7 @@ class FittedPosterior:
         )
 
     def computed_by(self, physics: ArrayPhysics) -> FittedPosterior:
-        """The same, with readings computed by a back-end that is open already."""
+        """This posterior, with readings computed by a back-end that is open already."""
         return replace(self, open_predictor=lambda: Predictor(self.unknowns, physics))
 
     # --- the bodies -------------------------------------------------------------------------------
@@ -207,11 +207,11 @@ class FittedPosterior:
         return None if self.best is None else self.genome.decode(self.best)
 
     def bodies(self, count: int) -> list[Morphology]:
-        """So many bodies that stand for all, each as often as its weight says to within one."""
+        """So many representative bodies, each as often as its weight says to within one."""
         return self.genome.decode_all(self.samples[systematic(self.weights, count, 0.5)])
 
     def sample(self, count: int, rng: np.random.Generator) -> FittedPosterior:
-        """The same with at most ``count`` equally likely samples, drawn by their weights."""
+        """This posterior with at most ``count`` equally likely samples, drawn by their weights."""
         return replace(self, posterior=self.posterior.sample(count, rng))
 
     @cached_property
@@ -241,25 +241,25 @@ class FittedPosterior:
 
     @property
     def probability(self) -> float | None:
-        """That all attachments are those of the best body; ``None``: it is not known."""
+        """Probability that the best body's attachments are right; ``None``: not known."""
         return None if self.summary is None else self.summary.probability
 
     @property
     def attachments(self) -> tuple[Attachment, ...]:
-        """What was chosen among several, by the best body, each with its probability.
+        """Each open choice of the best body, with its probability.
 
         Empty of a population, and before the first interaction.
         """
         if self.summary is None or self.best is None:
             return ()
-        told, genome = [], self.genome
+        attachments, genome = [], self.genome
         for column, gene in enumerate(genome.genes):
             if gene.choices > 1:
                 (value,) = genome.words(column, self.best[None])
                 same = [word == value for word in genome.words(column, self.samples)]
                 share = min(float(self.weights @ np.array(same)), 1.0)
-                told.append(Attachment(what=gene.name, value=value, probability=share))
-        return tuple(told)
+                attachments.append(Attachment(what=gene.name, value=value, probability=share))
+        return tuple(attachments)
 
     # --- the model --------------------------------------------------------------------------------
 
@@ -275,7 +275,7 @@ class FittedPosterior:
 
     @cached_property
     def noise(self) -> Noise:
-        """How far readings stray."""
+        """Sensor noise as the robot announces it."""
         return Noise.announced(self.capabilities)
 
     @cached_property
@@ -294,14 +294,14 @@ class FittedPosterior:
         return SensorData.of(self.observations, self.modalities, self.clearance_cap)
 
     def predict(self, programs: ArrayLike) -> PredictedReadings:
-        """What the samples would feel at rest, without noise; each falls as it does undisturbed.
+        """Readings that the samples predict, without noise, each on its undisturbed branch.
 
         Args:
             programs: Angle of each joint, rad: shape (joints,), or (p, joints).
 
         Returns:
             Readings of all samples, whose arrays begin with (n,), or with (p, n): ``predict(p)[k]``
-            is ``predict(p[k])``. Those that are not ``valid``, or ``undecided``, foretell nothing.
+            is ``predict(p[k])``. Those that are not ``valid``, or ``undecided``, predict nothing.
 
         Raises:
             EstimatorError: The programs have a wrong shape, or are not finite.
@@ -312,8 +312,8 @@ class FittedPosterior:
         at_once, pieces = max(1, _AT_ONCE // max(1, count)), []
         for start in range(0, len(several), at_once):
             some = several[start : start + at_once]
-            rows, turns = np.tile(np.arange(count), len(some)), np.repeat(some, count, axis=0)
-            pieces.append(self.predictor.read(bodies, rows, turns))
+            rows, repeated = np.tile(np.arange(count), len(some)), np.repeat(some, count, axis=0)
+            pieces.append(self.predictor.read(bodies, rows, repeated))
         readings = PredictedReadings.concatenate(pieces)
         return readings if angles.ndim == 1 else readings.reshaped(len(several), count)
 
@@ -335,21 +335,21 @@ class FittedPosterior:
         return margins.reshape(*angles.shape[:-1], count)
 
     def log_likelihood(self, program: ArrayLike, observation: Observation) -> Array:
-        """Logarithm of the density of what was felt, under each sample and its noise factors.
+        """Logarithm of the density of what was observed, under each sample and its noise factors.
 
         The likelihood by which bodies are judged: with outliers, and falls to either side of a
         fork. Sensors that do not count are left out.
 
         Args:
             program: Angles that the joints took, rad, shape (joints,): an observation has its own.
-            observation: What was felt.
+            observation: What was observed.
 
         Returns:
             Shape (n,).
 
         Raises:
-            EstimatorError: The program has a wrong shape or is not finite, or another robot felt
-                this.
+            EstimatorError: The program has a wrong shape or is not finite, or another robot
+                observed this.
         """
         angles = self._checked(program)
         if angles.ndim != 1:
@@ -361,8 +361,8 @@ class FittedPosterior:
                 f"robot {self.capabilities.robot!r} has {touch} touch sensors, and the observation "
                 f"has {len(observation.touch)} values: give None for one that was not read"
             )
-        felt = SensorData.of([observation], self.modalities, self.clearance_cap)
-        likelihood = Likelihood(replace(felt, programs=angles[None]), self.noise)
+        observed = SensorData.of([observation], self.modalities, self.clearance_cap)
+        likelihood = Likelihood(replace(observed, programs=angles[None]), self.noise)
         return likelihood.normalised(self.predictor, self.samples, self.scales)[:, 0]
 
     def _checked(self, programs: ArrayLike) -> Array:
@@ -382,8 +382,8 @@ class FittedPosterior:
         return angles
 
 
-def loaded(stored: StoredPosterior, unknowns: Unknowns) -> Posterior:
-    """The posterior that a run has stored."""
+def load_posterior(stored: StoredPosterior, unknowns: Unknowns) -> Posterior:
+    """Loads the posterior that was stored with its summary."""
     points = np.array([mode.genes for mode in stored.modes]).reshape(-1, unknowns.size)
     return Posterior(
         values=np.array(stored.genes),
@@ -393,7 +393,7 @@ def loaded(stored: StoredPosterior, unknowns: Unknowns) -> Posterior:
             Mode(key, mode.probability, point, mode.ess, mode.found)
             for key, mode, point in zip(unknowns.keys(points), stored.modes, points, strict=True)
         ),
-        credible=stored.probability_within_problem is not None,
+        adequate_fit=stored.probability_within_problem is not None,
     )
 
 

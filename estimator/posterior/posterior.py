@@ -1,4 +1,4 @@
-"""What is believed of the body: samples, and the sets of attachments that they choose among."""
+"""The posterior over bodies: weighted samples, and modes, one for each set of attachments."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from estimator.body.morphology import Array
 from estimator.posterior.model.unknowns import Attachments, Columns
 
 MOSTLY: Final = 0.5
-"""Part of a mode that must feel like the first for the whole to count as one that does."""
+"""Part of a mode that must be indistinguishable from the first for the mode to count as such."""
 
 
 @dataclass(frozen=True)
@@ -21,18 +21,18 @@ class Mode:
     """One set of attachments.
 
     Attributes:
-        attachments: What it chooses.
+        attachments: The chosen values, in the order of the columns that choose.
         probability: Share of the posterior.
         point: Its best point of the cube, shape (size,).
-        effective: Effective number of draws behind the probability.
-        met: Which populations have met it.
+        ess: Effective number of draws behind the probability.
+        found: Whether each population has found it.
     """
 
     attachments: Attachments
     probability: float
     point: Array
-    effective: float
-    met: tuple[bool, ...]
+    ess: float
+    found: tuple[bool, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,14 +44,14 @@ class Posterior:
         scales: Logarithms of the noise factors on tilt and clearance, shape (n, 2).
         weights: Of the samples, adding up to 1, shape (n,).
         modes: The most probable first.
-        credible: Whether the readings are explained so well that something can be probable.
+        adequate_fit: Whether the readings are explained so well that something can be probable.
     """
 
     values: Array
     scales: Array
     weights: Array
     modes: tuple[Mode, ...]
-    credible: bool
+    adequate_fit: bool
 
     @classmethod
     def equally_likely(cls, values: Array, scales: Array | None = None) -> Self:
@@ -62,7 +62,7 @@ class Posterior:
             scales=np.zeros((count, 2)) if scales is None else scales,
             weights=np.full(count, 1 / count),
             modes=(),
-            credible=False,
+            adequate_fit=False,
         )
 
     def sample(self, count: int, rng: np.random.Generator) -> Self:
@@ -85,56 +85,56 @@ def systematic(weights: Array, count: int, start: float) -> Columns:
     return rows
 
 
-def share_met(shares: Array, met: Flags) -> float:
-    """How much of the posterior the populations have met, by what they met in common.
+def coverage(shares: Array, found: Flags) -> float:
+    """Share of the posterior that the populations have found, by capture and recapture.
 
-    As in counting animals by catching them twice: of what one population met, the share that the
-    others met too is their chance of meeting anything. So no population may learn from another.
+    As in counting animals by catching them twice: of what one population found, the share that the
+    others found too is their chance of meeting anything. So no population may learn from another.
 
     Args:
         shares: Of the posterior, shape (n,).
-        met: Which of them each population has met, shape (n, populations).
+        found: Which of them each population has found, shape (n, populations).
     """
     missed = 1.0
-    for population in range(met.shape[1]):
-        others = np.delete(met, population, axis=1).any(axis=1)
+    for population in range(found.shape[1]):
+        others = np.delete(found, population, axis=1).any(axis=1)
         theirs = shares[others].sum()
-        both = shares[others & met[:, population]].sum()
+        both = shares[others & found[:, population]].sum()
         missed *= 1 - both / theirs if theirs > 0 else 1.0
     return float(1.0 - missed)
 
 
-def share_met_alike(shares: Array, met: Flags, alike: Array) -> float:
-    """The same, where some feel like the first: which of those was met makes no difference.
+def coverage_of_classes(shares: Array, found: Flags, alike: Array) -> float:
+    """Coverage, where modes that are indistinguishable from the first count as one.
 
     One of which only a trifle does, such as one leg so short that it touches nothing, does not
     stand for the first.
 
     Args:
-        shares: As in ``share_met``.
-        met: Likewise.
-        alike: The part of each that does, shape (n,).
+        shares: Of the posterior, shape (n,).
+        found: Which of them each population has found, shape (n, populations).
+        alike: The part of each that is indistinguishable from the first, shape (n,).
     """
     together = np.append(shares * (1 - alike), shares @ alike)
-    return share_met(together, np.vstack([met, met[alike >= MOSTLY].any(axis=0)]))
+    return coverage(together, np.vstack([found, found[alike >= MOSTLY].any(axis=0)]))
 
 
-def draws_alike(shares: Array, effective: Array, alike: Array) -> float:
-    """Effective draws behind the share of all that feel like the first together.
+def ess_of_class(shares: Array, ess: Array, alike: Array) -> float:
+    """Effective sample size behind the probability of all that is indistinguishable from the first.
 
     The errors of their evidences are independent, so those of many that few draws stand for even
     out.
 
     Args:
         shares: Of the posterior, shape (n,).
-        effective: Effective draws behind each of them, shape (n,).
-        alike: The part of each that feels like the first, shape (n,).
+        ess: Effective sample size of each, shape (n,).
+        alike: The part of each that is indistinguishable from the first, shape (n,).
     """
     counted = shares * alike
-    return float(counted.sum() ** 2 / np.sum(counted**2 / effective))
+    return float(counted.sum() ** 2 / np.sum(counted**2 / ess))
 
 
-def met_by_each(keys: Sequence[Attachments], met: Sequence[Collection[Attachments]]) -> Flags:
-    """Which of n sets of attachments each population has met, shape (n, populations)."""
-    flags: Flags = np.array([[key in own for own in met] for key in keys], dtype=bool)
-    return flags.reshape(len(keys), len(met))
+def found_by_each(keys: Sequence[Attachments], found: Sequence[Collection[Attachments]]) -> Flags:
+    """Which of n sets of attachments each population has found, shape (n, populations)."""
+    flags: Flags = np.array([[key in own for own in found] for key in keys], dtype=bool)
+    return flags.reshape(len(keys), len(found))

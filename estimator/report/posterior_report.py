@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, computed_field
 
 from estimator.body.morphology import Array
 from estimator.posterior.fitted import Attachment, FittedPosterior
-from estimator.posterior.model.densities import SCALED
+from estimator.posterior.model.sensor_data import SCALED
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.report.verdict import verdict_on_posterior

@@ -32,7 +32,7 @@ from typing import ClassVar, Final, Protocol
 from estimator.cluster import Cluster, still_wanted
 from estimator.errors import WorkerError
 from estimator.executors import WorkerProcesses
-from estimator.identification.listener import Listener
+from estimator.identification.method import Listener
 from estimator.reproduction.ledger import RUNS, Ledger, Session, commits_of, note_commit
 from protocol.errors import BodyschemaError
 from protocol.system.files import replace_file

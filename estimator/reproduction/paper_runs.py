@@ -20,7 +20,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from estimator.errors import InteractionError, RunDirectoryError
 from estimator.evaluation.score import Score, score
 from estimator.evaluation.validate import Validation, compare, validate
-from estimator.identification.listener import Listener
+from estimator.identification.method import Listener
 from estimator.identification.run import identify, reconnect, resume
 from estimator.physics.backends import IN_THIS_PROCESS, REFERENCE, in_this_process
 from estimator.physics.statics import StaticsPhysics

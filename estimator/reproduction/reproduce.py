@@ -8,7 +8,7 @@ from pathlib import Path
 
 from estimator.cluster import Cluster
 from estimator.errors import EstimatorError
-from estimator.identification.listener import Listener
+from estimator.identification.method import Listener
 from estimator.physics.backends import physics_class
 from estimator.report.evaluations import TRUTH
 from estimator.report.run_files import PAGE

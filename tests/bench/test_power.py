@@ -15,7 +15,7 @@ from bench.power.study import SEEDS, study
 from bench.power.tables import page, plot_success
 from bench.power.trial import Figures, Step, Trial, TrialRun
 from bench.prior_bodies import drawn_body
-from estimator.identification.listener import Listener
+from estimator.identification.method import Listener
 from estimator.reproduction.harness import directory
 from sim_robot.world.body import load_body
 

@@ -12,21 +12,21 @@ from typing import Final
 import pytest
 
 from estimator.__main__ import main
-from estimator.exploration import best_programs, choosing, information
-from estimator.identification import doubting, posterior_method
-from estimator.posterior.checks import departed, left_out, recheck
+from estimator.exploration import best_programs, information
+from estimator.identification import misspecification as when_misspecified
+from estimator.identification import posterior_method
+from estimator.posterior.checks import misspecification, simulator
 from estimator.posterior.discovery import discovery
-from estimator.posterior.model.departures import Departure
-from estimator.posterior.model.possible_departures import possible_departures
+from estimator.posterior.model.deviations import Deviation, possible_deviations
 from estimator.posterior.sampling import weighing
 from estimator.posterior.sampling.sampler import Effort
 from estimator.problem.problem import Problem
 
-_LITTLE: Final = Effort(levels=4, width=8, steps=10, rounds=1, draws=60, samples=16)
+_LITTLE: Final = Effort(levels=4, chains_per_level=8, steps=10, rounds=1, draws=60, samples=16)
 
 
-def _few_departures(problem: Problem) -> tuple[Departure, ...]:
-    return possible_departures(problem)[::8]
+def _few_departures(problem: Problem) -> tuple[Deviation, ...]:
+    return possible_deviations(problem)[::8]
 
 
 @contextmanager
@@ -50,15 +50,15 @@ def little_effort() -> Iterator[None]:
     with little_search(), pytest.MonkeyPatch.context() as patch:
         patch.setattr(posterior_method, "Effort", lambda: _LITTLE)
         patch.setattr(information, "SAMPLES", 50)
-        patch.setattr(choosing, "CANDIDATES", 100)
+        patch.setattr(information, "CANDIDATES", 100)
         patch.setattr(best_programs, "_LIKELY", 20)
-        patch.setattr(choosing, "_MORE_DRAWS", 200)
-        patch.setattr(recheck, "SAMPLES", 6)
-        patch.setattr(recheck, "STEP", 1 / 120)
-        patch.setattr(doubting, "possible_departures", _few_departures)
-        patch.setattr(departed, "_SIMULATED", 6)
-        patch.setattr(left_out, "_DRAWS", 32)
-        patch.setattr(left_out, "_SIMULATED", 4)
+        patch.setattr(information, "_MORE_DRAWS", 200)
+        patch.setattr(simulator, "SAMPLES", 6)
+        patch.setattr(simulator, "STEP", 1 / 120)
+        patch.setattr(when_misspecified, "possible_deviations", _few_departures)
+        patch.setattr(misspecification, "_SIMULATED", 6)
+        patch.setattr(simulator, "_DRAWS", 32)
+        patch.setattr(simulator, "_SIMULATED", 4)
         yield
 
 

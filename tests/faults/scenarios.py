@@ -234,8 +234,8 @@ def disk_full() -> None:
 WORKSTATION: Final = """
 import resource, sys
 from pathlib import Path
-from estimator.identification.acting import carry_out
-from estimator.identification.listener import Listener
+from estimator.identification.loop import carry_out
+from estimator.identification.method import Listener
 from estimator.storage.records import InteractionRecord
 from estimator.storage.run_config import RunSettings
 from estimator.identification.robot_link import WireLink

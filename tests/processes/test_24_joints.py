@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from bench.daemons import simulator
-from estimator.identification.listener import Listener
+from estimator.identification.method import Listener
 from estimator.identification.run import identify
 from estimator.physics.backends import IN_THIS_PROCESS
 from estimator.storage.run_config import RunConfig

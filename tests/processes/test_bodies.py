@@ -11,7 +11,7 @@ import pytest
 from bench.daemons import simulator
 from estimator.evaluation.score import Score, score
 from estimator.evaluation.validate import validate
-from estimator.identification.listener import Listener
+from estimator.identification.method import Listener
 from estimator.identification.run import identify, reconnect
 from estimator.physics.backends import IN_THIS_PROCESS
 from estimator.physics.pybullet import PyBulletPhysics

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from estimator.body.arrays import Bodies
 from estimator.body.morphology import Array, Morphology
 from estimator.errors import EstimatorError
-from estimator.exploration.situation import Objective
+from estimator.exploration.rules import Objective
 from estimator.identification.paper.search import Search
 from estimator.physics.base import ArrayPhysics, Physics
 from estimator.problem.genome import Genome

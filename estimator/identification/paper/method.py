@@ -13,7 +13,7 @@ import numpy as np
 
 from estimator.body.morphology import Array
 from estimator.errors import EstimatorError, SearchStateError
-from estimator.identification.listener import Listener
+from estimator.identification.method import Listener
 from estimator.identification.paper.fit import Modeller
 from estimator.identification.paper.objectives import OBJECTIVES
 from estimator.identification.paper.reference_check import finish

@@ -23,7 +23,7 @@ import numpy as np
 
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
-from estimator.exploration.situation import Objective
+from estimator.exploration.rules import Objective
 from estimator.plugins import Registry
 from estimator.posterior.model.likelihood import Noise
 from estimator.readings.modalities import MODALITIES

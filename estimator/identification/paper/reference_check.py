@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Array, Morphology
-from estimator.exploration.situation import Objective
+from estimator.exploration.rules import Objective
 from estimator.identification.paper.fit import fit_bodies
 from estimator.physics.base import Physics
 from estimator.problem.genome import Genome

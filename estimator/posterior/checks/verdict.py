@@ -2,7 +2,7 @@
 
 An interaction is *unexplained* when it is more likely the mixture's outlier than not although the
 best body's path there is sure. One such interaction in a run may be an outlier. Two of them, one
-that strays farther than outliers do, a noise factor that surely lies above 2, or a touch sensor
+that residuals farther than outliers do, a noise factor that surely lies above 2, or a touch sensor
 that contradicts the body more often than chance allows, say that the problem does not describe the
 robot. The last betrays a limp leg: its foot lies on the ground where a stiff one, short enough to
 carry nothing, would hang in the air.
@@ -18,10 +18,9 @@ import numpy as np
 
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
-from estimator.posterior.model.densities import DENSITIES, SCALED
 from estimator.posterior.model.likelihood import Likelihood, Noise
-from estimator.posterior.model.noise_family import MEAN_LOSS, VARIANCE_LOSS
-from estimator.posterior.model.sensor_data import COLUMNS, SensorData
+from estimator.posterior.model.noise import MEAN_LOSS, VARIANCE_LOSS
+from estimator.posterior.model.sensor_data import COLUMNS, DENSITIES, SCALED, SensorData
 from estimator.posterior.model.special import at_least, logsumexp
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Posterior
@@ -37,7 +36,7 @@ TOO_NOISY: Final = 2.0
 POOR: Final = 1.0
 """Excess of a fit that one right body of six has."""
 
-_SURELY: Final = 0.95
+_SURELY: Final = 0.95  # probability that a factor lies above ``TOO_NOISY``
 _BY_CHANCE: Final = 1e-3  # probability of so many wrong bits of a touch sensor
 _STRIKING: Final = 3.0  # standard deviations
 
@@ -46,10 +45,10 @@ def judge(posterior: Posterior, predictor: Predictor, data: SensorData, noise: N
     """The verdict on fit.
 
     Args:
-        posterior: What is believed.
+        posterior: After the interactions of ``data``.
         predictor: Computes readings and path margins.
-        data: What the robot felt.
-        noise: How far readings stray.
+        data: The observations.
+        noise: Sensor noise.
     """
     misfits = Likelihood(data, noise).misfits_of(predictor, posterior.values)
     samples = misfits, posterior.scales, posterior.weights
@@ -57,7 +56,7 @@ def judge(posterior: Posterior, predictor: Predictor, data: SensorData, noise: N
 
 
 def judge_body(point: Array, predictor: Predictor, data: SensorData, noise: Noise) -> FitVerdict:
-    """The same of one body, shape (size,), for all noise factors that its readings leave."""
+    """The verdict on one body, shape (size,), averaged over its noise factors."""
     likelihood = Likelihood(data, noise)
     misfits = likelihood.misfits_of(predictor, point[None])
     fits, factors = likelihood.by_noise_factors(misfits)[0], likelihood.noise_factors.both
@@ -78,13 +77,17 @@ def _judged(
     inliers = weights @ Likelihood(data, noise).inlier_share(misfits, scales=scales)
     outliers = inliers < 0.5
     margins = _margins(best, predictor, data)
-    strays = deviations(best, predictor, data, noise)
+    residuals = standardised_residuals(best, predictor, data, noise)
     as_found = noise.widened(np.exp(weights @ scales))
-    farthest = np.abs(list(deviations(best, predictor, data, as_found).values())).max(axis=0)
+    farthest = np.abs(list(standardised_residuals(best, predictor, data, as_found).values())).max(
+        axis=0
+    )
     unexplained = tuple(
         UnexplainedInteraction(
             interaction=index,
-            sensors=tuple(name for name, stray in strays.items() if abs(stray[index]) > _STRIKING),
+            sensors=tuple(
+                name for name, residual in residuals.items() if abs(residual[index]) > _STRIKING
+            ),
             residual=float(farthest[index]),
         )
         for index in np.flatnonzero(outliers & (margins > SURE_PATH)).tolist()
@@ -101,7 +104,7 @@ class Fit:
 
     Attributes:
         unexplained: How many interactions it leaves unexplained.
-        excess: How much farther it strays from the others than bodies do on average that are the
+        excess: How much farther it residuals from the others than bodies do on average that are the
             robot's, in standard deviations, under the announced noise.
     """
 
@@ -109,8 +112,8 @@ class Fit:
     excess: float
 
     @property
-    def is_doubtful(self) -> bool:
-        """Whether a better body may be there to be found."""
+    def is_improvable(self) -> bool:
+        """Whether the fit is so poor that a better body may exist."""
         return self.unexplained > 0 or self.excess > POOR
 
 
@@ -121,7 +124,7 @@ def fit_of(point: Array, predictor: Predictor, data: SensorData, noise: Noise) -
     misfits = likelihood.misfits_of(predictor, one)
     outliers = likelihood.inlier_share(misfits)[0] < 0.5
     short = (likelihood.best() - likelihood.of(misfits))[0]
-    read = sum(float(data.felt[name].known.count[~outliers].sum()) for name in SCALED)
+    read = sum(float(data.observed[name].known.count[~outliers].sum()) for name in SCALED)
     excess = float(short[~outliers].sum()) - MEAN_LOSS * read
     unexplained = (
         np.count_nonzero(outliers & (_margins(one, predictor, data) > SURE_PATH))
@@ -130,15 +133,15 @@ def fit_of(point: Array, predictor: Predictor, data: SensorData, noise: Noise) -
     )
     return Fit(
         unexplained=int(unexplained),
-        # where nothing is left, nothing strays
+        # where nothing is left, nothing residuals
         excess=excess / math.sqrt(VARIANCE_LOSS * read) if read else 0.0,
     )
 
 
-def deviations(
+def standardised_residuals(
     point: Array, predictor: Predictor, data: SensorData, noise: Noise
 ) -> dict[str, Array]:
-    """Felt minus predicted in units of the noise, by modality, shape (k,) each.
+    """Observed minus predicted in units of the noise, by modality, shape (k,) each.
 
     Touch counts the bits that differ, each as many standard deviations as it is unlikely. Of the
     two tilts the larger deviation counts. 0 where nothing was read.
@@ -146,12 +149,14 @@ def deviations(
     Args:
         point: A body, shape (1, size).
         predictor: Computes readings.
-        data: What the robot felt.
-        noise: How far readings stray.
+        data: The observations.
+        noise: Sensor noise.
     """
     (misfits,) = Likelihood(data, noise).misfits_of(predictor, point)
     return {
-        name: DENSITIES[name].deviation(misfits[:, COLUMNS[name]], data.felt[name], noise.of(name))
+        name: DENSITIES[name].standardised_residual(
+            misfits[:, COLUMNS[name]], data.observed[name], noise.of(name)
+        )
         for name in MODALITIES
     }
 
@@ -160,11 +165,11 @@ def _contradicting(
     point: Array, predictor: Predictor, data: SensorData, noise: Noise, counts: Flags
 ) -> tuple[int, ...]:
     """Touch sensors with more wrong bits, in the interactions that count, than chance allows."""
-    felt = data.felt["touch"].values
+    observed = data.observed["touch"].values
     readings = Likelihood(data, noise).readings_of(predictor, point)
-    told = counts[:, None] & ~np.isnan(felt) & ~readings.touch_doubtful
-    wrong = np.sum(told & (felt != readings.touch), axis=0)
-    chance = at_least(wrong, np.sum(told, axis=0), noise.touch)
+    present = counts[:, None] & ~np.isnan(observed) & ~readings.touch_doubtful
+    wrong = np.sum(present & (observed != readings.touch), axis=0)
+    chance = at_least(wrong, np.sum(present, axis=0), noise.touch)
     return tuple(np.flatnonzero(chance < _BY_CHANCE).tolist())
 
 

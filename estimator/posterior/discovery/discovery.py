@@ -1,6 +1,6 @@
 """The search for bodies that explain the readings: everything that happens before sampling.
 
-Chains wander on their levels; every set of attachments that a colder level visits is kept, its
+Chains explore on their levels; every set of attachments that a colder level visits is kept, its
 lengths are polished, and around the best few every other row of each part is tried. None of this
 leaves the posterior invariant, and nothing of it needs to: it only says where the posterior is.
 """
@@ -15,34 +15,37 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Array
-from estimator.posterior.chains.population import EVERY, Population
-from estimator.posterior.chains.rows import other_rows
 from estimator.posterior.checks.verdict import fit_of
-from estimator.posterior.discovery.neighbours import Neighbours
-from estimator.posterior.discovery.part_trees import joined_parts
-from estimator.posterior.discovery.ranking import ranked, ranked_by_attachments
-from estimator.posterior.discovery.recombination import with_subtrees_of_others
+from estimator.posterior.discovery.moves import other_attachments
+from estimator.posterior.discovery.neighbours import (
+    Neighbours,
+    joined_parts,
+    ranked,
+    ranked_by_attachments,
+    with_subtrees_of_others,
+)
+from estimator.posterior.discovery.population import EVERY, Population
+from estimator.posterior.model.gauss_newton import GaussNewton, best_of_each
 from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.sensor_data import SensorData
-from estimator.posterior.model.slopes import Lengths, best_of_each
 from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
 
 _WATCHED: Final = 3  # levels, from the coldest up
-_POLISHED: Final = 200
+_POLISHED: Final = 200  # sets of attachments whose lengths are fitted, in one round
 _POLISHED_BESIDE: Final = 40  # where neighbours are tried, too
 _LEADERS: Final = 4  # in one sweep
 _SWEPT: Final = (math.inf, 16.0, 16.0)  # nats that they may lie below the best, in one and the next
 _ELSEWHERE: Final = 800  # random lengths tried with a leader's attachments
 _PROMISING: Final = 60  # of them polished,
 _FINISHED: Final = 3  # and one in so many to the end, the best
-_STARTS: Final = 24
+_STARTS: Final = 24  # of these, fitted
 _CLIMBING: Final = 2  # bodies whose neighbours are tried at once
 _HIGHER: Final = 3.0  # nats, for which it is worth going on,
 _CLIMBS: Final = 4  # so often in one round
 _FOUNDERS: Final = 6  # bodies of each start whose subtrees others may take over,
 _CROSSED: Final = 4  # the best few that do
 _REMEMBERED: Final = 64  # of the best points, for the next interaction
-_ALIKE: Final = 16  # chains of each population, as further centres of a mode
+_CENTRES: Final = 16  # chains of each population, as further centres of a mode
 _SEVERAL: Final = 4  # interactions, of which chains alone hardly ever explain all
 
 
@@ -74,15 +77,15 @@ class Discovery:
         population: Its chains are moved.
         predictor: The population's own.
         rng: The population's own, apart from its chains'.
-        wanders: Whether its chains have so much to find that they, and the neighbours of the best
+        explores: Whether its chains have so much to find that they, and the neighbours of the best
             bodies, are all that is worth the time: other rows of single parts are not tried.
 
     Attributes:
         population: As above, like ``predictor`` and ``rng``.
-        met: The best points that it met, shape (n, size): it begins with them when it observes.
-        drawn: Points of the posterior with attachments that it met itself, shape (n, size): it
+        found: The best points that it found, shape (n, size): it begins with them when it observes.
+        drawn: Points of the posterior with attachments that it found itself, shape (n, size): it
             begins with them, too. The best lengths so far may be far from the best ones now.
-        settled: Attachments on which all searches agreed after the last interaction, if on any;
+        converged: Attachments on which all searches agreed after the last interaction, if on any;
             several where sensors tell them apart hardly or not at all. While they explain the
             readings bodies near them are not tried again.
     """
@@ -93,33 +96,33 @@ class Discovery:
         predictor: Predictor,
         rng: np.random.Generator,
         *,
-        wanders: bool,
+        explores: bool,
     ) -> None:
         self.population = population
         self.predictor = predictor
         self.rng = rng
-        self.met, self.drawn = np.empty((2, 0, predictor.unknowns.size))
-        self.settled: frozenset[Attachments] = frozenset()
-        self._wanders = wanders
+        self.found, self.drawn = np.empty((2, 0, predictor.unknowns.size))
+        self.converged: frozenset[Attachments] = frozenset()
+        self._explores = explores
 
     def observe(self, data: SensorData, noise: Noise) -> None:
-        """Begins anew, from where the chains are and what they have met.
+        """Takes in all observations; the search goes on from its chains and what it has found.
 
         Args:
-            data: What the robot felt in all interactions.
-            noise: How far readings stray.
+            data: The observations of all interactions.
+            noise: Sensor noise.
         """
         predictor, likelihood = self.predictor, Likelihood(data, noise)
         self._data, self._noise = data, noise
         self._founders: list[Array] = []
         self.population.observe(data, noise, surely=True)
-        self._lengths = Lengths(predictor, data, likelihood)
+        self._solver = GaussNewton(predictor, data, likelihood)
         self._neighbours = None
         if joined_parts(predictor.unknowns) and len(data) >= _SEVERAL:
             self._neighbours = Neighbours(predictor, data, likelihood, self.rng)
         self._before, self._visited = _Visited(predictor), _Visited(predictor)
-        starts = np.concatenate([self.met, self.drawn])
-        self._visited.add(starts, self._lengths.fits(starts))
+        starts = np.concatenate([self.found, self.drawn])
+        self._visited.add(starts, self._solver.fits(starts))
 
     def search(self, steps: int, *, until_explained: bool = False) -> BestPoints:
         """One round.
@@ -129,23 +132,23 @@ class Discovery:
             until_explained: Whether nothing else is tried once a body explains all readings.
 
         Returns:
-            All sets of attachments that were met so far.
+            All sets of attachments that were found so far.
         """
         population, visited = self.population, self._visited
         for step in range(steps):
             population.step()
             if step % EVERY == EVERY - 1:
-                levels = slice(0, _WATCHED * population.width)
+                levels = slice(0, _WATCHED * population.chains_per_level)
                 visited.add(population.values[levels], population.posterior_fits(_WATCHED))
-        visited.polish(self._lengths, _POLISHED_BESIDE if self._wanders else _POLISHED)
-        if not self._is_settled():
+        visited.polish(self._solver, _POLISHED_BESIDE if self._explores else _POLISHED)
+        if not self._has_converged():
             self._try_others(visited, self.explains if until_explained else _never)
         bodies = self.best()
-        self.met = bodies.values[:_REMEMBERED]
+        self.found = bodies.values[:_REMEMBERED]
         return bodies
 
     def best(self) -> BestPoints:
-        """All sets of attachments that were met so far."""
+        """All sets of attachments that were found so far."""
         both = [self._before.best(), self._visited.best()]
         return BestPoints.joined(both, self.predictor.unknowns)
 
@@ -155,8 +158,8 @@ class Discovery:
             visited.climb(self._neighbours, enough)
             if self._founders and not enough():
                 self._recombine(self._neighbours, enough)
-        for nats in () if self._wanders else _SWEPT:
-            if not visited.sweep(self._lengths, self.rng, nats):
+        for nats in () if self._explores else _SWEPT:
+            if not visited.sweep(self._solver, self.rng, nats):
                 break
 
     def explains(self) -> bool:
@@ -164,15 +167,15 @@ class Discovery:
         leader = self.best().values[0]
         return fit_of(leader, self.predictor, self._data, self._noise).unexplained == 0
 
-    def _is_settled(self) -> bool:
+    def _has_converged(self) -> bool:
         """Whether the best body is still the one that all agreed on, and explains the readings."""
         leader = self._visited.best().values[:1]
-        if self.settled.isdisjoint(self.predictor.unknowns.keys(leader)):
+        if self.converged.isdisjoint(self.predictor.unknowns.keys(leader)):
             return False
-        return not fit_of(leader[0], self.predictor, self._data, self._noise).is_doubtful
+        return not fit_of(leader[0], self.predictor, self._data, self._noise).is_improvable
 
     def _recombine(self, neighbours: Neighbours, enough: Callable[[], bool]) -> None:
-        """Gives the best bodies subtrees that other starts have met, and goes on from there."""
+        """Gives the best bodies subtrees that other starts have found, and goes on from there."""
         founders = np.concatenate([*self._founders, self._visited.best().values[:_FOUNDERS]])
         everyone = self._before
         everyone.join(self._visited)
@@ -180,7 +183,7 @@ class Discovery:
             bodies = everyone.best()
             for body in bodies.values[:_CROSSED]:
                 everyone.add_better(
-                    *with_subtrees_of_others(body, founders, self.predictor.unknowns, self._lengths)
+                    *with_subtrees_of_others(body, founders, self.predictor.unknowns, self._solver)
                 )
             everyone.climb(neighbours, enough)
             if enough() or everyone.best().fits[0] < bodies.fits[0] + _HIGHER:
@@ -193,7 +196,7 @@ class Discovery:
     def start_anew(self, steps: int) -> None:
         """Draws all chains from the prior and lets them take in one interaction after the other.
 
-        In random order, since one of them may mislead; and whatever was met before is left out of
+        In random order, since one of them may mislead; and whatever was found before is left out of
         the search, though it still counts. Chains that are shown all readings at once find the
         body of a hard run a third as often at the same cost.
 
@@ -214,7 +217,7 @@ class Discovery:
 
 
 class _Visited:
-    """Sets of attachments that were met, with the best point of each."""
+    """Sets of attachments that were found, with the best point of each."""
 
     def __init__(self, predictor: Predictor) -> None:
         self._unknowns = predictor.unknowns
@@ -229,7 +232,7 @@ class _Visited:
                 self._points[key] = fit, value.copy()
 
     def join(self, other: _Visited) -> None:
-        """Adds all that another has met, and what became of it."""
+        """Adds all that another has found, and what became of it."""
         bodies = other.best()
         self.add(bodies.values, bodies.fits)
         self._polished |= other._polished
@@ -249,14 +252,14 @@ class _Visited:
             fits=np.array([fit for fit, _ in kept]),
         )
 
-    def polish(self, lengths: Lengths, count: int) -> None:
+    def polish(self, solver: GaussNewton, count: int) -> None:
         values = self.best().values
         fresh = [key not in self._polished for key in self._unknowns.keys(values)]
         values = values[np.flatnonzero(fresh)[:count]]
         if len(values):
-            self._add_polished(values, lengths)
+            self._add_polished(values, solver)
 
-    def sweep(self, lengths: Lengths, rng: np.random.Generator, nats: float) -> bool:
+    def sweep(self, solver: GaussNewton, rng: np.random.Generator, nats: float) -> bool:
         """Tries other rows of each part of the best few; False when there is nobody to be swept."""
         bodies = self.best()
         leaders = bodies.values[bodies.fits >= bodies.fits[0] - nats][: 2 * _LEADERS]
@@ -266,13 +269,13 @@ class _Visited:
             self._swept.add(keys[row])
             values = np.concatenate(
                 [
-                    other_rows(leaders[row], columns, self._unknowns, rng)
+                    other_attachments(leaders[row], columns, self._unknowns, rng)
                     for columns in self._unknowns.parts
                 ]
             )
-            promising = ranked_by_attachments(values, lengths, self._unknowns, rng)[:_PROMISING]
-            self._add_polished(promising, lengths)
-            self._add_polished(self._elsewhere(leaders[row], lengths, rng), lengths)
+            promising = ranked_by_attachments(values, solver, self._unknowns, rng)[:_PROMISING]
+            self._add_polished(promising, solver)
+            self._add_polished(self._elsewhere(leaders[row], solver, rng), solver)
         return bool(chosen)
 
     def climb(self, neighbours: Neighbours, enough: Callable[[], bool]) -> None:
@@ -294,15 +297,15 @@ class _Visited:
             if self.best().fits[0] < bodies.fits[0] + _HIGHER:
                 break
 
-    def _elsewhere(self, leader: Array, lengths: Lengths, rng: np.random.Generator) -> Array:
-        """The same attachments from other lengths: one start may lead to a lesser peak."""
+    def _elsewhere(self, leader: Array, solver: GaussNewton, rng: np.random.Generator) -> Array:
+        """Starts with a leader's attachments and other lengths, since peaks may be several."""
         columns = self._unknowns.continuous
         trial = np.repeat(leader[None], _ELSEWHERE, axis=0)
         trial[:, columns] = rng.random((_ELSEWHERE, columns.size))
-        return ranked(trial, lengths, rng)[:_STARTS]
+        return ranked(trial, solver, rng)[:_STARTS]
 
-    def _add_polished(self, values: Array, lengths: Lengths) -> None:
-        better, fits = lengths.polished(values, math.ceil(len(values) / _FINISHED))
+    def _add_polished(self, values: Array, solver: GaussNewton) -> None:
+        better, fits = solver.polished(values, math.ceil(len(values) / _FINISHED))
         self._polished.update(self._unknowns.keys(values))
         self.add(better, fits)
 
@@ -311,7 +314,9 @@ def _never() -> bool:
     return False
 
 
-def chains_like(points: Array, searches: Sequence[Discovery], least: float) -> list[Array]:
+def chains_with_attachments(
+    points: Array, searches: Sequence[Discovery], least: float
+) -> list[Array]:
     """For each of n points some of the coldest chains with its attachments, shape (m, size).
 
     Args:
@@ -320,13 +325,15 @@ def chains_like(points: Array, searches: Sequence[Discovery], least: float) -> l
         least: Log-likelihood that they must have.
     """
     unknowns = searches[0].predictor.unknowns
-    cold = [search.population.values[: 2 * search.population.width] for search in searches]
+    cold = [
+        search.population.values[: 2 * search.population.chains_per_level] for search in searches
+    ]
     fit = [search.population.posterior_fits(2) > least for search in searches]
     attachments = [unknowns.attachments(values) for values in cold]
     return [
         np.concatenate(
             [
-                values[np.all(own == key, axis=1) & good][:_ALIKE]
+                values[np.all(own == key, axis=1) & good][:_CENTRES]
                 for values, own, good in zip(cold, attachments, fit, strict=True)
             ]
         )

@@ -2,44 +2,48 @@
 
 A leg put on in another way is another in all of its parts at once, and so is the one whose mount
 it takes: none of these changes alone makes a body better, so chains that change one row hardly ever
-get from one to the other. Here all of them are tried, the likely ones with better lengths. This
-finds where the posterior is; it does not leave it invariant.
+get from one to the other. Here all of them are tried, the likely ones with better lengths.
+
+Searches that began apart find different legs of the true body: recombination gives one subtrees of
+another. A subtree is a part with all that it carries. It is taken over as a whole, as in genetic
+programming (Koza 1992): a part means little without what it carries.
+
+All this finds where the posterior is; it does not leave it invariant.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
-from itertools import product
+from itertools import combinations, product
 from typing import Final
 
 import numpy as np
 
-from estimator.body.morphology import Array
-from estimator.posterior.chains.rows import exchange_places
-from estimator.posterior.discovery.part_trees import exchanged, joined_parts
-from estimator.posterior.discovery.ranking import ranked_by_attachments
+from estimator.body.morphology import BASE, Array
+from estimator.posterior.discovery.moves import exchange_places
+from estimator.posterior.model.gauss_newton import GaussNewton, best_of_each
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.sensor_data import SensorData
-from estimator.posterior.model.slopes import Lengths, best_of_each
-from estimator.posterior.model.unknowns import Columns, Predictor
+from estimator.posterior.model.unknowns import Columns, Predictor, Unknowns
 
 _LENGTHS: Final = 2  # times each choice is tried: with the parts' lengths, and random ones
 _KEPT: Final = 16  # of the rows of parts that are joined
 _NEWCOMERS: Final = 3  # on a mount that was another's, for each of which
 _SETTLED: Final = 2  # rows of that other one are kept
-_POLISHED: Final = 32  # of all
+_POLISHED: Final = 32  # of all neighbours, and of all recombined bodies
 
 
 class Neighbours:
-    """Finds better bodies near others.
+    """Tries bodies that differ from a given one in one or two limbs.
 
     Where it is not known which part sits on which, that is any part put on in another way, alone
     and with any other on it.
 
     Args:
         predictor: Computes readings.
-        data: What the robot felt.
+        data: The observations.
         likelihood: Of ``data``.
         rng: Draws lengths.
     """
@@ -53,7 +57,7 @@ class Neighbours:
     ) -> None:
         self._unknowns = predictor.unknowns
         self._joined = joined_parts(predictor.unknowns)
-        self._lengths = Lengths(predictor, data, likelihood)
+        self._solver = GaussNewton(predictor, data, likelihood)
         self._rng = rng
 
     def of(self, leader: Array) -> tuple[Array, Array]:
@@ -64,10 +68,10 @@ class Neighbours:
         by_pairs = self._unknowns.parents.any()  # what takes two steps explains nothing after one
         ranking = partial(
             ranked_by_attachments,
-            lengths=self._lengths,
+            solver=self._solver,
             unknowns=self._unknowns,
             rng=self._rng,
-            unexplained=self._lengths.unexplained(leader) if by_pairs else (),
+            unexplained=self._solver.unexplained(leader) if by_pairs else (),
         )
         near = [self._unknowns.permitted(exchanged(leader, self._unknowns))]
         for joined in self._joined:
@@ -83,9 +87,9 @@ class Neighbours:
                     if displaced in other.columns and displaced not in other.kept
                 ]
         points = np.concatenate(near)
-        fits = self._lengths.rough_fits(points, np.arange(self._lengths.interactions)).sum(axis=1)
+        fits = self._solver.rough_fits(points, np.arange(self._solver.interactions)).sum(axis=1)
         best = best_of_each(self._unknowns.keys(points), fits)
-        return self._lengths.polished(points[best], _POLISHED)
+        return self._solver.polished(points[best], _POLISHED)
 
     def _rows(self, leaders: Array, columns: Columns, kept: Collection[int]) -> Array:
         """Leaders with all that some columns choose, but for those kept, each at several lengths.
@@ -118,3 +122,223 @@ class Neighbours:
                 lost = np.flatnonzero(chosen[:, column] != before[0, column])[:_NEWCOMERS]
                 if lost.size:
                     yield points[lost], column
+
+
+_MOST: Final = 3  # parts that carry each other, of which legs seldom have more
+
+
+@dataclass(frozen=True, kw_only=True)
+class Joined:
+    """Parts of which each carries the next: one, two or three that have something to choose.
+
+    Attributes:
+        columns: All of theirs.
+        kept: Those of them that stay: of three, where the first one sits; and what another sits on.
+        carried: Where that has to be chosen: by which columns, each with the value that does it.
+    """
+
+    columns: Columns
+    kept: tuple[int, ...] = ()
+    carried: tuple[tuple[int, float], ...] = ()
+
+
+def joined_parts(unknowns: Unknowns) -> tuple[Joined, ...]:
+    """What is best put on in another way together.
+
+    Where parents are known, the parts of a limb; where they are not, but many things are, each part
+    by itself and with each that may sit on it.
+    """
+    if not unknowns.parents.any():
+        return _joined(unknowns)
+    return _possibly_joined(unknowns) if unknowns.many else ()
+
+
+def subtrees(point: Array, unknowns: Unknowns) -> list[Columns]:
+    """Columns of each part together with those of all that it carries.
+
+    Args:
+        point: Of the cube, shape (size,).
+        unknowns: The cube.
+    """
+    parents = unknowns.bodies(point[None]).parent[0].tolist()
+    carried = [{part} for part in range(len(parents))]
+    for part in reversed(range(len(parents))):
+        if parents[part] != BASE:
+            carried[parents[part]] |= carried[part]
+    return [
+        np.flatnonzero([gene.part in together for gene in unknowns.genes]) for together in carried
+    ]
+
+
+def exchanged(point: Array, unknowns: Unknowns) -> Array:
+    """Points in which two parts that may sit anywhere have each other's genes.
+
+    Each pair once with what the two carry going along, and once with that staying where it is.
+
+    Args:
+        point: Shape (size,).
+        unknowns: The cube.
+
+    Returns:
+        Shape (n, size).
+    """
+    genes, own = unknowns.genes, _columns_of_parts(unknowns)
+    choosing = {genes[at].part: at for at in np.flatnonzero(unknowns.parents).tolist()}
+    carriers = unknowns.bodies(point[None]).parent[0].tolist()
+    points = []
+    for one, other in combinations(choosing, 2):
+        traits, theirs = ([genes[at].trait for at in own[part]] for part in (one, other))
+        if traits != theirs or carriers[other] >= one:
+            continue
+        along = point.copy()
+        along[own[one]], along[own[other]] = point[own[other]], point[own[one]]
+        along[choosing[one]] = _sitting_on(carriers[other], choosing[one], unknowns)
+        along[choosing[other]] = _sitting_on(carriers[one], choosing[other], unknowns)
+        staying = along.copy()
+        for part, column in choosing.items():
+            after = {one: other, other: one}.get(carriers[part], part)
+            if after < part:
+                staying[column] = _sitting_on(after, column, unknowns)
+        points += [along, staying]
+    return np.array(points).reshape(len(points), unknowns.size)
+
+
+def _sitting_on(carrier: int, column: int, unknowns: Unknowns) -> float:
+    """The value with which a column chooses a part, or the main body, as its part's parent."""
+    return float((carrier + 1.5) / unknowns.counts[column])
+
+
+def _columns_of_parts(unknowns: Unknowns) -> dict[int, list[int]]:
+    own: dict[int, list[int]] = {}
+    for column, gene in enumerate(unknowns.genes):
+        own.setdefault(gene.part, []).append(column)
+    return own
+
+
+def _possibly_joined(unknowns: Unknowns) -> tuple[Joined, ...]:
+    genes, own = unknowns.genes, _columns_of_parts(unknowns)
+    chosen = [part for part in own if any(genes[at].choices > 1 for at in own[part])]
+    joined = [Joined(columns=np.array(own[part])) for part in chosen]
+    for part in chosen:
+        for column in own[part]:
+            gene = genes[column]
+            if gene.trait == "parent":
+                joined += [
+                    Joined(
+                        columns=np.array(own[carrier] + own[part]),
+                        kept=(column,),
+                        carried=((column, _sitting_on(carrier, column, unknowns)),),
+                    )
+                    for carrier in chosen
+                    if carrier < part
+                ]
+            elif gene.trait == "mount" and gene.parent in chosen:
+                joined.append(Joined(columns=np.array(own[gene.parent] + own[part])))
+    return tuple(joined)
+
+
+def _joined(unknowns: Unknowns) -> tuple[Joined, ...]:
+    genes, own = unknowns.genes, _columns_of_parts(unknowns)
+    chosen = {gene.part: gene.parent for gene in genes if gene.choices > 1}
+    carriers = {
+        part: parent for part, parent in chosen.items() if parent is not None and parent in chosen
+    }
+    joined = []
+    for part in chosen:
+        chain = [part]
+        while len(chain) < _MOST and chain[0] in carriers:
+            chain.insert(0, carriers[chain[0]])
+        if chain == [part] and part in carriers.values():
+            continue  # it is tried with those that it carries
+        mounts = [column for column in own[chain[0]] if genes[column].trait == "mount"]
+        joined.append(
+            Joined(
+                columns=np.array([column for one in chain for column in own[one]]),
+                kept=tuple(mounts) if len(chain) == _MOST else (),
+            )
+        )
+    return tuple(joined)
+
+
+_TRIED_FIRST: Final = 2  # interactions; with this share
+_GO_ON: Final = 0.25  # of the points, as many more are tried, and so on
+_EXPLAINING: Final = 0.1  # of the points, where one is tried first that has to be explained
+_FEWEST: Final = 200  # points that go on
+_SAMPLED: Final = 0.05  # of the points, which tell in which interactions they differ
+
+
+def ranked(
+    points: Array, solver: GaussNewton, rng: np.random.Generator, unexplained: Sequence[int] = ()
+) -> Array:
+    """The points that fit best while the noise is wide, best first; unlikely ones are left out.
+
+    Interactions in which the points differ as much as usual are tried first, the others with
+    those alone that fit best in these. Where they differ most bodies fall to one side or the
+    other, whatever their solver, and the right choices do not stand out.
+
+    Args:
+        points: Shape (n, size).
+        solver: Compares them.
+        rng: Draws those that tell in which interactions they differ.
+        unexplained: Interactions that a point has to explain to be any better than what is known:
+            these are tried first, if there are any.
+    """
+    interactions = np.arange(solver.interactions)
+    if len(points) <= _FEWEST or interactions.size <= _TRIED_FIRST:
+        fits = solver.rough_fits(points, interactions).sum(axis=1)
+        return points[np.argsort(-fits, kind="stable")]
+    if len(unexplained):
+        order = np.concatenate([unexplained, np.setdiff1d(interactions, unexplained)])
+        tried, share = 1, _EXPLAINING
+    else:
+        sample = rng.choice(len(points), round(_SAMPLED * len(points)), replace=False)
+        spread = solver.rough_fits(points[sample], interactions).std(axis=0)
+        order = np.argsort(np.abs(spread - np.median(spread)), kind="stable")
+        tried, share = _TRIED_FIRST, _GO_ON
+    fits = solver.rough_fits(points, order[:tried]).sum(axis=1)
+    while tried < order.size:
+        best = np.argsort(-fits, kind="stable")[: max(_FEWEST, round(share * len(points)))]
+        points = points[best]
+        fits = fits[best] + solver.rough_fits(points, order[tried : 2 * tried]).sum(axis=1)
+        tried *= 2
+    return points[np.argsort(-fits, kind="stable")]
+
+
+def ranked_by_attachments(
+    points: Array,
+    solver: GaussNewton,
+    unknowns: Unknowns,
+    rng: np.random.Generator,
+    unexplained: Sequence[int] = (),
+) -> Array:
+    """The best point of each set of attachments, best first; see ``ranked``."""
+    best_first = ranked(points, solver, rng, unexplained)
+    firsts = best_of_each(unknowns.keys(best_first), -np.arange(len(best_first), dtype=float))
+    rest: Array = best_first[firsts]
+    return rest
+
+
+def with_subtrees_of_others(
+    body: Array, others: Array, unknowns: Unknowns, solver: GaussNewton
+) -> tuple[Array, Array]:
+    """The best bodies that differ from one in a subtree of another.
+
+    Args:
+        body: Shape (size,).
+        others: Shape (n, size).
+        unknowns: The cube.
+        solver: Compares and polishes them.
+
+    Returns:
+        Points with good solver, and their log-likelihoods.
+    """
+    points = []
+    for other in others:
+        for subtree in subtrees(other, unknowns):
+            point = body.copy()
+            point[subtree] = other[subtree]
+            points.append(point)
+    several = unknowns.permitted(np.array(points))
+    several = several[best_of_each(unknowns.keys(several), np.zeros(len(several)))]
+    fits = solver.rough_fits(several, np.arange(solver.interactions)).sum(axis=1)
+    return solver.polished(several[np.argsort(-fits, kind="stable")[:_POLISHED]])

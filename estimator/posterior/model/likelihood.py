@@ -8,10 +8,10 @@ body that predicts its pose::
 
 p0 is what a robot might feel anywhere: each tilt uniform over ±90°, clearance uniform over the
 sensor's range, touch bits even. p2 is p1 with 3° and 10 mm more deviation: a robot may rest beside
-the pose foretold, on the edge of a foot that models take to be round. A pose that the model cannot
-predict (undecided, or a simulation that cannot be believed) leaves only e p0. A clearance at the
+the pose predicted, on the edge of a foot that models take to be round. A pose that the model cannot
+predict (undecided, or a simulation that failed) leaves only e p0. A clearance at the
 end of the sensor's range says that the ground lies beyond: a tail integral. Missing readings are
-left out. ``densities`` has the factors.
+left out. ``sensor_data`` has the factors.
 """
 
 from __future__ import annotations
@@ -26,14 +26,17 @@ import numpy as np
 
 from estimator.body.arrays import Bodies, Flags
 from estimator.body.morphology import Array
-from estimator.posterior.model.densities import (
+from estimator.posterior.model.noise import NoiseFactors
+from estimator.posterior.model.sensor_data import (
+    BRANCH,
+    COLUMNS,
     DENSITIES,
+    MISFITS,
     MODEL_CLEARANCE,
     MODEL_TILT,
     SCALED,
+    SensorData,
 )
-from estimator.posterior.model.noise_factors import NoiseFactors
-from estimator.posterior.model.sensor_data import ASTRAY, COLUMNS, MISFITS, SensorData
 from estimator.posterior.model.special import expit, logsumexp
 from estimator.posterior.model.unknowns import Columns, Predictor
 from estimator.readings.modalities import MODALITIES
@@ -69,7 +72,7 @@ _NO_COLUMNS: Final = np.empty((0, 0))
 
 @dataclass(frozen=True, kw_only=True)
 class Noise:
-    """How far readings stray from a perfect model's.
+    """Standard deviations of the sensors about a perfect model's readings, and shares of outliers.
 
     Attributes:
         tilt: Standard deviation of each tilt, rad.
@@ -120,7 +123,7 @@ class Noise:
 
 
 def apart(one: PredictedReadings, other: PredictedReadings, noise: Noise) -> Flags:
-    """Which of n readings come from poses that are plainly not the same, shape (n,)."""
+    """Whether n pairs of readings differ so much that their poses do, shape (n,)."""
     tilt = np.max(np.abs(one.tilt - other.tilt), axis=1) > _PLAINLY * noise.tilt
     clearance = np.abs(one.clearance - other.clearance) > _PLAINLY * noise.clearance
     plainly: Flags = tilt | clearance | (one.valid != other.valid)
@@ -131,8 +134,8 @@ class Likelihood:
     """The mixture of some interactions, for bodies of which the misfits are known.
 
     Args:
-        data: What the robot felt.
-        noise: How far readings stray.
+        data: The observations.
+        noise: Sensor noise.
 
     Attributes:
         sigmas: Announced standard deviation of each residual, shape (RESIDUALS,).
@@ -142,7 +145,7 @@ class Likelihood:
     def __init__(self, data: SensorData, noise: Noise):
         self._data = data
         self._noise = noise
-        self._known = known = {name: felt.known for name, felt in data.felt.items()}
+        self._known = known = {name: observed.known for name, observed in data.observed.items()}
         anywhere = np.zeros(len(data))
         for name in MODALITIES:
             anywhere += DENSITIES[name].log_anywhere(known[name], data.cap)
@@ -169,16 +172,17 @@ class Likelihood:
         Args:
             predictor: Computes readings.
             values: Shape (n, size).
-            surely: Take it that everybody falls as statics has it; see ``ways`` of ``misfits_at``.
+            surely: Take it that everybody falls as statics has it; see ``branches`` of
+                ``misfits_at``.
         """
         count = len(self._data)
-        rows, turns = (
+        rows, interactions = (
             np.repeat(np.arange(len(values)), count),
             np.tile(np.arange(count), len(values)),
         )
         bodies = predictor.unknowns.bodies(values)
-        ways = np.zeros(len(rows)) if surely else None
-        misfits = self.misfits_at(predictor, bodies, rows, turns, ways=ways)
+        branches = np.zeros(len(rows)) if surely else None
+        misfits = self.misfits_at(predictor, bodies, rows, interactions, branches=branches)
         return misfits.reshape(len(values), count, MISFITS)
 
     def misfits_at(
@@ -186,22 +190,22 @@ class Likelihood:
         predictor: Predictor,
         bodies: Bodies,
         rows: Columns,
-        turns: Columns,
+        interactions: Columns,
         *,
-        ways: Array | None = None,
+        branches: Array | None = None,
     ) -> Array:
         """The misfits of some bodies, each in one interaction.
 
-        Where what was felt is more likely an outlier than what a body feels, it may have
+        Where what was observed is more likely an outlier than what a body feels, it may have
         fallen to another side: the first of ``LEANS`` that explains it is taken.
 
         Args:
             predictor: Computes readings.
             bodies: From the predictor's unknowns.
             rows: Which of them, shape (m,).
-            turns: In which interaction, shape (m,).
-            ways: Numbers of ``LEANS``, shape (m,): take it that everybody falls under these, and
-                look quickly.
+            interactions: In which interaction, shape (m,).
+            branches: Numbers of ``LEANS``, shape (m,): take it that everybody falls under these,
+                and look quickly.
 
         Returns:
             Shape (m, MISFITS).
@@ -209,32 +213,36 @@ class Likelihood:
         data = self._data
         if not rows.size:
             return np.empty((0, MISFITS))
-        if ways is not None:
-            leans = LEANS[ways.astype(np.intp)]
-            readings = predictor.read(bodies, rows, data.programs[turns], leans, quickly=True)
-            misfits = data.misfits(readings, turns)
-            misfits[:, ASTRAY] = ways
+        if branches is not None:
+            leans = LEANS[branches.astype(np.intp)]
+            readings = predictor.read(
+                bodies, rows, data.programs[interactions], leans, quickly=True
+            )
+            misfits = data.misfits(readings, interactions)
+            misfits[:, BRANCH] = branches
             return misfits
-        misfits = data.misfits(predictor.read(bodies, rows, data.programs[turns]), turns)
-        left = self._unexplained(misfits, turns)
+        misfits = data.misfits(
+            predictor.read(bodies, rows, data.programs[interactions]), interactions
+        )
+        left = self._unexplained(misfits, interactions)
         if not left.size:
             return misfits
         numbers = np.arange(1, len(LEANS))
         each, leans = np.repeat(left, len(numbers)), np.tile(numbers, len(left))
-        programs = data.programs[turns[each]]
+        programs = data.programs[interactions[each]]
         readings = predictor.read(bodies, rows[each], programs, LEANS[leans])
-        others = data.misfits(readings, turns[each])
-        others[:, ASTRAY] = leans
+        others = data.misfits(readings, interactions[each])
+        others[:, BRANCH] = leans
         explained = np.ones((len(left), len(numbers)), dtype=bool)
-        explained.flat[self._unexplained(others, turns[each])] = False
-        astray = np.flatnonzero(explained.any(axis=1))
-        first = np.argmax(explained[astray], axis=1)
-        misfits[left[astray]] = others[astray * len(numbers) + first]
+        explained.flat[self._unexplained(others, interactions[each])] = False
+        elsewhere = np.flatnonzero(explained.any(axis=1))
+        first = np.argmax(explained[elsewhere], axis=1)
+        misfits[left[elsewhere]] = others[elsewhere * len(numbers) + first]
         return misfits
 
     def readings_of(self, predictor: Predictor, values: Array) -> PredictedReadings:
-        """What n points feel in every interaction, wherever they fell: n · k rows."""
-        numbers = self.misfits_of(predictor, values)[..., ASTRAY].ravel().astype(np.intp)
+        """Readings of n points in every interaction, each on its branch: n · k rows."""
+        numbers = self.misfits_of(predictor, values)[..., BRANCH].ravel().astype(np.intp)
         return predictor.read_all(values, self._data.programs, LEANS[numbers])
 
     def normalised(self, predictor: Predictor, values: Array, scales: Array | None = None) -> Array:
@@ -256,15 +264,15 @@ class Likelihood:
 
     def _sides(self, predictor: Predictor, values: Array) -> Array:
         """How likely all sides are to which a body may fall, together; shape (n, k), at least 1."""
-        ways, likely = len(LEANS), np.exp(_LOG_LIKELY)
-        rows = np.repeat(np.arange(len(values)), len(self._data) * ways)
-        programs = np.tile(np.repeat(self._data.programs, ways, axis=0), (len(values), 1))
+        count, likely = len(LEANS), np.exp(_LOG_LIKELY)
+        rows = np.repeat(np.arange(len(values)), len(self._data) * count)
+        programs = np.tile(np.repeat(self._data.programs, count, axis=0), (len(values), 1))
         leans = np.tile(LEANS, (len(values) * len(self._data), 1))
         readings = predictor.read(predictor.unknowns.bodies(values), rows, programs, leans)
-        sides = [readings[::ways]]
+        sides = [readings[::count]]
         counted = [np.ones(len(sides[0]), dtype=bool)]
-        for way in range(1, ways):
-            other = readings[way::ways]
+        for branch in range(1, count):
+            other = readings[branch::count]
             fresh = other.valid & ~other.undecided
             for side, counts in zip(sides, counted, strict=True):
                 fresh &= apart(side, other, self._noise) | ~counts
@@ -273,39 +281,39 @@ class Likelihood:
         total: Array = likely @ np.array(counted)
         return total.reshape(len(values), len(self._data))
 
-    def _unexplained(self, misfits: Array, turns: Columns) -> Columns:
-        inlier, outlier = self.terms(misfits[:, None], turns=turns[:, None])
+    def _unexplained(self, misfits: Array, interactions: Columns) -> Columns:
+        inlier, outlier = self.terms(misfits[:, None], interactions=interactions[:, None])
         return np.flatnonzero(inlier[:, 0] < outlier[:, 0])
 
     def inlier_share(
-        self, misfits: Array, width: float = 1.0, scales: Array | None = None
+        self, misfits: Array, noise_scale: float = 1.0, scales: Array | None = None
     ) -> Array:
         """Probability that each interaction is no outlier, shape (n, k)."""
-        inlier, outlier = self.terms(misfits, width, scales)
+        inlier, outlier = self.terms(misfits, noise_scale, scales)
         return expit(inlier - outlier)
 
     def of(
         self,
         misfits: Array,
-        width: Array | float = 1.0,
+        noise_scale: Array | float = 1.0,
         scales: Array | None = None,
-        turns: Columns | None = None,
+        interactions: Columns | None = None,
     ) -> Array:
         """Log-likelihood of each body in each interaction.
 
         Args:
             misfits: Shape (n, k, MISFITS).
-            width: Factor on all standard deviations, shape (n,) or one for all: a level of the
-                search.
+            noise_scale: Factor on all standard deviations, shape (n,) or one for all: a level of
+                the search.
             scales: Logarithms of the factors on the noise of the modalities ``SCALED``, shape
                 (n, 2); as announced by default.
-            turns: Which interactions the columns are, where not all in order, shape (n, k).
+            interactions: Which interactions the columns are, where not all in order, shape (n, k).
 
         Returns:
             Shape (n, k).
         """
         both = np.empty(misfits.shape[:2])
-        self._mix(misfits, width, scales, turns, (both, _NO_COLUMNS))
+        self._mix(misfits, noise_scale, scales, interactions, (both, _NO_COLUMNS))
         return both
 
     def by_noise_factors(self, misfits: Array) -> Array:
@@ -344,37 +352,37 @@ class Likelihood:
         fits = [logsumexp(self.by_noise_factors(part), axis=1) for part in parts]
         return np.concatenate([np.empty(0), *fits])
 
-    def best(self, width: Array | float = 1.0, scales: Array | None = None) -> Array:
-        """What no body exceeds, shape (n, k); see ``of``."""
-        misfits = np.zeros((np.size(width), len(self._data), MISFITS))
+    def best(self, noise_scale: Array | float = 1.0, scales: Array | None = None) -> Array:
+        """Log-likelihood of a perfect prediction, an upper bound, shape (n, k); see ``of``."""
+        misfits = np.zeros((np.size(noise_scale), len(self._data), MISFITS))
         for name, density in DENSITIES.items():
             misfits[..., COLUMNS[name]] = density.least_misfit(self._known[name])
-        return self.of(misfits, width, scales)
+        return self.of(misfits, noise_scale, scales)
 
     def terms(
         self,
         misfits: Array,
-        width: Array | float = 1.0,
+        noise_scale: Array | float = 1.0,
         scales: Array | None = None,
-        turns: Columns | None = None,
+        interactions: Columns | None = None,
     ) -> tuple[Array, Array]:
         """Logarithms of the mixture's two terms, each of shape (n, k)."""
         inlier, outlier = np.empty(misfits.shape[:2]), np.empty(misfits.shape[:2])
-        self._mix(misfits, width, scales, turns, (inlier, outlier))
+        self._mix(misfits, noise_scale, scales, interactions, (inlier, outlier))
         return inlier, outlier
 
     def _mix(
         self,
         misfits: Array,
-        width: Array | float,
+        noise_scale: Array | float,
         scales: Array | None,
-        turns: Columns | None,
+        interactions: Columns | None,
         results: tuple[Array, Array],
     ) -> None:
         _compiled().mixture(
             np.ascontiguousarray(misfits),
-            self._every if turns is None else np.ascontiguousarray(turns),
-            np.atleast_1d(np.asarray(width, dtype=float)),
+            self._every if interactions is None else np.ascontiguousarray(interactions),
+            np.atleast_1d(np.asarray(noise_scale, dtype=float)),
             _AS_ANNOUNCED if scales is None else np.ascontiguousarray(scales),
             self._read,
             self._spread,

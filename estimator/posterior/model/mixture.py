@@ -17,16 +17,16 @@ from numpy.typing import NDArray
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.physics.kernel.compiling import compiled, entrance, stamp
-from estimator.posterior.model.noise_family import LOG_PEAK, log_above, log_shape
-from estimator.posterior.model.sensor_data import ASTRAY, COLUMNS, SILENT
+from estimator.posterior.model.noise import LOG_PEAK, log_above, log_shape
+from estimator.posterior.model.sensor_data import BRANCH, COLUMNS, NO_PREDICTION
 
 _SOURCES: Final = stamp(Path(__file__).parent)
 _TILT: Final = COLUMNS["tilt"].start  # and the one after it
 _CLEARANCE: Final = COLUMNS["clearance"].start
 _WRONG: Final = COLUMNS["touch"].start
 _DOUBTFUL: Final = _WRONG + 1
-_SILENT: Final = SILENT
-_ASTRAY: Final = ASTRAY
+_NO_PREDICTION: Final = NO_PREDICTION
+_BRANCH: Final = BRANCH
 
 _LOG_PEAK: Final = LOG_PEAK
 _LOG_EVEN: Final = math.log(0.5)
@@ -55,15 +55,15 @@ class Read(NamedTuple):
 
 
 class Spread(NamedTuple):
-    """How far readings stray, before levels and noise factors.
+    """Sensor noise, before noise scales and noise factors.
 
     Attributes:
         tilt: rad.
         clearance: m.
         touch: Probability that a bit is wrong.
         worst_touch: What this may grow to.
-        tilt_beside: How much farther where a robot ends beside the pose foretold, rad.
-        clearance_beside: Likewise, m.
+        tilt_beside: How much farther where a robot ends beside the pose predicted, rad.
+        clearance_beside: How much farther clearance strays there, m.
         outlier: Share of the interactions that do not end as the body does.
         nearby: Share of these that end beside it.
     """
@@ -83,13 +83,13 @@ class Level(NamedTuple):
 
     Attributes:
         tilt: rad.
-        log_tilt: Its logarithm, and likewise below.
+        log_tilt: Its logarithm.
         clearance: m.
-        log_clearance: Likewise.
-        tilt_beside: Where a robot ends beside the pose foretold, rad.
-        log_tilt_beside: Likewise.
+        log_clearance: Its logarithm.
+        tilt_beside: Where a robot ends beside the pose predicted, rad.
+        log_tilt_beside: Its logarithm.
         clearance_beside: m.
-        log_clearance_beside: Likewise.
+        log_clearance_beside: Its logarithm.
         log_wrong: Of the probability that a touch bit is wrong.
         log_right: That it is not.
     """
@@ -107,11 +107,11 @@ class Level(NamedTuple):
 
 
 @compiled
-def level_of(spread: Spread, width: float, log_tilt: float, log_clearance: float) -> Level:
+def level_of(spread: Spread, noise_scale: float, log_tilt: float, log_clearance: float) -> Level:
     """The noise with a factor on all of it, and two more, as logarithms, on tilt and clearance."""
-    tilt = spread.tilt * width * math.exp(log_tilt)
-    clearance = spread.clearance * width * math.exp(log_clearance)
-    touch = min(spread.touch * width, spread.worst_touch)
+    tilt = spread.tilt * noise_scale * math.exp(log_tilt)
+    clearance = spread.clearance * noise_scale * math.exp(log_clearance)
+    touch = min(spread.touch * noise_scale, spread.worst_touch)
     tilt_beside = math.hypot(tilt, spread.tilt_beside)
     clearance_beside = math.hypot(clearance, spread.clearance_beside)
     return Level(
@@ -161,7 +161,7 @@ def log_densities(
     bits: float,
     level: Level,
 ) -> tuple[float, float]:
-    """Logarithms of p1 and p2: the robot ends in the pose foretold, or beside it.
+    """Logarithms of p1 and p2: the robot ends in the pose predicted, or beside it.
 
     Args:
         tilt: Misfits of both angles, rad; 0 where not read.
@@ -197,8 +197,8 @@ def _make_mixture(sources: int) -> Any:
     @entrance
     def mixture(
         misfits: Array,
-        turns: NDArray[np.intp],
-        widths: Array,
+        interactions: NDArray[np.intp],
+        noise_scales: Array,
         scales: Array,
         read: Read,
         spread: Spread,
@@ -210,11 +210,11 @@ def _make_mixture(sources: int) -> Any:
 
         Args:
             misfits: Shape (n, k, MISFITS).
-            turns: Which interactions the columns are, one row for all or one for each.
-            widths: Factors on all noise, one for all or one for each.
+            interactions: Which interactions the columns are, one row for all or one for each.
+            noise_scales: Factors on all noise, one for all or one for each.
             scales: Logarithms of the factors on tilt's and clearance's noise, likewise.
             read: What was read.
-            spread: How far readings stray.
+            spread: Sensor noise.
             log_likely: Of each lean.
             inlier: Receives the first term, or the sum of both where ``outlier`` has no columns.
             outlier: Receives the other.
@@ -224,24 +224,27 @@ def _make_mixture(sources: int) -> Any:
         for row in range(misfits.shape[0]):
             own = row if len(scales) > 1 else 0
             level = level_of(
-                spread, widths[row if len(widths) > 1 else 0], scales[own, 0], scales[own, 1]
+                spread,
+                noise_scales[row if len(noise_scales) > 1 else 0],
+                scales[own, 0],
+                scales[own, 1],
             )
             for column in range(misfits.shape[1]):
-                turn = turns[row if len(turns) > 1 else 0, column]
-                anywhere = read.log_anywhere[turn]
+                interaction = interactions[row if len(interactions) > 1 else 0, column]
+                anywhere = read.log_anywhere[interaction]
                 first, beside = -math.inf, anywhere
-                if not misfits[row, column, _SILENT] > 0:
+                if not misfits[row, column, _NO_PREDICTION] > 0:
                     first, beside = log_densities(
                         (misfits[row, column, _TILT], misfits[row, column, _TILT + 1]),
-                        read.tilts[turn],
+                        read.tilts[interaction],
                         misfits[row, column, _CLEARANCE],
-                        read.clear[turn],
-                        read.beyond[turn],
+                        read.clear[interaction],
+                        read.beyond[interaction],
                         (misfits[row, column, _WRONG], misfits[row, column, _DOUBTFUL]),
-                        read.bits[turn],
+                        read.bits[interaction],
                         level,
                     )
-                    first += log_inlier + log_likely[int(misfits[row, column, _ASTRAY])]
+                    first += log_inlier + log_likely[int(misfits[row, column, _BRANCH])]
                     beside += log_outlier
                 second = _log_sum(log_elsewhere + anywhere, log_nearby + beside)
                 if outlier.shape[1]:
@@ -309,7 +312,7 @@ def _make_over_factors(sources: int) -> Any:
             tilt_factors: Logarithms, shape (t,).
             clearance_factors: Logarithms, shape (c,).
             read: What was read.
-            spread: How far readings stray.
+            spread: Sensor noise.
             log_likely: Of each lean.
             terms: Receives them, shape (n, t, c).
         """
@@ -328,7 +331,7 @@ def _make_over_factors(sources: int) -> Any:
             multiplied = 0
             for column in range(misfits.shape[1]):
                 anywhere = read.log_anywhere[column]
-                if misfits[row, column, _SILENT] > 0:
+                if misfits[row, column, _NO_PREDICTION] > 0:
                     _add(terms[row], anywhere)
                     continue
                 least = log_elsewhere + anywhere  # what remains where nothing is explained
@@ -337,7 +340,7 @@ def _make_over_factors(sources: int) -> Any:
                 wrong, doubtful = misfits[row, column, _WRONG], misfits[row, column, _DOUBTFUL]
                 angles = read.tilts[column]
                 bits = _log_bits(read.bits[column], wrong, doubtful, level) - least
-                first = log_inlier + log_likely[int(misfits[row, column, _ASTRAY])] + bits
+                first = log_inlier + log_likely[int(misfits[row, column, _BRANCH])] + bits
                 beside = log_nearby + log_outlier + bits
                 for one in range(len(tilt_factors)):
                     alone = _log_tilt(left, forward, angles, tilts[0, one], tilts[1, one])

@@ -1,45 +1,306 @@
-"""What a robot felt, as arrays, and how far from it predicted readings lie."""
+"""Observations as arrays, and the misfits of predicted readings, modality by modality.
+
+What a body predicts enters the likelihood through few numbers per interaction, its *misfits*,
+whatever the noise. So the noise can be widened, as it is on the hotter levels of a search, without
+a simulation. ``mixture`` makes densities of misfits.
+"""
 
 from __future__ import annotations
 
+import math
+from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import accumulate, pairwise
-from typing import Final
+from types import MappingProxyType
+from typing import ClassVar, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
+from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
-from estimator.posterior.model.densities import DENSITIES, Felt
 from estimator.posterior.model.unknowns import Columns
+from estimator.readings.modalities import MODALITIES
 from estimator.readings.observation import Observation, PredictedReadings
+
+MODEL_TILT: Final = math.radians(0.2)  # what a model of capsules cannot know
+MODEL_CLEARANCE: Final = 0.8e-3
+
+_BEYOND: Final = 0.1  # share of the poses anywhere whose clearance lies beyond the range
+
+
+@dataclass(frozen=True, kw_only=True)
+class ObservedModality:
+    """One modality's readings of k interactions.
+
+    Attributes:
+        values: Shape (k, values), or (k, 1) for all of what does not count; NaN where missing.
+        beyond: Whether what is measured lies beyond the sensor's range, shape (k,); ``None`` for
+            sensors that have no such end.
+    """
+
+    values: Array
+    beyond: Flags | None = None
+
+    def __getitem__(self, interactions: NDArray[np.intp] | slice) -> ObservedModality:
+        """The readings of some of the interactions."""
+        chosen = object.__new__(ObservedModality)
+        if isinstance(interactions, slice):
+            interactions = np.arange(len(self.values))[interactions]
+        beyond = None if self.beyond is None else self.beyond.take(interactions)
+        chosen.__dict__.update(  # take is several times as fast as an index
+            values=self.values.take(interactions, axis=0),
+            beyond=beyond,
+            present=self.present.take(interactions, axis=0),
+            complete=self.complete,
+        )
+        return chosen
+
+    @cached_property
+    def present(self) -> Flags:
+        """Which values are not missing, shape (k, values)."""
+        return ~np.isnan(self.values)
+
+    @cached_property
+    def complete(self) -> bool:
+        """Whether none is missing, of these interactions or of those that they were chosen from."""
+        return bool(self.present.all())
+
+    @property
+    def known(self) -> ReadingCounts:
+        """How much was read."""
+        return ReadingCounts(count=np.sum(self.present, axis=1), beyond=self.beyond)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReadingCounts:
+    """How much of one modality was read.
+
+    Attributes:
+        count: Values that are not missing, shape (k,).
+        beyond: As in ``ObservedModality``.
+    """
+
+    count: NDArray[np.int64]
+    beyond: Flags | None
+
+
+class Density(ABC):
+    """The probability of one modality's readings.
+
+    Attributes:
+        name: Of the modality.
+        misfits: How many numbers say how far a prediction is from what was observed.
+        residuals: How many of the misfits, the first ones, are observed minus predicted on a
+            continuous scale.
+        scaled: Whether the robot's noise may be another than announced, by an unknown factor.
+        beside: How far readings stray, in their unit, where a robot ends beside the pose predicted.
+    """
+
+    name: ClassVar[str]
+    misfits: ClassVar[int]
+    residuals: ClassVar[int]
+    scaled: ClassVar[bool]
+    beside: ClassVar[float]
+
+    def observed(self, observations: Sequence[Observation], *, counts: bool) -> ObservedModality:
+        """The readings of some interactions; all are missing where the modality does not count."""
+        modality = MODALITIES[self.name]
+        values = np.array([modality.values(item) for item in observations], dtype=float)
+        if not counts:
+            values[...] = np.nan
+        return ObservedModality(values=values)
+
+    @abstractmethod
+    def misfit(self, observed: ObservedModality, readings: PredictedReadings, into: Array) -> None:
+        """Writes the misfits of n predictions into an array of shape (n, misfits)."""
+
+    def least_misfit(self, known: ReadingCounts) -> Array:
+        """Misfits of a perfect prediction, shape (k, misfits)."""
+        return np.zeros((len(known.count), self.misfits))
+
+    def residual(self, misfits: Array, observed: ObservedModality) -> Array:
+        """Observed minus predicted, shape (n, residuals); 0 where unknown."""
+        return misfits[:, : self.residuals]
+
+    @abstractmethod
+    def standardised_residual(
+        self, misfits: Array, observed: ObservedModality, noise: float
+    ) -> Array:
+        """Residual in units of the noise, shape (n,); 0 where nothing was read."""
+
+    @abstractmethod
+    def log_anywhere(self, known: ReadingCounts, cap: float) -> Array:
+        """Logarithm of the density of readings in an arbitrary pose, shape (k,).
+
+        Args:
+            known: Of shape (k,).
+            cap: The range of the distance sensor, m.
+        """
+
+
+class TouchDensity(Density):
+    """Bits that are wrong by chance. Misfits: those that differ, and those that are doubtful."""
+
+    name = "touch"
+    misfits = 2
+    residuals = 0
+    scaled = False
+    beside = 0.0
+
+    def observed(self, observations: Sequence[Observation], *, counts: bool) -> ObservedModality:
+        """The bits; where touch does not count the robot may have other sensors than its models."""
+        if not counts:
+            return ObservedModality(values=np.full((len(observations), 1), np.nan))
+        return super().observed(observations, counts=True)
+
+    def misfit(self, observed: ObservedModality, readings: PredictedReadings, into: Array) -> None:
+        """How many bits differ, and of how many the model is not sure."""
+        doubtful = readings.touch_doubtful
+        differ = (observed.values != readings.touch) & ~doubtful
+        if not observed.complete:
+            differ, doubtful = observed.present & differ, observed.present & doubtful
+        into[:, 0], into[:, 1] = _counted(differ), _counted(doubtful)
+
+    def standardised_residual(
+        self, misfits: Array, observed: ObservedModality, noise: float
+    ) -> Array:
+        """The bits that differ, each as many standard deviations as it is unlikely."""
+        return misfits[:, 0] * math.sqrt(-2 * math.log(noise))
+
+    def log_anywhere(self, known: ReadingCounts, cap: float) -> Array:
+        """Each bit even."""
+        logs: Array = math.log(0.5) * known.count.astype(float)
+        return logs
+
+
+class TiltDensity(Density):
+    """Normal, each angle by itself. Misfits: observed minus predicted, rad."""
+
+    name = "tilt"
+    misfits = 2
+    residuals = 2
+    scaled = True
+    beside = math.radians(3.0)
+
+    def misfit(self, observed: ObservedModality, readings: PredictedReadings, into: Array) -> None:
+        """Both angles, rad."""
+        np.subtract(observed.values, readings.tilt, out=into)
+        if not observed.complete:
+            into[~observed.present] = 0.0
+
+    def standardised_residual(
+        self, misfits: Array, observed: ObservedModality, noise: float
+    ) -> Array:
+        """The larger of the two."""
+        both = misfits / noise
+        larger: Array = both[np.arange(len(both)), np.argmax(np.abs(both), axis=1)]
+        return larger
+
+    def log_anywhere(self, known: ReadingCounts, cap: float) -> Array:
+        """Uniform over ±90°."""
+        logs: Array = -math.log(math.pi) * known.count.astype(float)
+        return logs
+
+
+class ClearanceDensity(Density):
+    """Normal within the sensor's range. Misfit: observed minus predicted, m.
+
+    Of a reading at the end of the range it is the tail beyond; the misfit is -inf where the model's
+    lies there too.
+    """
+
+    name = "clearance"
+    misfits = 1
+    residuals = 1
+    scaled = True
+    beside = 0.01
+
+    def observed(self, observations: Sequence[Observation], *, counts: bool) -> ObservedModality:
+        """With the interactions in which the ground lay beyond the range."""
+        values = super().observed(observations, counts=counts).values
+        saturated = np.array([item.clearance_saturated for item in observations], dtype=bool)
+        return ObservedModality(values=values, beyond=saturated & ~np.isnan(values[:, 0]))
+
+    def misfit(self, observed: ObservedModality, readings: PredictedReadings, into: Array) -> None:
+        """Observed minus predicted, m."""
+        np.subtract(observed.values[:, 0], readings.clearance, out=into[:, 0])
+        if not observed.complete:
+            into[~observed.present] = 0.0
+        if observed.beyond is not None:
+            into[readings.saturated & observed.beyond, 0] = -np.inf
+
+    def least_misfit(self, known: ReadingCounts) -> Array:
+        """Misfits of a perfect prediction: 0, or -inf where the ground lies beyond the range."""
+        least = super().least_misfit(known)
+        if known.beyond is not None:
+            least[known.beyond] = -np.inf
+        return least
+
+    def residual(self, misfits: Array, observed: ObservedModality) -> Array:
+        """The distance, m; 0 beyond the range too."""
+        if observed.beyond is None:
+            return misfits
+        return np.where(observed.beyond[:, None], 0.0, misfits)
+
+    def standardised_residual(
+        self, misfits: Array, observed: ObservedModality, noise: float
+    ) -> Array:
+        """The residual in units of the noise."""
+        return self.residual(misfits, observed)[:, 0] / noise
+
+    def log_anywhere(self, known: ReadingCounts, cap: float) -> Array:
+        """Uniform over the range, and a share beyond it."""
+        logs = np.where(known.count > 0, math.log((1 - _BEYOND) / cap), 0.0)
+        if known.beyond is not None:
+            logs[known.beyond] = math.log(_BEYOND)
+        return logs
+
+
+def _counted(flags: Flags) -> Array:
+    """Number of flags set in each row, shape (n,); several times as fast as ``sum``."""
+    counts: Array = flags.astype(float) @ np.ones(flags.shape[1])
+    return counts
+
+
+DENSITIES: Final[Mapping[str, Density]] = MappingProxyType(
+    {density.name: density for density in (TiltDensity(), ClearanceDensity(), TouchDensity())}
+)
+"""In the order in which terms are added up, and in which misfits, residuals and noise factors are
+columns of arrays."""
+
+SCALED: Final = tuple(name for name, density in DENSITIES.items() if density.scaled)
+"""Modalities whose noise has an unknown factor, in the order of the factors."""
+
 
 _ENDS: Final = (0, *accumulate(density.misfits for density in DENSITIES.values()))
 COLUMNS: Final = {name: slice(*ends) for name, ends in zip(DENSITIES, pairwise(_ENDS), strict=True)}
 """Of each modality among the misfits."""
 
-SILENT: Final = _ENDS[-1]
+NO_PREDICTION: Final = _ENDS[-1]
 """Column of the misfits that is 1 where the model predicts nothing; the modalities' come before."""
 
-ASTRAY: Final = SILENT + 1
+BRANCH: Final = NO_PREDICTION + 1
 """Column that is 0 where the model falls as statics has it, else the number of the lean by which it
-comes to where it explains what was felt."""
+comes to where it explains what was observed."""
 
-MISFITS: Final = ASTRAY + 1
+MISFITS: Final = BRANCH + 1
 
 
 @dataclass(frozen=True, kw_only=True)
 class SensorData:
-    """What a robot felt, as arrays over k interactions.
+    """What a robot observed, as arrays over k interactions.
 
     Attributes:
         programs: Angles that the motors took, rad, shape (k, motors).
-        felt: The readings by modality.
+        observed: The readings by modality.
         cap: The distance sensor's range, m.
     """
 
     programs: Array
-    felt: Mapping[str, Felt]
+    observed: Mapping[str, ObservedModality]
     cap: float
 
     @classmethod
@@ -49,8 +310,8 @@ class SensorData:
         """Collects the readings of the modalities that count."""
         return cls(
             programs=np.array([item.angles for item in observations], dtype=float),
-            felt={
-                name: density.felt(observations, counts=name in modalities)
+            observed={
+                name: density.observed(observations, counts=name in modalities)
                 for name, density in DENSITIES.items()
             },
             cap=cap,
@@ -59,38 +320,38 @@ class SensorData:
     def __len__(self) -> int:
         return len(self.programs)
 
-    def __getitem__(self, turns: slice | Columns) -> SensorData:
+    def __getitem__(self, interactions: slice | Columns) -> SensorData:
         """Some of the interactions."""
-        felt = {name: values[turns] for name, values in self.felt.items()}
-        return SensorData(programs=self.programs[turns], felt=felt, cap=self.cap)
+        observed = {name: values[interactions] for name, values in self.observed.items()}
+        return SensorData(programs=self.programs[interactions], observed=observed, cap=self.cap)
 
-    def misfits(self, readings: PredictedReadings, turns: Columns) -> Array:
+    def misfits(self, readings: PredictedReadings, interactions: Columns) -> Array:
         """The misfits of n readings, each in one of the interactions.
 
         Args:
             readings: Of n bodies.
-            turns: Which interaction each is of, shape (n,).
+            interactions: Which interaction each is of, shape (n,).
 
         Returns:
             Shape (n, MISFITS).
         """
-        values = np.empty((len(turns), MISFITS))
+        values = np.empty((len(interactions), MISFITS))
         for name, density in DENSITIES.items():
-            density.misfit(self.felt[name][turns], readings, values[:, COLUMNS[name]])
-        values[:, SILENT] = readings.undecided | ~readings.valid
-        values[:, ASTRAY] = 0.0
+            density.misfit(self.observed[name][interactions], readings, values[:, COLUMNS[name]])
+        values[:, NO_PREDICTION] = readings.undecided | ~readings.valid
+        values[:, BRANCH] = 0.0
         return values
 
-    def residuals(self, misfits: Array, turns: Columns) -> Array:
+    def residuals(self, misfits: Array, interactions: Columns) -> Array:
         """Observed minus predicted tilt (rad) and clearance (m), shape (n, 3); 0 where unknown.
 
         Args:
             misfits: Shape (n, MISFITS).
-            turns: Which interaction each is of, shape (n,).
+            interactions: Which interaction each is of, shape (n,).
         """
         return np.column_stack(
             [
-                density.residual(misfits[:, COLUMNS[name]], self.felt[name][turns])
+                density.residual(misfits[:, COLUMNS[name]], self.observed[name][interactions])
                 for name, density in DENSITIES.items()
                 if density.residuals
             ]

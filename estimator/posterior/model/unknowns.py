@@ -1,19 +1,19 @@
-"""What a posterior is over: points of the unit cube, each with the body that it stands for."""
+"""The unit cube that a posterior is over, its bodies, and the readings that these predict."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.body.arrays import Bodies, Flags
+from estimator.body.arrays import TILT_GAIN, TOO_HIGH, Bodies, Flags
 from estimator.body.morphology import Array, Morphology
 from estimator.physics.base import ArrayPhysics
-from estimator.posterior.model.departures import Departure, Departures
-from estimator.posterior.model.servos_and_sensors import as_sensed, performed
+from estimator.posterior.model.deviations import Deviation, Deviations
 from estimator.problem.genes import Gene
 from estimator.problem.genome import Genome
 from estimator.readings.observation import PredictedReadings
@@ -23,7 +23,7 @@ Attachments = tuple[int, ...]
 """The choices of one body, in the order of its genes: parent, mount and hinge, part by part."""
 
 SIZES: Final = (0.85, 1.5)
-"""How far departures go: the amounts that are looked at are fitted from the least to the most."""
+"""How far deviations go: the amounts that are looked at are fitted from the least to the most."""
 
 _MANY: Final = 24.0  # bits
 
@@ -89,12 +89,12 @@ class Unknowns:
         """The bodies of n points, shape (n, size)."""
         return self._genome.bodies(values)
 
-    def departing(self, departures: Sequence[Departure]) -> Departing:
-        """The same cube for bodies that depart from the problem."""
-        return Departing(self._genome, departures)
+    def deviating(self, deviations: Sequence[Deviation]) -> DeviatingUnknowns:
+        """The cube with two columns more, for bodies that deviate from the problem."""
+        return DeviatingUnknowns(self._genome, deviations)
 
     def decode_all(self, values: Array) -> list[Morphology]:
-        """The same, as objects."""
+        """The bodies of n points as objects."""
         return self._genome.decode_all(values)
 
     def attachments(self, values: Array) -> NDArray[np.int64]:
@@ -102,7 +102,7 @@ class Unknowns:
         return self.decided(values)[:, self.choices]
 
     def decided(self, values: Array) -> NDArray[np.int64]:
-        """The same by column, −1 for what is any in a range; shape (n, size)."""
+        """Chosen values of n points by column, −1 for a continuous one; shape (n, size)."""
         return self._genome.choices(values)
 
     def log_prior(self, values: Array) -> Array:
@@ -110,40 +110,40 @@ class Unknowns:
         return self._genome.log_room(values)
 
     def keys(self, values: Array) -> list[Attachments]:
-        """The same as tuples, to be compared and counted."""
+        """Attachments of n points as tuples, which can be compared and counted."""
         return [tuple(row) for row in self.attachments(values).tolist()]
 
 
-class Departing(Unknowns):
-    """The cube of one problem with two columns more: how a body departs from it, and how far.
+class DeviatingUnknowns(Unknowns):
+    """The cube of one problem with two columns more: how a body deviates from it, and how far.
 
     Args:
         genome: The code between genes and bodies.
-        departures: Of which the last column but one of a point holds the index. The last one is
+        deviations: Of which the last column but one of a point holds the index. The last one is
             continuous, and says where the size lies within ``SIZES``.
     """
 
-    def __init__(self, genome: Genome, departures: Sequence[Departure]):
+    def __init__(self, genome: Genome, deviations: Sequence[Deviation]):
         super().__init__(genome)
         self.size += 2
         self.continuous = np.append(self.continuous, self.size - 1)
-        self._departures = Departures(departures)
+        self._deviations = Deviations(deviations)
 
     def bodies(self, values: Array) -> Bodies:
-        """The bodies of n points, each built by its departure."""
+        """The bodies of n points, each built by its deviation."""
         which = values[:, -2].astype(np.int64)
-        return self._departures.of(super().bodies(values[:, :-2]), which, sizes_of(values))
+        return self._deviations.of(super().bodies(values[:, :-2]), which, sizes_of(values))
 
 
-def departing_points(
+def deviating_points(
     values: Array, which: NDArray[np.intp] | int, sizes: Array | float = 1.0
 ) -> Array:
-    """Points of ``Departing``.
+    """Points of ``DeviatingUnknowns``.
 
     Args:
         values: Points of the problem's cube, shape (n, size).
-        which: Index of the departure of each, shape (n,), or of all.
-        sizes: How far each departs, shape (n,), or all of them.
+        which: Index of the deviation of each, shape (n,), or of all.
+        sizes: How far each deviates, shape (n,), or all of them.
     """
     least, most = SIZES
     columns = np.broadcast_arrays(which, (sizes - least) / (most - least), values[:, 0])[:2]
@@ -151,14 +151,14 @@ def departing_points(
 
 
 def sizes_of(points: Array) -> Array:
-    """How far n points of ``Departing`` depart; see ``Departure.of``."""
+    """How far n points of ``DeviatingUnknowns`` deviate; see ``Deviation.of``."""
     least, most = SIZES
     sizes: Array = least + (most - least) * points[:, -1]
     return sizes
 
 
 class Cost(NamedTuple):
-    """What has been computed.
+    """Counts of what was computed.
 
     Attributes:
         simulations: Interactions that were simulated.
@@ -176,7 +176,7 @@ class Cost(NamedTuple):
 
 
 class Predictor:
-    """Predicts what points of the cube feel in some motor programs.
+    """Predicts the readings of points of the cube in motor programs.
 
     Args:
         unknowns: The cube.
@@ -194,9 +194,9 @@ class Predictor:
         self._steps_elsewhere = 0
         self._physics = physics
 
-    def departing(self, departures: Sequence[Departure]) -> Predictor:
-        """The same for bodies that depart from the problem; physics is shared."""
-        return Predictor(self.unknowns.departing(departures), self._physics)
+    def deviating(self, deviations: Sequence[Deviation]) -> Predictor:
+        """A predictor of bodies that deviate from the problem; physics is shared."""
+        return Predictor(self.unknowns.deviating(deviations), self._physics)
 
     @property
     def simulations(self) -> int:
@@ -210,7 +210,7 @@ class Predictor:
 
     @property
     def cost(self) -> Cost:
-        """What was computed so far."""
+        """Counts of what was computed so far."""
         return Cost(self.simulations, self.steps, self.spared)
 
     def add_cost(self, cost: Cost) -> None:
@@ -228,27 +228,27 @@ class Predictor:
         *,
         quickly: bool = False,
     ) -> PredictedReadings:
-        """What some of the bodies feel, each in the program of its row.
+        """Predicted readings of some of the bodies, each in its own program.
 
         Args:
             bodies: From ``Unknowns.bodies``.
             rows: Which of them, shape (m,).
             programs: rad, shape (m, motors).
             leans: How gravity is inclined on the way; see ``ArrayPhysics``.
-            quickly: Likewise.
+            quickly: Coarse steps; see ``ArrayPhysics``.
         """
         chosen = bodies[rows]
         if not chosen.departs:
             return self._physics.read_bodies(chosen, programs, leans, coarse_step=quickly)
-        turns = performed(programs, chosen)
+        angles = performed(programs, chosen)
         return as_sensed(
-            self._physics.read_bodies(chosen, turns, leans, coarse_step=quickly), chosen
+            self._physics.read_bodies(chosen, angles, leans, coarse_step=quickly), chosen
         )
 
     def margins(
         self, bodies: Bodies, rows: Columns, programs: Array, most: float = math.inf
     ) -> Array:
-        """Path margins of the same, rad, shape (m,); no more than ``most`` is told."""
+        """Path margins of bodies ``rows`` in their programs, rad, shape (m,), at most ``most``."""
         chosen = bodies[rows]
         return self._physics.path_margins_of_bodies(chosen, performed(programs, chosen), most)
 
@@ -260,13 +260,13 @@ class Predictor:
         *,
         quickly: bool = False,
     ) -> PredictedReadings:
-        """What each of n points feels in each of k programs: n · k rows, programs fastest.
+        """Predicted readings of n points in each of k programs: n · k rows, programs fastest.
 
         Args:
             values: Points, shape (n, size).
             programs: rad, shape (k, motors).
             leans: As in ``read``.
-            quickly: Likewise.
+            quickly: As in ``read``.
         """
         count = len(programs)
         rows, each = np.repeat(np.arange(len(values)), count), np.tile(programs, (len(values), 1))
@@ -289,3 +289,45 @@ def _places(genome: Genome) -> tuple[Columns, ...]:
 
 def _where(chosen: list[bool]) -> Columns:
     return np.flatnonzero(np.array(chosen, dtype=bool))
+
+
+def performed(programs: Array, bodies: Bodies) -> Array:
+    """Angles that motors reach in programs, by the travel of their servos, rad, shape (n, motors).
+
+    Args:
+        programs: rad, shape (n, motors).
+        bodies: The body of each.
+    """
+    odd, part = np.nonzero((bodies.travel != 1) & (bodies.motor >= 0))
+    if not odd.size:
+        return programs
+    angles = programs.copy()
+    angles[odd, bodies.motor[odd, part]] *= bodies.travel[odd, part]
+    return angles
+
+
+def as_sensed(readings: PredictedReadings, bodies: Bodies) -> PredictedReadings:
+    """Readings as deviating sensors give them; limp parts lie on the ground and touch it.
+
+    Args:
+        readings: Of n bodies, as a back-end has them.
+        bodies: These.
+    """
+    gain, too_high = bodies.base[:, TILT_GAIN], bodies.base[:, TOO_HIGH]
+    if np.any(gain != 1) or np.any(too_high != 0):
+        height = np.maximum(readings.clearance + too_high, 0.0)
+        readings = replace(
+            readings,
+            tilt=readings.tilt * gain[:, None],
+            clearance=np.where(readings.saturated, readings.clearance, height),
+        )
+    rows, columns = np.nonzero(bodies.limp & (bodies.sensor >= 0))
+    if not rows.size:
+        return readings
+    lying = np.zeros(readings.touch.shape, dtype=bool)
+    lying[rows, bodies.sensor[rows, columns]] = True
+    return replace(
+        readings,
+        touch=readings.touch | lying,
+        touch_doubtful=readings.touch_doubtful & ~lying,
+    )

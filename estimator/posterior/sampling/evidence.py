@@ -17,36 +17,36 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Array
+from estimator.posterior.model.gauss_newton import GaussNewton
 from estimator.posterior.model.likelihood import AT_ONCE, Likelihood
 from estimator.posterior.model.sensor_data import SensorData
-from estimator.posterior.model.slopes import Lengths
 from estimator.posterior.model.special import log_gamma, logsumexp, softmax
 from estimator.posterior.model.unknowns import Cost, Predictor
 
 _FREEDOM: Final = 5.0  # of Student's t
 _SHARES: Final = np.array([0.65, 0.27, 0.08])  # close, broad, anywhere
-_CLOSE: Final = 1.2
-_BROAD: Final = 3.0
-_ROUNDS: Final = 3
-_CENTRES: Final = 8
+_CLOSE: Final = 1.2  # factor on the standard deviations of the close part
+_BROAD: Final = 3.0  # and of the broad one
+_ROUNDS: Final = 3  # of draws, each after the first from an adapted mixture
+_CENTRES: Final = 8  # of an adapted mixture
 _FEWEST: Final = 60  # draws in a round
 
 
 @dataclass(frozen=True, kw_only=True)
 class ModeEvidence:
-    """One set of attachments.
+    """The evidence of one set of attachments, and the draws that estimate it.
 
     Attributes:
         log_evidence: Logarithm of the integral of the likelihood over lengths and noise factors,
             times the prior of the attachments, to a constant.
-        effective: Effective sample size of the draws.
+        ess: Effective sample size of the draws.
         values: Draws, points of the cube, shape (draws, size).
         scales: Noise factors drawn for each, logarithms, shape (draws, 2).
         weights: Of the draws, adding up to 1.
     """
 
     log_evidence: float
-    effective: float
+    ess: float
     values: Array
     scales: Array
     weights: Array
@@ -57,7 +57,7 @@ class EvidenceEstimator:
 
     Args:
         predictor: Computes readings.
-        data: What the robot felt.
+        data: The observations.
         likelihood: Of ``data``.
         draws: Points drawn per mode and round.
     """
@@ -67,7 +67,7 @@ class EvidenceEstimator:
     ) -> None:
         self._predictor = predictor
         self._likelihood = likelihood
-        self._lengths = Lengths(predictor, data, likelihood)
+        self._solver = GaussNewton(predictor, data, likelihood)
         self._draws = draws
         self._fits: dict[bytes, float] = {}
         self._half_volumes: dict[bytes, float] = {}
@@ -106,10 +106,10 @@ class EvidenceEstimator:
         return np.array([known[point] for point in points])
 
     def _fits_of(self, values: Array) -> Array:
-        return self._lengths.fits(values)
+        return self._solver.fits(values)
 
     def _half_volumes_of(self, values: Array) -> Array:
-        precision = self._lengths.slopes(values).precision
+        precision = self._solver.slopes(values).precision
         volume = precision.shape[-1] * math.log(2 * math.pi) - np.linalg.slogdet(precision)[1]
         return np.asarray(0.5 * volume)
 
@@ -126,7 +126,7 @@ class EvidenceEstimator:
         """
         draws = max(_FEWEST, round(share * self._draws))
         columns = self._predictor.unknowns.continuous
-        covariance = np.linalg.inv(self._lengths.slopes(point[None]).precision[0])
+        covariance = np.linalg.inv(self._solver.slopes(point[None]).precision[0])
         proposals = [_Proposal(np.vstack([point, others])[:, columns], covariance)]
         drawn: list[Array] = []
         kept: list[tuple[Array, Array]] = []
@@ -144,7 +144,7 @@ class EvidenceEstimator:
         prior = self._predictor.unknowns.log_prior(point[None])[0]
         return ModeEvidence(
             log_evidence=float(logsumexp(ratios) - math.log(len(lengths)) + prior),
-            effective=float(1 / np.sum(weights**2)),
+            ess=float(1 / np.sum(weights**2)),
             values=self._points(point, lengths),
             scales=np.concatenate([scales for _, scales in kept]),
             weights=weights,

@@ -1,4 +1,4 @@
-"""What is believed of the body after some interactions: discover, weigh, sample."""
+"""The sampler of the posterior after each interaction: it discovers, weighs and samples modes."""
 
 from __future__ import annotations
 
@@ -14,22 +14,21 @@ import numpy as np
 from estimator.body.morphology import Array
 from estimator.errors import SearchStateError
 from estimator.physics.base import ArrayPhysics
-from estimator.posterior.chains.population import Population
-from estimator.posterior.discovery.discovery import Discovery, chains_like
+from estimator.posterior.discovery.discovery import Discovery, chains_with_attachments
+from estimator.posterior.discovery.population import Population
 from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
-from estimator.posterior.posterior import Mode, Posterior, met_by_each
-from estimator.posterior.sampling.agreement import CONSIDERED, Agreement
+from estimator.posterior.posterior import Mode, Posterior, found_by_each
 from estimator.posterior.sampling.evidence import EvidenceEstimator, ModeEvidence
-from estimator.posterior.sampling.wandering import wandered
+from estimator.posterior.sampling.populations import CONSIDERED, Agreement, explored
 from estimator.posterior.sampling.weighing import renormalised, sampled, weighed
 
 ALGORITHM: Final = "evolutionary Monte Carlo"
 
-_AGREED: Final = 0.8  # share of the posterior that both have met
-_ALIKE: Final = 0.4  # the same of chains that only wander
-_TOLD: Final = 6.0  # bits about attachments, by one interaction that moves few limbs
+_AGREED: Final = 0.8  # share of the posterior that both have found
+_EXPLORED: Final = 0.4  # share that both populations have found while they only explore
+_BITS_LEARNT: Final = 6.0  # bits about attachments, by one interaction that moves few limbs
 _TELLING: Final = 4  # interactions at least, until the populations ought to agree
 _MORE: Final = 4  # rounds, once they turned out not to
 _PATIENCE: Final = 2  # times as many rounds, where the readings are explained poorly
@@ -46,7 +45,7 @@ class Effort:
     Attributes:
         populations: Independent ones.
         levels: Of each.
-        width: Chains on a level.
+        chains_per_level: On each.
         steps: Of one round of the search.
         rounds: Of the search, at most.
         draws: For a mode's evidence, in one round of three.
@@ -55,7 +54,7 @@ class Effort:
 
     populations: int = 2
     levels: int = 10
-    width: int = 32
+    chains_per_level: int = 32
     steps: int = 60
     rounds: int = 6
     draws: int = 200
@@ -68,7 +67,7 @@ class Sampler:
     Args:
         unknowns: What the posterior is over.
         make_physics: Makes a back-end for each population.
-        noise: How far readings stray.
+        noise: Sensor noise.
         effort: How much to do.
         seeds: One for each population and one for what is done in common.
         workers: Move the populations' chains; results do not depend on how many there are.
@@ -93,8 +92,8 @@ class Sampler:
         self._noise = noise
         self._effort = effort
         self._workers = workers
-        self._wanders = unknowns.many
-        self._telling = math.ceil(unknowns.bits / _TOLD) if self._wanders else _TELLING
+        self._explores = unknowns.many
+        self._telling = math.ceil(unknowns.bits / _BITS_LEARNT) if self._explores else _TELLING
         self.predictor = Predictor(unknowns, physics or make_physics())
         *own, common = seeds
         self._searches = []
@@ -102,10 +101,10 @@ class Sampler:
             predictor = Predictor(unknowns, make_physics())
             of_chains, of_search = map(np.random.default_rng, seed.spawn(2))
             population = Population.of_prior(
-                predictor, of_chains, levels=effort.levels, width=effort.width
+                predictor, of_chains, levels=effort.levels, chains_per_level=effort.chains_per_level
             )
             self._searches.append(
-                Discovery(population, predictor, of_search, wanders=self._wanders)
+                Discovery(population, predictor, of_search, explores=self._explores)
             )
         self._rng = np.random.default_rng(common)
         self._known: set[Attachments] = set()
@@ -123,9 +122,9 @@ class Sampler:
             "populations": [search.population.state() for search in self._searches],
             "searching": [search.rng.bit_generator.state for search in self._searches],
             "random": self._rng.bit_generator.state,
-            "met": [search.met.tolist() for search in self._searches],
+            "met": [search.found.tolist() for search in self._searches],
             "drawn": [search.drawn.tolist() for search in self._searches],
-            "agreed_on": sorted(self._searches[0].settled),
+            "agreed_on": sorted(self._searches[0].converged),
             "known": sorted(self._known),
             "cleared": sorted(self._cleared),
         }
@@ -146,14 +145,14 @@ class Sampler:
                 "the run was made with another version of the sampler: start a new run"
             )
         kept = (state[name] for name in ("populations", "searching", "met", "drawn"))
-        for search, population, rng, met, drawn in zip(self._searches, *kept, strict=True):
-            search.met, search.drawn = (
+        for search, population, rng, found, drawn in zip(self._searches, *kept, strict=True):
+            search.found, search.drawn = (
                 np.array(some, dtype=float).reshape(-1, self.predictor.unknowns.size)
-                for some in (met, drawn)
+                for some in (found, drawn)
             )
             search.population = Population.from_state(population, search.predictor)
             search.rng.bit_generator.state = rng
-            search.settled = frozenset(map(tuple, state["agreed_on"]))
+            search.converged = frozenset(map(tuple, state["agreed_on"]))
         self._rng.bit_generator.state = state["random"]
         self._known = {tuple(key) for key in state["known"]}
         self._cleared = {tuple(key) for key in state["cleared"]}
@@ -178,17 +177,17 @@ class Sampler:
         return [self.predictor, *(search.predictor for search in self._searches)]
 
     def prior(self) -> Posterior:
-        """What is believed before the first interaction."""
+        """Equally likely samples of the prior."""
         populations = [search.population for search in self._searches]
         values = np.concatenate([one.values for one in populations])
         scales = np.concatenate([one.scales for one in populations])
         return Posterior.equally_likely(values, scales)
 
     def learn(self, data: SensorData) -> Posterior:
-        """What is believed after the interactions so far.
+        """The posterior after the interactions so far.
 
-        As long as they cannot tell of all limbs, no attachments are weighed (see ``wandering``),
-        unless the populations agree before.
+        As long as they do not inform about all limbs, no attachments are weighed (see
+        ``exploring``), unless the populations agree before.
 
         Args:
             data: All of them.
@@ -196,12 +195,12 @@ class Sampler:
         known = set(self._known)
         for search in self._searches:
             search.observe(data, self._noise)
-        if self._wanders and not self._searches[0].settled:
-            self._searches, wandering, share = wandered(
+        if self._explores and not self._searches[0].converged:
+            self._searches, exploring, share = explored(
                 self._searches, self._workers, steps=self._effort.steps
             )
-            if len(data) < self._telling and share < _ALIKE:
-                return wandering
+            if len(data) < self._telling and share < _EXPLORED:
+                return exploring
             bodies = [search.best() for search in self._searches]
             known.update(*(self.predictor.unknowns.keys(one.values) for one in bodies))
         return self._weighed(self._discovered(data, known), data)
@@ -212,7 +211,7 @@ class Sampler:
         They end when the readings are explained, the populations agree, and a round has found
         nothing that matters and was not known before.
         The rounds that it may take grow with the interactions, since few readings leave many
-        bodies, but for chains that have wandered before. So few do not make the populations agree.
+        bodies, but for chains that have explored before. So few do not make the populations agree.
         Where populations that ought to agree do not, or the readings are not explained well, all
         chains start anew: what one pose that ended elsewhere has led them to may be far from the
         truth. For the sake of one body this is done once.
@@ -228,40 +227,40 @@ class Sampler:
             fresh = agreement.share_beyond(known)
             known.update(agreement.keys)
             number += 1
-            agreed = agreement.explained and agreement.share_met >= _AGREED
-            doubtful = agreement.doubtful and agreement.leader not in self._cleared
+            agreed = agreement.explained and agreement.coverage >= _AGREED
+            improvable = agreement.improvable and agreement.leader not in self._cleared
             apart = late and number > 1 and not agreed
-            astray = agreement.few and (doubtful or apart)
+            restart = agreement.few and (improvable or apart)
             # That many fit as badly is no excuse.
-            astray |= agreement.explains_too_little and doubtful
-            if astray and not self._wanders:
+            restart |= agreement.explains_too_little and improvable
+            if restart and not self._explores:
                 anew += 1
-            settled = agreement.credible and agreed and fresh <= _NEGLIGIBLE
-            if self._wanders:
-                settled |= agreement.explained and not late
+            converged = agreement.adequate_fit and agreed and fresh <= _NEGLIGIBLE
+            if self._explores:
+                converged |= agreement.explained and not late
                 rounds = _FEW_ROUNDS
             else:
-                settled &= not (0 < anew <= _MORE and doubtful)
-                patience = 1 if agreement.credible else _PATIENCE
+                converged &= not (0 < anew <= _MORE and improvable)
+                patience = 1 if agreement.adequate_fit else _PATIENCE
                 rounds = min(effort.rounds, patience * len(data))
-                rounds += _MORE if anew and (late or doubtful) else 0
-            if settled or number >= rounds:
+                rounds += _MORE if anew and (late or improvable) else 0
+            if converged or number >= rounds:
                 if anew > _MORE:
                     self._cleared.update(agreement.leaders)
                 for one in self._searches:
-                    one.settled = self._settled(agreement) if agreed else frozenset()
+                    one.converged = self._converged(agreement) if agreed else frozenset()
                 return agreement
 
-    def _settled(self, agreement: Agreement) -> frozenset[Attachments]:
-        """What need not be doubted until readings do so: one set of attachments, if it leads.
+    def _converged(self, agreement: Agreement) -> frozenset[Attachments]:
+        """Attachments not searched again while they explain the readings: one set, if it leads.
 
         Where much was to be found, all that is left, also where that leaves one interaction
         unexplained, as an outlier does: to begin anew after each later one is too dear. Two end
         the agreement.
         """
-        if self._wanders:
+        if self._explores:
             return frozenset(agreement.keys)
-        sure = agreement.credible and not agreement.doubtful and agreement.leads
+        sure = agreement.adequate_fit and not agreement.improvable and agreement.leads
         return frozenset({agreement.leader} if sure else ())
 
     def _weighed(self, agreement: Agreement, data: SensorData) -> Posterior:
@@ -283,29 +282,29 @@ class Sampler:
             workers=self._workers,
         )
         whose, keys = map(predictor.unknowns.keys, (values, modes.points))
-        for search, met in zip(self._searches, agreement.met, strict=True):
-            own = [row for row, key in enumerate(whose) if self._wanders or key in met]
+        for search, found in zip(self._searches, agreement.found, strict=True):
+            own = [row for row, key in enumerate(whose) if self._explores or key in found]
             if own:
-                rows = self._rng.choice(own, effort.width)
+                rows = self._rng.choice(own, effort.chains_per_level)
                 search.population.replace_coldest(values[rows], scales[rows])
-            if not self._wanders:  # chains that do hold samples of all
-                search.drawn = modes.draws([row for row, key in enumerate(keys) if key in met])
+            if not self._explores:  # chains that do hold samples of all
+                search.drawn = modes.draws([row for row, key in enumerate(keys) if key in found])
         self._known = set(keys)
         named = [
-            Mode(key, float(share), point, mode.effective, tuple(met))
-            for key, share, point, mode, met in zip(
+            Mode(key, float(share), point, mode.ess, tuple(found))
+            for key, share, point, mode, found in zip(
                 keys,
                 modes.shares,
                 modes.points,
                 modes.evidences,
-                met_by_each(keys, agreement.met).tolist(),
+                found_by_each(keys, agreement.found).tolist(),
                 strict=True,
             )
         ]
         posterior = replace(
             Posterior.equally_likely(values, scales),
             modes=tuple(named),
-            credible=agreement.credible,
+            adequate_fit=agreement.adequate_fit,
         )
         return renormalised(posterior, predictor, Likelihood(data, self._noise))
 
@@ -319,10 +318,10 @@ class Sampler:
         self, estimator: EvidenceEstimator, best: float, points: Array, share: float
     ) -> list[ModeEvidence]:
         seeds = self._rng.integers(2**32, size=len(points)).tolist()
-        alike = chains_like(points, self._searches, best - CONSIDERED)
+        others_of = chains_with_attachments(points, self._searches, best - CONSIDERED)
         tasks = [
             (point, others, share, seed)
-            for point, others, seed in zip(points, alike, seeds, strict=True)
+            for point, others, seed in zip(points, others_of, seeds, strict=True)
         ]
         evidences = []
         for evidence, cost in self._workers.map(estimator.with_cost, tasks):

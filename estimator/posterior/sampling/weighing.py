@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Array
-from estimator.posterior.chains.population import Population
+from estimator.posterior.discovery.population import Population
 from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.special import logsumexp, softmax
@@ -27,7 +27,7 @@ _WELL: Final = 64  # modes estimated by all draws; of more, each by fewer
 _DRAWN: Final = 16  # points of a mode, for the next interaction,
 _DRAWN_OF: Final = 32  # of so many modes, drawn as if
 _SPREAD: Final = 64  # of the evidence's draws counted at least
-_LEAST_POWER: Final = 1e-3
+_LEAST_POWER: Final = 1e-3  # to which weights are raised
 _STEPS: Final = 20  # of valid sampling,
 _GROUPS: Final = 2  # of chains, each moved by one worker
 _FEW: Final = (
@@ -106,8 +106,8 @@ def sampled(
     Args:
         modes: From which to start.
         predictor: Computes readings.
-        data: What the robot felt.
-        noise: How far readings stray.
+        data: The observations.
+        noise: Sensor noise.
         rng: Draws starts, and seeds of the chains.
         count: Of chains; a multiple of 8.
         workers: Move them.
@@ -118,7 +118,7 @@ def sampled(
     values = np.array([modes.evidences[mode].values[row] for mode, row in starts])
     scales = np.array([modes.evidences[mode].scales[row] for mode, row in starts])
     best = modes.evidences[int(np.argmax(modes.shares))]
-    few = best.effective < _FEW * len(best.values)
+    few = best.ess < _FEW * len(best.values)
     groups = np.split(np.arange(count), _GROUPS)
     seeds = rng.integers(2**32, size=_GROUPS).tolist()
     starts_of_groups = [
@@ -138,12 +138,12 @@ def _moved(
     few: bool,
     starts: tuple[Array, Array, int],
 ) -> tuple[Array, Array, Cost]:
-    """Where chains stand in the end, values and scales, and what that cost.
+    """Moves a group of chains: their last values and scales, and the cost.
 
     Args:
         predictor: Computes readings.
-        data: What the robot felt.
-        noise: How far readings stray.
+        data: The observations.
+        noise: Sensor noise.
         few: Whether few draws stand for the best mode: then chains begin too far out, and are
             first brought to where the posterior is.
         starts: Values and scales, and a seed.
@@ -166,7 +166,7 @@ def _moved(
 
 
 def _spread_out(weights: Array, wanted: int) -> Array:
-    """Weights raised to a power, so that at least so many draws count."""
+    """Weights, raised to the power at which their effective size is at least ``wanted``."""
     power = 1.0
     while True:
         spread = weights**power

@@ -5,7 +5,7 @@ import pytest
 
 from estimator.errors import EstimatorError, InteractionError
 from estimator.evaluation.validate import BEST, POPULATION, RANDOM, Validation, compare, validate
-from estimator.identification.listener import Listener
+from estimator.identification.method import Listener
 from estimator.identification.robot_link import Record, WireLink
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.readings.observation import Observation

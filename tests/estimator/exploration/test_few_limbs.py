@@ -62,7 +62,7 @@ def test_parts_that_may_sit_on_each_other_are_moved_one_or_two_at_a_time(
     decided = genome.choices(rng.random((200, genome.size)))
     few = with_few_limbs(programs, limbs, decided, 0, rng)
     assert set(np.count_nonzero(few, axis=1).tolist()) <= {1, 2}
-    assert np.all(np.count_nonzero(few, axis=0) > 0)  # every part has its turn
+    assert np.all(np.count_nonzero(few, axis=0) > 0)  # every part has its interaction
 
 
 def test_few_legs_move_while_all_is_open_and_all_once_it_is_known() -> None:
@@ -72,7 +72,7 @@ def test_few_legs_move_while_all_is_open_and_all_once_it_is_known() -> None:
     samples = rng.random((200, genome.size))
     few = with_few_limbs(programs, limbs, genome.choices(samples), 0, rng)
     assert set(moved(few).sum(axis=1).tolist()) <= {2, 3}
-    assert np.all(moved(few).mean(axis=0) > 0.25)  # every leg has its turn
+    assert np.all(moved(few).mean(axis=0) > 0.25)  # every leg has its interaction
     assert np.all((few == 0) | (few == programs))
     together = few.reshape(300, 2, 6) != 0
     assert np.array_equal(together[:, 0], together[:, 1])  # both joints of a leg
@@ -96,5 +96,5 @@ def test_parts_that_samples_agree_on_too_soon_stay_among_the_few() -> None:
     ]
     assert most == sorted(most)
     assert most[0] == 1
-    assert most[6] < 8  # readings cannot have told of all parts
+    assert most[6] < 8  # readings cannot have informed about all parts
     assert most[9] == 8

@@ -8,11 +8,10 @@ import pytest
 
 from estimator.body.morphology import Array
 from estimator.executors import Threads
-from estimator.exploration.information_gain import Forecast, InformationGain
-from estimator.posterior.model.densities import DENSITIES
+from estimator.exploration.information_gain import InformationGain, Predictions
 from estimator.posterior.model.likelihood import Likelihood, Noise
-from estimator.posterior.model.noise_family import drawn
-from estimator.posterior.model.sensor_data import SensorData
+from estimator.posterior.model.noise import drawn
+from estimator.posterior.model.sensor_data import DENSITIES, SensorData
 from estimator.posterior.model.special import logsumexp
 from estimator.readings.observation import Observation, PredictedReadings
 
@@ -21,22 +20,24 @@ CAP = 0.2
 NOISE = Noise(tilt=0.01, clearance=0.002)
 
 
-def forecast(tilts: Array, *, silent: bool = False, doubtful: bool = False) -> Forecast:
+def predictions(
+    tilts: Array, *, no_prediction: bool = False, doubtful: bool = False
+) -> Predictions:
     """One program, samples that differ by their first tilt and touch alike."""
     count = len(tilts)
     tilt = np.zeros((1, count, 2))
     tilt[0, :, 0] = tilts
-    return Forecast(
+    return Predictions(
         touch=np.zeros((1, count, 2), dtype=bool),
         doubtful=np.full((1, count, 2), doubtful),
         tilt=tilt,
         clearance=np.full((1, count), 0.1),
         beyond=np.zeros((1, count), dtype=bool),
-        silent=np.full((1, count), silent),
+        no_prediction=np.full((1, count), no_prediction),
     )
 
 
-def bits(of: Forecast, groups: list[int]) -> float:
+def bits(of: Predictions, groups: list[int]) -> float:
     gain = InformationGain(NOISE, CAP, ("touch", "tilt", "clearance"))
     scales = np.zeros((len(groups), 2))
     rng = np.random.default_rng(1)
@@ -44,17 +45,17 @@ def bits(of: Forecast, groups: list[int]) -> float:
 
 
 def test_two_bodies_that_feel_quite_differently_are_told_apart_but_for_outliers() -> None:
-    found = bits(forecast(np.array([0.0, 0.5])), [0, 1])
+    found = bits(predictions(np.array([0.0, 0.5])), [0, 1])
     assert found == pytest.approx(1 - NOISE.outlier * (1 - NOISE.nearby), abs=0.02)
 
 
 def test_bodies_that_feel_alike_are_not() -> None:
-    assert bits(forecast(np.zeros(4)), [0, 1, 2, 3]) == pytest.approx(0.0, abs=1e-9)
+    assert bits(predictions(np.zeros(4)), [0, 1, 2, 3]) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_a_difference_within_the_noise_tells_what_shannon_says() -> None:
     apart = 0.01  # one standard deviation
-    found = bits(forecast(np.array([0.0, apart])), [0, 1])
+    found = bits(predictions(np.array([0.0, apart])), [0, 1])
     x = np.linspace(-0.08, 0.09, 20_001)
     one = np.exp(-0.5 * (x / 0.01) ** 2)
     two = np.exp(-0.5 * ((x - apart) / 0.01) ** 2)
@@ -82,17 +83,17 @@ def test_a_gain_is_what_readings_drawn_from_the_likelihood_tell(
     readings.saturated[1] = True
     scales, groups = np.log([[1.0, 1.5], [2.0, 1.0], [1.0, 1.0], [1.0, 1.0]]), np.arange(4)
     found = InformationGain(noise, CAP, modalities).of(
-        Forecast.of(readings, 4), scales, groups, np.random.default_rng(1), draws=40_000
+        Predictions.of(readings, 4), scales, groups, np.random.default_rng(1), draws=40_000
     )[0]
-    count, told = 3000, 0.0  # of each body that foretells anything
+    count, present = 3000, 0.0  # of each body that foretells anything
     for source in range(3):
-        felt = [drawn_from(readings, source, noise, scales[source], rng) for _ in range(count)]
-        data = SensorData.of([one for one in felt if one is not None], modalities, CAP)
-        turns = np.tile(np.arange(len(data)), 4)
-        misfits = data.misfits(readings[np.repeat(np.arange(4), len(data))], turns)
+        observed = [drawn_from(readings, source, noise, scales[source], rng) for _ in range(count)]
+        data = SensorData.of([one for one in observed if one is not None], modalities, CAP)
+        interactions = np.tile(np.arange(len(data)), 4)
+        misfits = data.misfits(readings[np.repeat(np.arange(4), len(data))], interactions)
         fits = Likelihood(data, noise).of(misfits.reshape(4, len(data), -1), scales=scales)
-        told += (fits[source] - logsumexp(fits, axis=0) + math.log(4)).sum() / count
-    assert found == pytest.approx(told / 4 / math.log(2), abs=0.03)
+        present += (fits[source] - logsumexp(fits, axis=0) + math.log(4)).sum() / count
+    assert found == pytest.approx(present / 4 / math.log(2), abs=0.03)
 
 
 def drawn_from(
@@ -120,19 +121,19 @@ def drawn_from(
 
 def test_only_what_differs_between_groups_counts() -> None:
     tilts = np.array([0.0, 0.5, 0.0, 0.5])
-    assert bits(forecast(tilts), [0, 1, 0, 1]) == pytest.approx(0.975, abs=0.02)
-    assert bits(forecast(tilts), [0, 0, 1, 1]) == pytest.approx(0.0, abs=0.01)
+    assert bits(predictions(tilts), [0, 1, 0, 1]) == pytest.approx(0.975, abs=0.02)
+    assert bits(predictions(tilts), [0, 0, 1, 1]) == pytest.approx(0.0, abs=0.01)
 
 
 def test_threads_do_not_show_in_the_result() -> None:
     rng = np.random.default_rng(2)
-    programs = [forecast(tilts) for tilts in rng.normal(0, 0.02, (5, 8))]
-    names = [item.name for item in fields(Forecast)]
+    programs = [predictions(tilts) for tilts in rng.normal(0, 0.02, (5, 8))]
+    names = [item.name for item in fields(Predictions)]
     joined = {name: np.concatenate([getattr(one, name) for one in programs]) for name in names}
     with Threads(3) as threads:
         one, three = (
             InformationGain(NOISE, CAP, ("touch", "tilt"), some).of(
-                Forecast(**joined),
+                Predictions(**joined),
                 np.zeros((8, 2)),
                 np.arange(8),
                 np.random.default_rng(1),
@@ -145,13 +146,13 @@ def test_threads_do_not_show_in_the_result() -> None:
 
 
 def test_poses_that_cannot_be_foretold_tell_nothing() -> None:
-    assert bits(forecast(np.array([0.0, 0.5]), silent=True), [0, 1]) == 0.0
+    assert bits(predictions(np.array([0.0, 0.5]), no_prediction=True), [0, 1]) == 0.0
 
 
 def test_a_sense_that_does_not_count_tells_nothing() -> None:
     gain = InformationGain(NOISE, CAP, ("touch", "clearance"))
     found = gain.of(
-        forecast(np.array([0.0, 0.5])),
+        predictions(np.array([0.0, 0.5])),
         np.zeros((2, 2)),
         np.array([0, 1]),
         np.random.default_rng(1),

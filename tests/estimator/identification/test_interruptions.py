@@ -122,10 +122,10 @@ def content(directory: Path) -> dict[str, Any]:
     with RunStore.open(directory, to_write=False) as store:
         found["errors"] = [item.errors for item in store.generations()]
         found["best"] = [item.best for item in store.generations()]
-        found["believed"] = [belief for belief, _ in store.posteriors()]
+        found["summarised"] = [belief for belief, _ in store.posteriors()]
         observations = [item.observation for item in store.interactions()]
     assert None not in observations
-    found["felt"] = [
+    found["observed"] = [
         (item.angles, item.touch, item.tilt, item.clearance) for item in observations if item
     ]
     return found
@@ -167,10 +167,10 @@ def test_a_run_broken_off_at_random_moments_ends_as_one_that_never_was(
     assert code == 0, said
     expected = content(tmp_path / "whole")
 
-    interruptions, turn = 0, 0
+    interruptions, interaction = 0, 0
     while interruptions < INTERRUPTIONS:
-        turn += 1
-        directory, code, broken = tmp_path / str(turn), -1, 0
+        interaction += 1
+        directory, code, broken = tmp_path / str(interaction), -1, 0
         with simulator("--seed", "8") as robot:
             while code != 0:
                 pid = nursery.start(*command(directory, robot.uri, kind))

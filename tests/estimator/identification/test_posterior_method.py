@@ -13,14 +13,15 @@ import pytest
 from estimator import best_programs, load
 from estimator.body.limbs import driven_limbs, leg_lengths
 from estimator.errors import EstimatorError
-from estimator.identification import doubting, posterior_method
-from estimator.identification.listener import Listener
+from estimator.identification import misspecification as when_misspecified
+from estimator.identification import posterior_method
+from estimator.identification.method import Listener
 from estimator.identification.run import identify, resume
 from estimator.physics.backends import IN_THIS_PROCESS
-from estimator.posterior.belief import believe
-from estimator.posterior.checks import departed
-from estimator.posterior.model.densities import MODEL_TILT
-from estimator.posterior.model.departures import Doubt, Thickness, Travel
+from estimator.posterior.checks import misspecification
+from estimator.posterior.model.deviations import Alternative, Thickness, Travel
+from estimator.posterior.model.sensor_data import MODEL_TILT
+from estimator.posterior.summary import summarise
 from estimator.report.result import Result
 from estimator.report.run_files import write_report
 from estimator.storage.posteriors import NotKnown, StoredPosterior
@@ -73,7 +74,9 @@ def outcome(result: Result) -> dict[str, object]:
 def whole(folder: Path, interrupt_after: int | None = None) -> Result:
     run = folder / "run"
     with serving(ModelRobot()) as uri, pytest.MonkeyPatch.context() as patched:
-        patched.setattr(posterior_method, "PRECISE", 1.0)  # m: any length is known, and doubted
+        patched.setattr(
+            posterior_method, "PRECISE", 1.0
+        )  # m: any length is known, and alternatives
         asked, listener = order(folder, uri), Interrupting(interrupt_after)
         if interrupt_after is None:
             return identify(run, asked, IN_THIS_PROCESS, listener, report=write_report)
@@ -132,10 +135,10 @@ def test_a_program_gets_what_the_run_knows(uninterrupted: tuple[Result, Path]) -
     lengths = [limb.length for limb in driven_limbs(known.best_body)]
     assert tuple(lengths) == result.best_models[0].leg_lengths_m
     assert (known.capabilities.robot, known.problem.name) == ("model", result.problem)
-    told = sum(
+    present = sum(
         known.weights @ known.log_likelihood(item.angles, item) for item in known.observations
     )
-    assert told / 2 > 5.0  # nats: where it is known, and by noise that is small
+    assert present / 2 > 5.0  # nats: where it is known, and by noise that is small
     low, high = known.program_range.T
     programs, heights = best_programs(
         lambda some: known.predict(some).clearance @ known.weights,
@@ -156,13 +159,13 @@ def test_a_run_that_was_broken_off_ends_as_one_that_never_was(
 def test_bodies_that_depart_are_not_fitted_again_in_the_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    fitted: list[tuple[Doubt, ...]] = []
+    fitted: list[tuple[Alternative, ...]] = []
 
-    def counted(*args: Any, **options: Any) -> tuple[Doubt, ...]:
-        fitted.append(departed.doubts(*args, **options))
+    def counted(*args: Any, **options: Any) -> tuple[Alternative, ...]:
+        fitted.append(misspecification.fit_alternatives(*args, **options))
         return fitted[-1]
 
-    monkeypatch.setattr(doubting, "doubts", counted)
+    monkeypatch.setattr(when_misspecified, "fit_alternatives", counted)
     with serving(ModelRobot()) as uri:
         asked = order(tmp_path, uri)
         result = identify(
@@ -177,9 +180,9 @@ def test_what_is_left_open_comes_with_the_movement_that_would_decide(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        doubting,
+        when_misspecified,
         "clearly_better",
-        lambda doubted: doubted[0].departure if doubted else None,
+        lambda alternatives: alternatives[0].deviation if alternatives else None,
     )
     with serving(ModelRobot()) as uri:
         asked = changed(order(tmp_path, uri), interactions=1)
@@ -257,7 +260,11 @@ def test_a_robot_that_is_built_otherwise_is_noticed_on_the_way(
 ) -> None:
     monkeypatch.setattr(posterior_method, "PRECISE", 1.0)  # m: any length is known
     otherwise = Thickness(text="thick parts", amount=2.0)
-    monkeypatch.setattr(doubting, "clearly_better", lambda doubted: otherwise if doubted else None)
+    monkeypatch.setattr(
+        when_misspecified,
+        "clearly_better",
+        lambda alternatives: otherwise if alternatives else None,
+    )
     with serving(ModelRobot()) as uri:
         asked = changed(order(tmp_path, uri), interactions=3, sure=0.9)
         result = identify(
@@ -280,13 +287,17 @@ def test_what_departs_is_not_forgotten_where_the_simulator_leaves_less_sure(
 ) -> None:
     def stated(*args: Any, **before: Any) -> StoredPosterior:
         within = 0.97 if before else 0.94  # in the end nobody asks what was learnt
-        return believe(*args, **before).model_copy(
+        return summarise(*args, **before).model_copy(
             update={"probability_within_problem": within, "low_ess": False, "coverage": 1.0}
         )
 
-    monkeypatch.setattr(posterior_method, "believe", stated)
+    monkeypatch.setattr(posterior_method, "summarise", stated)
     otherwise = Thickness(text="thick parts", amount=2.0)
-    monkeypatch.setattr(doubting, "clearly_better", lambda doubted: otherwise if doubted else None)
+    monkeypatch.setattr(
+        when_misspecified,
+        "clearly_better",
+        lambda alternatives: otherwise if alternatives else None,
+    )
     with serving(ModelRobot()) as uri:
         asked = order(tmp_path, uri)
         (tmp_path / "legs.toml").write_text(PROBLEM.replace('"up"', '"unknown"'))
@@ -302,7 +313,7 @@ def test_a_robot_that_changes_on_the_way_is_not_explained(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(posterior_method, "probability_of", lambda *_: 0.01)
-    monkeypatch.setattr(doubting, "possible_departures", lambda _: ())  # sure at once
+    monkeypatch.setattr(when_misspecified, "possible_deviations", lambda _: ())  # sure at once
     with serving(ModelRobot()) as uri:
         result = identify(
             tmp_path / "run",
@@ -322,7 +333,7 @@ def test_what_departs_is_named_where_known_attachments_explain_the_readings_badl
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     too_far = Travel(text="all servos turning {} times as far as told", amount=1.25)
-    monkeypatch.setattr(doubting, "possible_departures", lambda _: (too_far,))
+    monkeypatch.setattr(when_misspecified, "possible_deviations", lambda _: (too_far,))
     with serving(ModelRobot(travel=1.25)) as uri:
         asked = changed(order(tmp_path, uri), interactions=4)
         result = identify(
@@ -339,11 +350,11 @@ def test_noise_that_is_not_announced_is_no_other_body(
 ) -> None:
     by_noise: list[float] = []
 
-    def doubts(*arguments: Any, **options: Any) -> tuple[Doubt, ...]:
+    def alternatives(*arguments: Any, **options: Any) -> tuple[Alternative, ...]:
         by_noise.append(arguments[3].tilt)
-        return departed.doubts(*arguments, **options)
+        return misspecification.fit_alternatives(*arguments, **options)
 
-    monkeypatch.setattr(doubting, "doubts", doubts)
+    monkeypatch.setattr(when_misspecified, "fit_alternatives", alternatives)
     with serving(ModelRobot(noise=3 * MODEL_TILT)) as uri:
         asked = changed(order(tmp_path, uri), interactions=3)
         path = tmp_path / "legs.toml"

@@ -14,7 +14,7 @@ from rich.console import Console
 
 from estimator.errors import EstimatorError, InteractionError, ProblemError, RunDirectoryError
 from estimator.executors import ThisProcess
-from estimator.identification.listener import Listener
+from estimator.identification.method import Listener
 from estimator.identification.run import identify, resume
 from estimator.physics.backends import IN_THIS_PROCESS as HERE
 from estimator.physics.backends import REFERENCE, Executors, in_this_process, on_this_computer

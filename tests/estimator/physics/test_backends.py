@@ -12,7 +12,7 @@ import pytest
 
 from estimator.body.morphology import Base, Morphology
 from estimator.errors import EstimatorError, WorkerError
-from estimator.identification.listener import Listener
+from estimator.identification.method import Listener
 from estimator.identification.run import resume
 from estimator.physics.backends import (
     BACKENDS,

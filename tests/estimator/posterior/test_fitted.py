@@ -37,20 +37,20 @@ def test_a_prediction_of_many_programs_is_that_of_each(posterior: FittedPosterio
 
 
 def test_what_one_sample_feels_is_most_likely_under_it(posterior: FittedPosterior) -> None:
-    foretold = posterior.predict(PROGRAMS[0])
-    felt = Observation(
+    predicted = posterior.predict(PROGRAMS[0])
+    observed = Observation(
         angles=tuple(PROGRAMS[0].tolist()),
-        touch=tuple(foretold.touch[3].tolist()),
-        tilt=tuple(foretold.tilt[3].tolist()),
-        clearance=float(foretold.clearance[3]),
+        touch=tuple(predicted.touch[3].tolist()),
+        tilt=tuple(predicted.tilt[3].tolist()),
+        clearance=float(predicted.clearance[3]),
     )
-    logs = posterior.log_likelihood(felt.angles, felt)
+    logs = posterior.log_likelihood(observed.angles, observed)
     assert logs.shape == (30,)
     assert logs[3] == logs.max()
-    data = SensorData.of([felt], posterior.modalities, posterior.clearance_cap)
+    data = SensorData.of([observed], posterior.modalities, posterior.clearance_cap)
     likelihood = Likelihood(data, posterior.noise)
     assert np.array_equal(logs, likelihood.normalised(posterior.predictor, SAMPLES)[:, 0])
-    elsewhere = posterior.log_likelihood(PROGRAMS[1], felt)
+    elsewhere = posterior.log_likelihood(PROGRAMS[1], observed)
     assert elsewhere[3] < logs[3]
 
 
@@ -89,8 +89,8 @@ def test_what_is_no_program_is_said(
 
 
 def test_an_observation_of_another_robot_is_refused(posterior: FittedPosterior) -> None:
-    felt = Observation(angles=(0.0,) * 4, touch=(True, False))
+    observed = Observation(angles=(0.0,) * 4, touch=(True, False))
     with pytest.raises(EstimatorError, match="has 4 touch sensors, and the observation has 2"):
-        posterior.log_likelihood(felt.angles, felt)
+        posterior.log_likelihood(observed.angles, observed)
     with pytest.raises(EstimatorError, match="one observation has one program, not 2"):
-        posterior.log_likelihood(np.zeros((2, 4)), felt)
+        posterior.log_likelihood(np.zeros((2, 4)), observed)

@@ -13,7 +13,7 @@ import pytest
 
 from estimator.body.morphology import BASE
 from estimator.errors import ProblemError
-from estimator.identification.listener import Listener
+from estimator.identification.method import Listener
 from estimator.identification.run import identify
 from estimator.physics.backends import IN_THIS_PROCESS
 from estimator.physics.base import Physics, WorldSettings

@@ -17,7 +17,7 @@ import pytest
 
 from estimator.cluster import Cluster
 from estimator.errors import PhysicsError, RunDirectoryError
-from estimator.identification.listener import Listener
+from estimator.identification.method import Listener
 from estimator.reproduction.harness import (
     Completed,
     Progress,
@@ -173,7 +173,7 @@ def test_two_commands_do_not_share_a_directory(tmp_path: Path) -> None:
 LONG = Count("long", work=1e9)
 PROGRAM = f"""
 from pathlib import Path
-from estimator.identification.listener import Listener
+from estimator.identification.method import Listener
 from estimator.reproduction.harness import complete
 from {__name__} import LONG
 if __name__ == "__main__":

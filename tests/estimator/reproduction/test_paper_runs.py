@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from estimator.errors import RunDirectoryError
-from estimator.identification.listener import Listener
+from estimator.identification.method import Listener
 from estimator.readings.observation import Observation
 from estimator.report.evaluations import SCORE, TRUTH, VALIDATION
 from estimator.report.result import Result

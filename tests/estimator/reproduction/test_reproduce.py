@@ -20,7 +20,7 @@ from typer.testing import CliRunner
 
 from estimator.cli.command_line import app
 from estimator.errors import EstimatorError, RunDirectoryError
-from estimator.identification.listener import Listener
+from estimator.identification.method import Listener
 from estimator.reproduction.ledger import Ledger
 from estimator.reproduction.paper_runs import FIGURES, PlannedRun, planned_runs, typical_runs
 from estimator.reproduction.reproduce import (

@@ -13,7 +13,7 @@ import psutil
 import pytest
 
 from estimator.cluster import Cluster
-from estimator.identification.listener import Listener
+from estimator.identification.method import Listener
 from estimator.report.evaluations import TRUTH
 from estimator.reproduction.harness import complete
 from estimator.reproduction.paper_runs import Budget, PlannedRun, typical_runs

@@ -10,7 +10,7 @@ import pytest
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.errors import EstimatorError
-from estimator.exploration.situation import Objective
+from estimator.exploration.rules import Objective
 from estimator.identification.paper.objectives import (
     OBJECTIVES,
     LargestError,

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from estimator.posterior.checks.verdict import (
-    deviations,
     fit_of,
     judge,
     judge_body,
+    standardised_residuals,
 )
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Posterior
@@ -34,8 +34,8 @@ def test_what_the_body_felt_is_explained(predictor: Predictor) -> None:
 
 def test_samples_that_weigh_nothing_have_no_say(predictor: Predictor) -> None:
     data = draw(predictor, POINT, MOVED, np.random.default_rng(11), outlier=0.0)
-    for turn in (1, 4):
-        data.felt["tilt"].values[turn] += 0.3
+    for interaction in (1, 4):
+        data.observed["tilt"].values[interaction] += 0.3
     scales = np.zeros((100, 2))
     scales[1:] = 4.0  # so noisy that anything is explained
     posterior = replace(
@@ -53,8 +53,8 @@ def test_two_interactions_that_no_body_explains_are_named_with_their_sensors(
     predictor: Predictor,
 ) -> None:
     data = draw(predictor, POINT, MOVED, np.random.default_rng(11), outlier=0.0)
-    for turn in (1, 4):
-        data.felt["tilt"].values[turn] += 0.3
+    for interaction in (1, 4):
+        data.observed["tilt"].values[interaction] += 0.3
     for verdict in (
         judge(certain(), predictor, data, NOISE),
         judge_body(POINT, predictor, data, NOISE),
@@ -79,8 +79,8 @@ def test_one_body_is_told_to_need_too_much_noise(predictor: Predictor) -> None:
 def test_a_body_from_which_much_strays_a_little_fits_poorly(predictor: Predictor) -> None:
     data = draw(predictor, POINT, MOVED, np.random.default_rng(11), outlier=0.0)
     assert fit_of(POINT, predictor, data, NOISE).excess < 1.0
-    for turn, sign in enumerate((1, -1, 1, -1)):
-        data.felt["tilt"].values[turn] += sign * 1.5 * NOISE.tilt
+    for interaction, sign in enumerate((1, -1, 1, -1)):
+        data.observed["tilt"].values[interaction] += sign * 1.5 * NOISE.tilt
     fit = fit_of(POINT, predictor, data, NOISE)
     assert fit.excess > 1.0
     assert fit.unexplained == 0
@@ -88,7 +88,7 @@ def test_a_body_from_which_much_strays_a_little_fits_poorly(predictor: Predictor
 
 def test_one_such_interaction_is_named_alone(predictor: Predictor) -> None:
     data = draw(predictor, POINT, MOVED, np.random.default_rng(11), outlier=0.0)
-    data.felt["tilt"].values[2] += 0.3
+    data.observed["tilt"].values[2] += 0.3
     verdict = judge(certain(), predictor, data, NOISE)
     assert [item.interaction for item in verdict.unexplained] == [2]
     (one,), (noisier,) = (
@@ -107,7 +107,7 @@ def test_where_every_interaction_is_an_outlier_no_touch_sensor_is_blamed(
     predictor: Predictor,
 ) -> None:
     data = draw(predictor, POINT, MOVED[:1], np.random.default_rng(11), outlier=0.0)
-    data.felt["tilt"].values[0] += 0.3
+    data.observed["tilt"].values[0] += 0.3
     assert judge(certain(), predictor, data, NOISE).contradicting == ()
 
 
@@ -121,21 +121,21 @@ def test_a_touch_sensor_that_contradicts_the_body_again_and_again_is_named(
     predictor: Predictor,
 ) -> None:
     data = draw(predictor, POINT, MOVED, np.random.default_rng(11), outlier=0.0)
-    felt = predictor.read_all(POINT[None], MOVED).touch[:, 1]
-    data.felt["touch"].values[:, 1] = felt
-    for turn in (0, 3):
-        data.felt["touch"].values[turn, 1] = not felt[turn]
+    observed = predictor.read_all(POINT[None], MOVED).touch[:, 1]
+    data.observed["touch"].values[:, 1] = observed
+    for interaction in (0, 3):
+        data.observed["touch"].values[interaction, 1] = not observed[interaction]
     assert judge(certain(), predictor, data, NOISE) == EXPLAINED
-    data.felt["touch"].values[5, 1] = not felt[5]
+    data.observed["touch"].values[5, 1] = not observed[5]
     verdict = judge(certain(), predictor, data, NOISE)
     assert verdict.contradicting == (1,)
 
 
 def test_deviations_are_in_units_of_the_noise(predictor: Predictor) -> None:
     data = draw(predictor, POINT, MOVED, np.random.default_rng(11), outlier=0.0)
-    before = deviations(POINT[None], predictor, data, NOISE)
-    data.felt["clearance"].values[0] += 5 * NOISE.clearance
-    data.felt["tilt"].values[1, 0] += 40 * NOISE.tilt
-    after = deviations(POINT[None], predictor, data, NOISE)
+    before = standardised_residuals(POINT[None], predictor, data, NOISE)
+    data.observed["clearance"].values[0] += 5 * NOISE.clearance
+    data.observed["tilt"].values[1, 0] += 40 * NOISE.tilt
+    after = standardised_residuals(POINT[None], predictor, data, NOISE)
     assert after["clearance"][0] - before["clearance"][0] == pytest.approx(5)
     assert abs(after["tilt"][1]) > 30

@@ -15,7 +15,7 @@ LENGTH = 0.5  # of its range: all parts are about 10 cm long
 
 
 def quadruped(genome: Genome | None = None) -> Array:
-    """A leg of two parts on each side; knees like hips turn up."""
+    """A leg of two parts on each side; knees like hips interaction up."""
     genome = genome or genome_of(PROBLEM)
     point = np.full(genome.size, LENGTH)
     for column, gene in enumerate(genome.genes):

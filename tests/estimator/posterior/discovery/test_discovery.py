@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from estimator.body.morphology import Array
-from estimator.posterior.chains.population import Population
 from estimator.posterior.discovery import discovery
 from estimator.posterior.discovery.discovery import Discovery
+from estimator.posterior.discovery.population import Population
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Predictor
 from tests.estimator.two_unknown_rows import NOISE, draw, programs
@@ -21,8 +21,8 @@ def data(predictor: Predictor) -> SensorData:
 
 def test_who_begins_anew_keeps_what_was_met(predictor: Predictor, data: SensorData) -> None:
     chains, own = np.random.default_rng(1), np.random.default_rng(2)
-    population = Population.of_prior(predictor, chains, levels=4, width=8)
-    search = Discovery(population, predictor, own, wanders=False)
+    population = Population.of_prior(predictor, chains, levels=4, chains_per_level=8)
+    search = Discovery(population, predictor, own, explores=False)
     search.observe(data, NOISE)
     before = search.search(10)
     places = population.values.copy()
@@ -32,9 +32,9 @@ def test_who_begins_anew_keeps_what_was_met(predictor: Predictor, data: SensorDa
     after = search.search(10)
     assert after.fits[0] >= before.fits[0]
     assert set(predictor.unknowns.keys(before.values)) <= set(predictor.unknowns.keys(after.values))
-    assert np.array_equal(search.met[0], after.values[0])
+    assert np.array_equal(search.found[0], after.values[0])
     search.observe(data, NOISE)  # once more
-    assert set(predictor.unknowns.keys(search.met)) == set(
+    assert set(predictor.unknowns.keys(search.found)) == set(
         predictor.unknowns.keys(search.best().values)
     )
 
@@ -45,18 +45,18 @@ def test_other_rows_of_what_all_searches_agreed_on_are_not_tried(
 ) -> None:
     tried: list[Array] = []
 
-    def other_rows(leader: Array, *args: object) -> Array:
+    def other_attachments(leader: Array, *args: object) -> Array:
         tried.append(leader)
         return leader[None]
 
-    monkeypatch.setattr(discovery, "other_rows", other_rows)
+    monkeypatch.setattr(discovery, "other_attachments", other_attachments)
     data = draw(predictor, POINT, programs(4), np.random.default_rng(2), outlier=0.0)
     rng = np.random.default_rng(1)
-    population = Population.of_prior(predictor, rng, levels=4, width=8)
-    search = Discovery(population, predictor, rng, wanders=False)
-    search.met = POINT[None]
+    population = Population.of_prior(predictor, rng, levels=4, chains_per_level=8)
+    search = Discovery(population, predictor, rng, explores=False)
+    search.found = POINT[None]
     if agreed:
-        search.settled = frozenset(predictor.unknowns.keys(search.met))
+        search.converged = frozenset(predictor.unknowns.keys(search.found))
     search.observe(data, NOISE)
     search.search(1)
     assert search.explains()

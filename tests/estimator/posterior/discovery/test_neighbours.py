@@ -10,14 +10,13 @@ import pytest
 
 from estimator.body.morphology import Array
 from estimator.physics.statics import StaticsPhysics
-from estimator.posterior.chains.population import Population
-from estimator.posterior.chains.rows import other_rows
 from estimator.posterior.discovery.discovery import Discovery
-from estimator.posterior.discovery.neighbours import Neighbours
-from estimator.posterior.discovery.part_trees import exchanged, joined_parts
+from estimator.posterior.discovery.moves import other_attachments
+from estimator.posterior.discovery.neighbours import Neighbours, exchanged, joined_parts
+from estimator.posterior.discovery.population import Population
+from estimator.posterior.model.gauss_newton import GaussNewton
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.sensor_data import SensorData
-from estimator.posterior.model.slopes import Lengths
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from tests.estimator.exploration.test_few_limbs import genome_of
 from tests.estimator.posterior.discovery.quadruped import quadruped
@@ -95,7 +94,7 @@ def test_a_leg_of_which_all_three_parts_are_put_on_otherwise_is_put_right() -> N
     unknowns, rng = predictor.unknowns, np.random.default_rng(1)
     truth = unknowns.permitted(rng.random((1, unknowns.size)))[0]
     data = draw(predictor, truth, rng.uniform(-0.5, 0.5, (9, 18)), rng, outlier=0.0)
-    lengths = Lengths(predictor, data, Likelihood(data, NOISE))
+    lengths = GaussNewton(predictor, data, Likelihood(data, NOISE))
     leader, (places,) = truth.copy(), unknowns.places
     leg = np.concatenate([unknowns.parts[part] for part in (0, 6, 12)])
     anew = np.setdiff1d(leg, places)
@@ -115,7 +114,9 @@ def test_a_leg_of_two_parts_that_may_sit_anywhere_is_put_right() -> None:
     leader = truth.copy()
     leg = np.concatenate([unknowns.parts[part] for part in (3, 7)])
     leader[leg] = 0.6  # elsewhere, on other parts, and otherwise hinged
-    _, (wanted, before) = Lengths(predictor, data, likelihood).polished(np.stack([truth, leader]))
+    _, (wanted, before) = GaussNewton(predictor, data, likelihood).polished(
+        np.stack([truth, leader])
+    )
     assert before < wanted - 10
     points, fits = Neighbours(predictor, data, likelihood, rng).of(leader)
     assert fits.max() > wanted - 2
@@ -145,11 +146,11 @@ def test_two_legs_in_each_others_places_are_put_right(
     predictor: Predictor, truth: Array, data: SensorData
 ) -> None:
     unknowns, likelihood = predictor.unknowns, Likelihood(data, NOISE)
-    lengths = Lengths(predictor, data, likelihood)
+    lengths = GaussNewton(predictor, data, likelihood)
     leader, rng = confused(truth, unknowns), np.random.default_rng(3)
     _, wanted = lengths.polished(truth[None])
     rows = np.concatenate(
-        [other_rows(leader, columns, unknowns, rng) for columns in unknowns.parts]
+        [other_attachments(leader, columns, unknowns, rng) for columns in unknowns.parts]
     )
     best = rows[np.argsort(-lengths.rough_fits(rows, np.arange(_POSES)).sum(axis=1))[:60]]
     _, alone = lengths.polished(best)
@@ -165,11 +166,11 @@ def test_a_search_that_does_not_wander_puts_them_right_too(
 ) -> None:
     monkeypatch.setattr("estimator.posterior.discovery.discovery._SWEPT", ())  # to save time
     chains, own = np.random.default_rng(5), np.random.default_rng(6)
-    population = Population.of_prior(predictor, chains, levels=4, width=8)
-    search = Discovery(population, predictor, own, wanders=False)
-    search.met = confused(truth, predictor.unknowns)[None]
+    population = Population.of_prior(predictor, chains, levels=4, chains_per_level=8)
+    search = Discovery(population, predictor, own, explores=False)
+    search.found = confused(truth, predictor.unknowns)[None]
     search.observe(data, NOISE)
-    _, wanted = Lengths(predictor, data, Likelihood(data, NOISE)).polished(truth[None])
+    _, wanted = GaussNewton(predictor, data, Likelihood(data, NOISE)).polished(truth[None])
     assert search.best().fits[0] < wanted[0] - 10
     assert search.search(1).fits[0] > wanted[0] - 2
 
@@ -192,16 +193,16 @@ def test_neighbours_of_what_explains_all_readings_need_not_be_tried(
 
     monkeypatch.setattr(Neighbours, "of", of)
     known, rng = truth, np.random.default_rng(5)
-    felt = draw(predictor, truth, rng.uniform(-0.5, 0.5, (_POSES, 12)), rng, outlier=0.0)
+    observed = draw(predictor, truth, rng.uniform(-0.5, 0.5, (_POSES, 12)), rng, outlier=0.0)
     if not explains:
         known = confused(truth, predictor.unknowns)
-    population = Population.of_prior(predictor, rng, levels=4, width=8)
-    search = Discovery(population, predictor, rng, wanders=True)
-    search.met = known[None]
+    population = Population.of_prior(predictor, rng, levels=4, chains_per_level=8)
+    search = Discovery(population, predictor, rng, explores=True)
+    search.found = known[None]
     agreed = why == "all searches agreed on it"
     if agreed:
-        search.settled = frozenset(predictor.unknowns.keys(search.met))
-    search.observe(felt, NOISE)
+        search.converged = frozenset(predictor.unknowns.keys(search.found))
+    search.observe(observed, NOISE)
     assert search.explains() is explains
     search.search(1, until_explained=not agreed)
     assert bool(tried) is not explains

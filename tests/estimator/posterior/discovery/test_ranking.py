@@ -6,24 +6,24 @@ import numpy as np
 import pytest
 
 from estimator.body.morphology import Array
-from estimator.posterior.discovery.ranking import ranked, ranked_by_attachments
+from estimator.posterior.discovery.neighbours import ranked, ranked_by_attachments
+from estimator.posterior.model.gauss_newton import GaussNewton
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.sensor_data import SensorData
-from estimator.posterior.model.slopes import Lengths
 from estimator.posterior.model.unknowns import Predictor
 from tests.estimator.two_unknown_rows import NOISE, draw, programs
 
 POINT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
 
 
-def fits_of(points: Array, lengths: Lengths) -> Array:
+def fits_of(points: Array, lengths: GaussNewton) -> Array:
     each: Array = lengths.rough_fits(points, np.arange(lengths.interactions)).sum(axis=1)
     return each
 
 
-def lengths_with(predictor: Predictor, interactions: int) -> Lengths:
+def lengths_with(predictor: Predictor, interactions: int) -> GaussNewton:
     data: SensorData = draw(predictor, POINT, programs(interactions), np.random.default_rng(2))
-    return Lengths(predictor, data, Likelihood(data, NOISE))
+    return GaussNewton(predictor, data, Likelihood(data, NOISE))
 
 
 @pytest.mark.parametrize(("count", "interactions"), [(1500, 2), (150, 8)])

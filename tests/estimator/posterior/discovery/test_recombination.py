@@ -7,13 +7,12 @@ import pytest
 
 from estimator.body.morphology import Array
 from estimator.physics.statics import StaticsPhysics
-from estimator.posterior.chains.population import Population
 from estimator.posterior.discovery.discovery import Discovery
-from estimator.posterior.discovery.part_trees import subtrees
-from estimator.posterior.discovery.recombination import with_subtrees_of_others
+from estimator.posterior.discovery.neighbours import subtrees, with_subtrees_of_others
+from estimator.posterior.discovery.population import Population
+from estimator.posterior.model.gauss_newton import GaussNewton
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.sensor_data import SensorData
-from estimator.posterior.model.slopes import Lengths
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from tests.estimator.exploration.test_few_limbs import genome_of
 from tests.estimator.posterior.discovery.quadruped import PARTS, PROBLEM, quadruped
@@ -59,7 +58,7 @@ def test_legs_that_each_lacks_are_taken_from_the_other(
     predictor: Predictor, data: SensorData
 ) -> None:
     unknowns = predictor.unknowns
-    lengths = Lengths(predictor, data, Likelihood(data, NOISE))
+    lengths = GaussNewton(predictor, data, Likelihood(data, NOISE))
     body, other = but_for(unknowns, 1), but_for(unknowns, 0, 2)
     _, (wanted, *before) = lengths.polished(np.stack([quadruped(), body, other]))
     assert max(before) < wanted - 10
@@ -74,9 +73,9 @@ def test_a_search_that_began_anew_takes_legs_from_what_was_met_before(
 ) -> None:
     monkeypatch.setattr("estimator.posterior.discovery.neighbours.Neighbours.of", _nobody)
     chains, own = np.random.default_rng(5), np.random.default_rng(6)
-    population = Population.of_prior(predictor, chains, levels=4, width=8)
-    search = Discovery(population, predictor, own, wanders=False)
-    search.met = but_for(predictor.unknowns, 3)[None]
+    population = Population.of_prior(predictor, chains, levels=4, chains_per_level=8)
+    search = Discovery(population, predictor, own, explores=False)
+    search.found = but_for(predictor.unknowns, 3)[None]
     search.observe(data, NOISE)
     search.start_anew(1)
     population.replace_coldest(

@@ -12,7 +12,7 @@ from estimator.body.arrays import Bodies
 from estimator.body.morphology import BASE, Array, Morphology, Part
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.model.likelihood import LEANS, Likelihood, apart
-from estimator.posterior.model.sensor_data import ASTRAY, SensorData
+from estimator.posterior.model.sensor_data import BRANCH, SensorData
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.posterior import Mode, Posterior
 from estimator.posterior.sampling.weighing import renormalised
@@ -86,15 +86,15 @@ def test_a_body_at_a_fork_explains_both_sides_the_other_half_as_well() -> None:
     other = int(np.flatnonzero(apart(plumb, sides, NOISE))[0])
     fits = []
     for row in (0, other):
-        felt = Observation(
+        observed = Observation(
             angles=tuple(FORK.tolist()),
             touch=tuple(bool(bit) for bit in sides.touch[row]),
             tilt=(float(sides.tilt[row, 0]), float(sides.tilt[row, 1])),
             clearance=float(sides.clearance[row]),
         )
-        likelihood = Likelihood(SensorData.of([felt], MODALITIES, CAP), NOISE)
+        likelihood = Likelihood(SensorData.of([observed], MODALITIES, CAP), NOISE)
         misfits = likelihood.misfits_of(predictor, point)
-        assert (misfits[0, 0, ASTRAY] > 0) == (row == other)
+        assert (misfits[0, 0, BRANCH] > 0) == (row == other)
         fits.append(likelihood.of(misfits)[0, 0])
         surely = likelihood.misfits_of(predictor, point, surely=True)
         alone = likelihood.of(surely)[0, 0]
@@ -135,13 +135,13 @@ def test_a_body_is_no_more_probable_for_falling_to_several_sides() -> None:
     ]
     before = replace(Posterior.equally_likely(points), modes=tuple(modes))
     for row, (own, other) in enumerate(((1 / 1.5, 1.0), (1.0, 1.0))):
-        felt = Observation(
+        observed = Observation(
             angles=tuple(FORK.tolist()),
             touch=tuple(map(bool, sides.touch[row])),
             tilt=(float(sides.tilt[row, 0]), float(sides.tilt[row, 1])),
             clearance=float(sides.clearance[row]),
         )
-        likelihood = Likelihood(SensorData.of([felt], MODALITIES, CAP), NOISE)
+        likelihood = Likelihood(SensorData.of([observed], MODALITIES, CAP), NOISE)
         after = renormalised(before, predictor, likelihood)
         shares = {mode.attachments: mode.probability for mode in after.modes}
         torn, sure = shares[keys[0]], shares[keys[1]]

@@ -9,7 +9,7 @@ from scipy.special import logsumexp
 
 from estimator.body.morphology import Array
 from estimator.posterior.model.likelihood import Likelihood, Noise
-from estimator.posterior.model.noise_factors import log_prior
+from estimator.posterior.model.noise import log_prior
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Attachments, Predictor
 
@@ -44,7 +44,7 @@ def enumerated(
 
     Args:
         predictor: Computes readings.
-        data: What the robot felt.
+        data: What the robot observed.
         noise: How far readings stray.
         counts: How many values each choice has.
     """
@@ -69,12 +69,12 @@ def _log_evidences(
     values[..., unknowns.continuous] = lengths
     misfits = likelihood.misfits_of(predictor, values.reshape(-1, unknowns.size))
     shared = np.log(likelihood._sides(predictor, values.reshape(-1, unknowns.size)))
-    width = np.ones(len(misfits))
+    noise_scale = np.ones(len(misfits))
     logs = np.full((len(keys), len(lengths)), -np.inf)
     for one, share in zip(NODES, WEIGHTS, strict=True):
         for two, part in zip(NODES, WEIGHTS, strict=True):
             factors = np.tile([one, two], (len(misfits), 1))
-            inlier, outlier = likelihood.terms(misfits, width, factors)
+            inlier, outlier = likelihood.terms(misfits, noise_scale, factors)
             fits = np.logaddexp(inlier - shared, outlier).sum(axis=1).reshape(logs.shape)
             logs = np.logaddexp(logs, fits + np.log(share * part))
     found: Array = logsumexp(logs, axis=1) - np.log(len(lengths))

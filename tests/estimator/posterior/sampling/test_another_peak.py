@@ -42,7 +42,7 @@ LEGS: Final = (
     (0, "back", "up"),
 )
 
-# What a robot with legs of 22, 18, 25 and 15.5 cm felt, the second one at its front: angles (°),
+# Readings of a robot with legs of 22, 18, 25 and 15.5 cm, the second one at its front: angles (°),
 # touch, tilt (°), clearance (mm). In four of them it lies on an edge where a trifle decides.
 FELT: Final = (
     ((29.80, 23.00, -19.84, 27.08), (0, 0, 1, 0), (-7.4822, 0.3077), 8.3),

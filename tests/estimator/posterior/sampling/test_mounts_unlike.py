@@ -76,8 +76,8 @@ def test_where_nothing_was_felt_the_prior_is_believed() -> None:
     legs += [LEG.format(number=n, parent=0, mount=str(3 * n - 3), length=0.2) for n in (3, 4)]
     text = HEAD.replace("share_mounts = false\n", "") + "".join(mounts + legs)
     predictor = predictor_of(text)
-    silent = Observation(angles=(0.0,) * 4, touch=(None,) * 4)
-    posterior = make_sampler(predictor).learn(SensorData.of([silent], MODALITIES, CAP))
+    no_prediction = Observation(angles=(0.0,) * 4, touch=(None,) * 4)
+    posterior = make_sampler(predictor).learn(SensorData.of([no_prediction], MODALITIES, CAP))
     points = np.array([mode.point for mode in posterior.modes])
     shares = np.array([mode.probability for mode in posterior.modes])
     on_body = predictor.unknowns.bodies(points).parent[:, 1] == -1

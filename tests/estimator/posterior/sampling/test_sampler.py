@@ -11,10 +11,10 @@ from estimator.errors import SearchStateError
 from estimator.executors import ThisProcess, WorkerProcesses
 from estimator.posterior.checks.verdict import Fit
 from estimator.posterior.discovery.discovery import Discovery
+from estimator.posterior.model.gauss_newton import GaussNewton
 from estimator.posterior.model.likelihood import Likelihood, Noise
-from estimator.posterior.model.slopes import Lengths
 from estimator.posterior.model.unknowns import Predictor
-from estimator.posterior.sampling import agreement
+from estimator.posterior.sampling import populations
 from estimator.posterior.sampling.evidence import EvidenceEstimator
 from estimator.posterior.sampling.sampler import Effort
 from estimator.posterior.sampling.weighing import drawn
@@ -35,7 +35,7 @@ def little() -> Iterator[None]:
 def test_probabilities_of_attachments_agree_with_enumeration(narrow: Predictor) -> None:
     data = draw(narrow, POINT, programs(3, seed=3), np.random.default_rng(6))
     exact = enumerated(narrow, data, WIDE, (4, 6, 2, 4, 6))
-    effort = Effort(levels=4, width=16, steps=40, rounds=1, draws=800, samples=64)
+    effort = Effort(levels=4, chains_per_level=16, steps=40, rounds=1, draws=800, samples=64)
     posterior = make_sampler(narrow, noise=WIDE, effort=effort, seed=3).learn(data)
     sampled = {mode.attachments: mode.probability for mode in posterior.modes}
     assert distance(sampled, exact) < 0.02
@@ -46,7 +46,7 @@ def test_the_body_is_identified_and_its_lengths_bracketed(predictor: Predictor) 
     posterior = make_sampler(predictor).learn(data)
     assert posterior.modes[0].attachments == predictor.unknowns.keys(POINT[None])[0]
     assert posterior.modes[0].probability > 0.9
-    assert posterior.modes[0].met == (True, True)
+    assert posterior.modes[0].found == (True, True)
     for column in predictor.unknowns.continuous:
         low, high = np.quantile(posterior.values[:, column], (0.005, 0.995))
         assert low - 0.002 < POINT[column] < high + 0.002
@@ -58,8 +58,8 @@ def test_who_moves_the_chains_makes_no_difference(predictor: Predictor) -> None:
     here = make_sampler(predictor, effort=QUICK)
     with WorkerProcesses(2) as workers:
         there = make_sampler(predictor, effort=QUICK, workers=workers)
-        for turns in (1, 2):
-            expected, posterior = here.learn(data[:turns]), there.learn(data[:turns])
+        for interactions in (1, 2):
+            expected, posterior = here.learn(data[:interactions]), there.learn(data[:interactions])
     assert np.array_equal(posterior.values, expected.values)
     assert (there.simulations, there.requested) == (here.simulations, here.requested)
     assert json.dumps(there.state()) == json.dumps(here.state())
@@ -69,7 +69,7 @@ def test_evidence_is_the_integral_over_the_lengths(narrow: Predictor) -> None:
     data = draw(narrow, POINT, programs(3, seed=3), np.random.default_rng(6))
     likelihood = Likelihood(data, WIDE)
     estimator = EvidenceEstimator(narrow, data, likelihood, draws=400)
-    values, _ = Lengths(narrow, data, likelihood).polished(POINT[None])
+    values, _ = GaussNewton(narrow, data, likelihood).polished(POINT[None])
     mode = estimator.of(values[0], values, np.random.default_rng(1))
     grid = (np.arange(20) + 0.5) / 20
     points = np.repeat(POINT[None], 400, axis=0)
@@ -82,7 +82,7 @@ def test_evidence_is_the_integral_over_the_lengths(narrow: Predictor) -> None:
             fits = likelihood.of(misfits, np.ones(400), factors).sum(axis=1)
             total += share * part * float(np.mean(np.exp(fits)))
     assert mode.log_evidence == pytest.approx(np.log(total), abs=0.1)
-    assert mode.effective > 100
+    assert mode.ess > 100
 
 
 @pytest.mark.usefixtures("little")
@@ -90,9 +90,9 @@ def test_nothing_is_certain_while_one_of_two_interactions_is_explained_by_nobody
     predictor: Predictor,
 ) -> None:
     data = draw(predictor, POINT, programs(2), np.random.default_rng(2))
-    assert make_sampler(predictor, effort=QUICK).learn(data).credible
-    data.felt["tilt"].values[1] += 0.6
-    assert not make_sampler(predictor, effort=QUICK).learn(data).credible
+    assert make_sampler(predictor, effort=QUICK).learn(data).adequate_fit
+    data.observed["tilt"].values[1] += 0.6
+    assert not make_sampler(predictor, effort=QUICK).learn(data).adequate_fit
 
 
 class Watched(ThisProcess):
@@ -112,12 +112,12 @@ def test_no_population_goes_on_from_what_only_another_has_met(predictor: Predict
     posterior = make_sampler(predictor, effort=QUICK, workers=watched).learn(
         draw(predictor, POINT, programs(1), np.random.default_rng(2))
     )
-    believed = set(unknowns.keys(posterior.values))
+    summarised = set(unknowns.keys(posterior.values))
     for search in watched.searches:
-        met = set(unknowns.keys(search.best().values))
-        assert believed - met  # some only the other has met
-        cold = search.population.values[: search.population.width]
-        assert set(unknowns.keys(cold)) <= met
+        found = set(unknowns.keys(search.best().values))
+        assert summarised - found  # some only the other has found
+        cold = search.population.values[: search.population.chains_per_level]
+        assert set(unknowns.keys(cold)) <= found
 
 
 def test_where_there_are_many_modes_those_that_are_drawn_stand_for_all() -> None:
@@ -147,10 +147,10 @@ def test_nothing_is_certain_of_four_interactions_that_are_explained_poorly(
 ) -> None:
     data = draw(predictor, POINT, programs(5, seed=4), np.random.default_rng(2))
     monkeypatch.setattr(Discovery, "start_anew", lambda search, steps: None)
-    monkeypatch.setattr(agreement, "fit_of", lambda *body: Fit(unexplained=0, excess=1.5))
+    monkeypatch.setattr(populations, "fit_of", lambda *body: Fit(unexplained=0, excess=1.5))
     believing = make_sampler(predictor, effort=QUICK)
-    assert not believing.learn(data[:4]).credible
-    assert believing.learn(data).credible
+    assert not believing.learn(data[:4]).adequate_fit
+    assert believing.learn(data).adequate_fit
 
 
 @pytest.mark.usefixtures("little")
@@ -160,7 +160,7 @@ def test_a_body_that_fits_poorly_is_searched_for_anew_once(
     data = draw(predictor, POINT, programs(6), np.random.default_rng(2))
     begun: list[Discovery] = []
     monkeypatch.setattr(Discovery, "start_anew", lambda search, steps: begun.append(search))
-    monkeypatch.setattr(agreement, "fit_of", lambda *body: Fit(unexplained=0, excess=1.5))
+    monkeypatch.setattr(populations, "fit_of", lambda *body: Fit(unexplained=0, excess=1.5))
     doubting = make_sampler(predictor, effort=QUICK)
     doubting.learn(data)
     assert begun
@@ -182,7 +182,7 @@ def test_what_explains_too_little_is_searched_for_anew_though_much_explains_as_l
     begun: list[Discovery] = []
     fit = Fit(unexplained=unexplained, excess=excess)
     monkeypatch.setattr(Discovery, "start_anew", lambda search, steps: begun.append(search))
-    monkeypatch.setattr(agreement, "fit_of", lambda *body: fit)
-    monkeypatch.setattr(agreement.Agreement, "few", False)
+    monkeypatch.setattr(populations, "fit_of", lambda *body: fit)
+    monkeypatch.setattr(populations.Agreement, "few", False)
     make_sampler(predictor, effort=QUICK).learn(data)
     assert bool(begun) == anew

@@ -7,7 +7,7 @@ from typing import TypeAlias
 
 import pytest
 
-from estimator.identification.listener import Listener
+from estimator.identification.method import Listener
 from estimator.identification.run import identify
 from estimator.physics.backends import IN_THIS_PROCESS
 from estimator.readings.observation import Observation

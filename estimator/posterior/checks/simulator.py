@@ -1,0 +1,279 @@
+"""The simulator has the last word: samples are reweighted, and admitted, by what it predicts.
+
+Statics finds the posterior. A simulation of some of its samples with a fine time step gives each a
+weight (``recheck``): its likelihood there over its likelihood in statics, under the same mixture.
+
+Where the engines end in different poses, statics of the true body contradicts what was observed,
+and other lengths may explain it. For each interaction in turn (``leave_one_out_check``) bodies that
+explain all others are therefore drawn, and those that statics contradicts there are simulated in
+it. What the simulator confirms belongs to the posterior as well.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from estimator.body.morphology import Array, Morphology
+from estimator.physics.base import Physics, WorldSettings
+from estimator.posterior.model.gauss_newton import GaussNewton
+from estimator.posterior.model.likelihood import FORKS, Likelihood, Noise, apart
+from estimator.posterior.model.sensor_data import SensorData
+from estimator.posterior.model.special import logsumexp, softmax
+from estimator.posterior.model.unknowns import Attachments, Predictor
+from estimator.posterior.posterior import Mode, Posterior, systematic
+
+SAMPLES: Final = 16
+"""Samples simulated, shared out among the modes by their probability."""
+
+STEP: Final = 1 / 240  # s
+
+_REST_WINDOW: Final = 0.3  # s
+
+_RIVALS: Final = 6  # modes that are simulated, at most
+_WORTH: Final = 0.005  # probability of a mode that is simulated
+_FEWEST: Final = 3  # samples of a mode
+
+
+def fine(world: WorldSettings) -> WorldSettings:
+    """The world with the fine time step, in which bodies are read when a robot would be."""
+    steps = round(world.steps * world.step / STEP)
+    return replace(world, step=STEP, steps=steps, rest_window=_REST_WINDOW)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recheck:
+    """A posterior that was reweighted by the simulator.
+
+    Attributes:
+        posterior: The posterior with its weights.
+        ess: Effective sample size of the simulated samples.
+        simulated: How many samples were simulated.
+    """
+
+    posterior: Posterior
+    ess: float
+    simulated: int
+
+
+def recheck(
+    posterior: Posterior,
+    predictor: Predictor,
+    data: SensorData,
+    noise: Noise,
+    reference: Physics,
+) -> Recheck:
+    """Reweights a posterior by a simulator.
+
+    Args:
+        posterior: Found with statics.
+        predictor: Statics.
+        data: The observations.
+        noise: Sensor noise.
+        reference: The simulator.
+    """
+    unknowns = predictor.unknowns
+    keys = unknowns.keys(posterior.values)
+    values, scales, owners = [], [], []
+    modes = [mode for mode in posterior.modes[:_RIVALS] if mode.probability >= _WORTH]
+    modes = modes or list(posterior.modes[:1])
+    for index, mode in enumerate(modes):
+        rows = [row for row, key in enumerate(keys) if key == mode.attachments]
+        count = max(_FEWEST, round(SAMPLES * mode.probability))
+        chosen = rows[:: max(1, len(rows) // count)][:count]
+        values.append(posterior.values[chosen] if chosen else mode.point[None])
+        scales.append(posterior.scales[chosen] if chosen else np.zeros((1, 2)))
+        owners += [index] * max(1, len(chosen))
+    points, factors, owner = np.concatenate(values), np.concatenate(scales), np.array(owners)
+    likelihood = Likelihood(data, noise)
+    known = likelihood.misfits_of(predictor, points)
+    by_statics = likelihood.of(known, scales=factors).sum(axis=1)
+    interactions = np.tile(np.arange(len(data)), len(points))
+    bodies = unknowns.decode_all(points)
+    pairs = [(body, program) for body in bodies for program in data.programs]
+    misfits = data.misfits(reference.read(pairs), interactions)
+    misfits = misfits.reshape(known.shape)
+    misfits = np.where(_forks(predictor, points, data, noise)[..., None], known, misfits)
+    simulated = likelihood.of(misfits, scales=factors).sum(axis=1)
+    ratios = simulated - by_statics
+    logs = np.log([mode.probability for mode in modes])
+    logs += [
+        logsumexp(ratios[owner == index]) - np.log(np.sum(owner == index))
+        for index in range(len(modes))
+    ]
+    probabilities = softmax(logs) * sum(mode.probability for mode in modes)
+    weights = softmax(ratios)
+    better = [
+        replace(
+            mode, probability=float(probability), point=_best(points, simulated, owner == index)
+        )
+        for index, (mode, probability) in enumerate(zip(modes, probabilities, strict=True))
+    ]
+    others = [mode for mode in posterior.modes if mode not in modes]
+    return Recheck(
+        posterior=_reweighted(posterior, keys, modes, better, others),
+        ess=float(1 / np.sum(weights**2)),
+        simulated=len(points),
+    )
+
+
+def simulated_fits(
+    bodies: Sequence[Morphology], one: SensorData, noise: Noise, reference: Physics
+) -> Array:
+    """Log-likelihoods of n bodies in one interaction by the simulator, shape (n,)."""
+    readings = reference.read([(body, one.programs[0]) for body in bodies])
+    misfits = one.misfits(readings, np.zeros(len(bodies), dtype=np.intp))
+    fits: Array = Likelihood(one, noise).of(misfits[:, None])[:, 0]
+    return fits
+
+
+def _best(points: Array, fits: Array, chosen: Array) -> Array:
+    rows = np.flatnonzero(chosen)
+    best: Array = points[rows[np.argmax(fits[rows])]]
+    return best
+
+
+def _reweighted(
+    posterior: Posterior,
+    keys: Sequence[tuple[int, ...]],
+    before: Sequence[Mode],
+    after: Sequence[Mode],
+    others: Sequence[Mode],
+) -> Posterior:
+    factor = {
+        one.attachments: new.probability / one.probability
+        for one, new in zip(before, after, strict=True)
+    }
+    weights = posterior.weights * np.array([factor.get(key, 1.0) for key in keys])
+    return replace(
+        posterior,
+        weights=weights / weights.sum(),
+        modes=tuple(sorted([*after, *others], key=lambda mode: -mode.probability)),
+    )
+
+
+def _forks(predictor: Predictor, points: Array, data: SensorData, noise: Noise) -> Array:
+    """Where a small inclination of gravity changes the branch a body falls to, shape (n, k)."""
+    plumb = predictor.read_all(points, data.programs)
+    forks = np.zeros(len(plumb), dtype=bool)
+    for lean in FORKS:
+        forks |= apart(plumb, predictor.read_all(points, data.programs, lean), noise)
+    return forks.reshape(len(points), len(data))
+
+
+_DRAWS: Final = 64  # bodies for each interaction that is left out
+_SIMULATED: Final = 12  # of the draws of one interaction
+_CONTRADICTED: Final = 6.0  # nats less than the best body has
+_FEWEST_DRAWS: Final = 4.0  # effective number of draws that may stand for others
+_WIDE: Final = 1.5  # factor on the proposal's spread
+_LITTLE: Final = 0.01  # share of the posterior that is not worth adding
+
+
+def leave_one_out_check(
+    posterior: Posterior,
+    predictor: Predictor,
+    data: SensorData,
+    noise: Noise,
+    *,
+    reference: Physics,
+    like: Collection[Attachments],
+    rng: np.random.Generator,
+) -> Posterior:
+    """The posterior with the lengths that only the simulator admits.
+
+    Args:
+        posterior: Of bodies that explain the readings by statics.
+        predictor: Statics.
+        data: The observations.
+        noise: Sensor noise.
+        reference: The simulator.
+        like: The first mode's attachments, and such as no sensor can tell from them: in the places
+            of their samples come the added bodies.
+        rng: Draws bodies.
+    """
+    if len(data) < 2 or not predictor.unknowns.continuous.size:
+        return posterior
+    best = posterior.modes[0].point
+    likelihood = Likelihood(data, noise)
+    highest = _fits(likelihood, predictor, best[None])[0]
+    evidence = highest.sum() - _log_density_at(GaussNewton(predictor, data, likelihood), best)
+    added, shares = [], []
+    for interaction in range(len(data)):
+        rest = data[np.delete(np.arange(len(data)), interaction)]
+        draws, log_density = _draws(
+            best, GaussNewton(predictor, rest, Likelihood(rest, noise)), predictor, rng
+        )
+        fits = _fits(likelihood, predictor, draws)
+        others = np.delete(fits, interaction, axis=1).sum(axis=1)
+        contradicted = fits[:, interaction] < highest[interaction] - _CONTRADICTED
+        explains = others > highest.sum() - highest[interaction] - _CONTRADICTED
+        rows = np.flatnonzero(contradicted & explains)
+        if not rows.size:
+            continue
+        tried = predictor.unknowns.decode_all(draws[rng.permutation(rows)[:_SIMULATED]])
+        observed = simulated_fits(tried, data[interaction : interaction + 1], noise, reference)
+        # which of them the simulator confirms is chance: there a trifle decides
+        logs = others - log_density - math.log(_DRAWS)
+        confirmed = logs[rows] + logsumexp(observed) - math.log(len(observed))
+        as_stated = logsumexp((logs + fits[:, interaction])[~contradicted])
+        # by the evidence, should the draws not come near the lengths of the posterior
+        share = float(softmax(np.array([logsumexp(confirmed), max(as_stated, evidence)]))[0])
+        probable = softmax(confirmed)
+        if share > _LITTLE and _FEWEST_DRAWS * np.sum(probable**2) < 1.0:
+            added.append((draws[rows], probable))
+            shares.append(share)
+    if not added:
+        return posterior
+    kept = systematic(posterior.weights, len(posterior.values), float(rng.random()))
+    values, keys = posterior.values[kept], predictor.unknowns.keys(posterior.values[kept])
+    own = [row for row, key in enumerate(keys) if key in like]
+    values[own] = _mixed(values[own], added, np.array(shares), rng)
+    return replace(
+        posterior,
+        values=values,
+        scales=posterior.scales[kept],
+        weights=np.full(len(values), 1.0 / len(values)),
+    )
+
+
+def _draws(
+    best: Array, solver: GaussNewton, predictor: Predictor, rng: np.random.Generator
+) -> tuple[Array, Array]:
+    """Bodies around the lengths that fit best, and the logarithm of their density."""
+    points, _ = solver.polished(best[None])
+    columns = predictor.unknowns.continuous
+    normal = rng.standard_normal((_DRAWS, columns.size))
+    covariance = np.linalg.inv(solver.slopes(points).precision[0])
+    draws = np.tile(points[0], (_DRAWS, 1))
+    draws[:, columns] += normal @ (_WIDE * np.linalg.cholesky(covariance)).T
+    highest = _log_density_at(solver, points[0]) - columns.size * math.log(_WIDE)
+    inside = np.all((draws[:, columns] >= 0) & (draws[:, columns] <= 1), axis=1)
+    return draws[inside], (highest - 0.5 * np.sum(normal**2, axis=1))[inside]
+
+
+def _log_density_at(solver: GaussNewton, best: Array) -> float:
+    """Of the normal distribution that a posterior resembles, at its middle."""
+    precision = solver.slopes(best[None]).precision[0]
+    return float(0.5 * np.linalg.slogdet(precision / (2 * math.pi))[1])
+
+
+def _fits(likelihood: Likelihood, predictor: Predictor, points: Array) -> Array:
+    """Log-likelihoods of n points in k interactions, shape (n, k)."""
+    return likelihood.of(likelihood.misfits_of(predictor, points))
+
+
+def _mixed(
+    values: Array, added: list[tuple[Array, Array]], shares: Array, rng: np.random.Generator
+) -> Array:
+    """The samples with the added bodies in the places of some of them, by their shares."""
+    odds = shares / np.maximum(1.0 - shares, _LITTLE)
+    counts = np.rint(len(values) * odds / (1.0 + odds.sum())).astype(int)
+    mixed = values.copy()
+    places = np.split(rng.permutation(len(values)), np.cumsum(counts))
+    for (bodies, probable), rows in zip(added, places, strict=False):  # the rest stays
+        mixed[rows] = bodies[rng.choice(len(bodies), len(rows), p=probable)]
+    return mixed

@@ -1,0 +1,202 @@
+"""Proposals of the sampler, all of them symmetric: as likely there as back.
+
+The prior is uniform on the unit cube, so a proposal is accepted by the likelihood alone.
+"""
+
+from __future__ import annotations
+
+import math
+from enum import IntEnum
+from itertools import product
+from typing import Final
+
+import numpy as np
+
+from estimator.body.morphology import Array
+from estimator.posterior.model.unknowns import Columns, Unknowns
+
+_SMALLEST: Final = 0.001  # of a length's range: the scales of random steps, log-uniform
+_LARGEST: Final = 0.2  # and the largest of them
+_ALL_LENGTHS: Final = 0.5  # of the random steps move all lengths, the others some
+_SOME: Final = 0.3  # chance of each length to be moved then
+_JITTER: Final = 1e-4  # of a length's range, added to steps along differences
+_HINGED_ANEW: Final = 0.5  # of the parts that change places
+
+
+class Move(IntEnum):
+    """What one proposal changes."""
+
+    LENGTHS = 0
+    DIFFERENCE = 1
+    ONE_GENE = 2
+    TWO_GENES = 3
+    PART = 4
+    SWAP = 5
+
+
+_SHARES: Final = (0.35, 0.25, 0.2, 0.1, 0.1)
+_SHARES_WITH_SWAPS: Final = (0.3, 0.2, 0.2, 0.1, 0.1, 0.1)
+"""Where parts may not share mounts, so that they can only change places."""
+
+
+def propose(
+    values: Array, rows: Columns, partners: Columns, unknowns: Unknowns, rng: np.random.Generator
+) -> Array:
+    """A new point for some of the chains.
+
+    Args:
+        values: All chains, shape (n, size).
+        rows: Chains to be moved, shape (m,).
+        partners: For each of them two chains that stand still meanwhile, shape (m, 2); their
+            difference is a direction.
+        unknowns: The cube.
+        rng: The population's own.
+
+    Returns:
+        Shape (m, size).
+    """
+    fresh = values[rows]
+    shares = _SHARES_WITH_SWAPS if unknowns.places else _SHARES
+    kinds = rng.choice(len(shares), len(rows), p=shares)
+    lengths = unknowns.continuous
+    if lengths.size:
+        chosen = np.flatnonzero(kinds == Move.LENGTHS)
+        steps = _random_steps(len(chosen), lengths.size, rng)
+        fresh[np.ix_(chosen, lengths)] = reflected(fresh[np.ix_(chosen, lengths)] + steps)
+        chosen = np.flatnonzero(kinds == Move.DIFFERENCE)
+        directions = values[partners[chosen]][:, :, lengths]
+        steps = _factors(len(chosen), lengths.size, rng) * (directions[:, 0] - directions[:, 1])
+        steps += rng.normal(0, _JITTER, steps.shape)
+        fresh[np.ix_(chosen, lengths)] = reflected(fresh[np.ix_(chosen, lengths)] + steps)
+    for kind, count in ((Move.ONE_GENE, 1), (Move.TWO_GENES, 2)):
+        chosen = np.flatnonzero(kinds == kind)
+        for _ in range(count):
+            columns = rng.integers(unknowns.size, size=chosen.size)
+            fresh[chosen, columns] = rng.random(chosen.size)
+    chosen = np.flatnonzero(kinds == Move.PART)
+    which = rng.integers(len(unknowns.parts), size=chosen.size)
+    for part, columns in enumerate(unknowns.parts):
+        those = chosen[which == part]
+        fresh[np.ix_(those, columns)] = rng.random((those.size, columns.size))
+    if unknowns.places:
+        exchange_places(fresh, values[rows], unknowns)
+        _swap(fresh, np.flatnonzero(kinds == Move.SWAP), unknowns, rng)
+    return fresh
+
+
+def _swap(fresh: Array, chosen: Columns, unknowns: Unknowns, rng: np.random.Generator) -> None:
+    """Exchanges the places of two parts, in some of the points, and may hinge both anew.
+
+    A leg in another's place with another hinge often feels much like the other.
+    """
+    which = rng.integers(len(unknowns.places), size=chosen.size)
+    for kind, (columns, hinges) in enumerate(zip(unknowns.places, unknowns.hinges, strict=True)):
+        rows = chosen[which == kind][:, None]
+        first = rng.integers(len(columns), size=rows.size)
+        second = (first + rng.integers(1, len(columns), size=rows.size)) % len(columns)
+        one, other = fresh[rows, columns[first]], fresh[rows, columns[second]]
+        fresh[rows, columns[first]], fresh[rows, columns[second]] = other, one
+        anew = rng.random(rows.size) < _HINGED_ANEW
+        for part, own in enumerate(hinges):
+            those = rows[anew & ((first == part) | (second == part)), 0]
+            fresh[np.ix_(those, own)] = rng.random((those.size, own.size))
+
+
+def exchange_parts(
+    one: Array, other: Array, unknowns: Unknowns, rng: np.random.Generator
+) -> tuple[Array, Array]:
+    """Pairs of points with one part of theirs exchanged, to be accepted together.
+
+    Args:
+        one: Shape (n, size).
+        other: Points of the cube, shape (n, size).
+        unknowns: The cube.
+        rng: The population's own.
+    """
+    first, second = one.copy(), other.copy()
+    which = rng.integers(len(unknowns.parts), size=len(one))
+    for part, columns in enumerate(unknowns.parts):
+        cells = np.ix_(np.flatnonzero(which == part), columns)
+        first[cells], second[cells] = other[cells], one[cells]
+    return first, second
+
+
+def reflected(values: Array) -> Array:
+    """Values folded back into 0 to 1 at its ends."""
+    folded = np.mod(np.abs(values), 2.0)
+    return np.where(folded > 1, 2.0 - folded, folded)
+
+
+def _random_steps(count: int, lengths: int, rng: np.random.Generator) -> Array:
+    share = np.where(rng.random((count, 1)) < _ALL_LENGTHS, 1.0, _SOME)
+    moved = rng.random((count, lengths)) < share
+    moved[np.arange(count), rng.integers(lengths, size=count)] = True
+    scale = np.exp(rng.uniform(math.log(_SMALLEST), math.log(_LARGEST), (count, 1)))
+    return rng.normal(size=(count, lengths)) * scale * moved
+
+
+def _factors(count: int, lengths: int, rng: np.random.Generator) -> Array:
+    """Lengths of steps along differences (ter Braak 2006), and now and then a whole one."""
+    usual = 2.38 / math.sqrt(2 * lengths)
+    whole = rng.random((count, 1)) < 0.2
+    return np.where(whole, 1.0, usual) * np.exp(rng.uniform(-1.5, 0.2, (count, 1)))
+
+
+_RANDOM: Final = 800  # points, where parents are unknown
+_LENGTHS: Final = 16  # tried with each choice, where they are known
+
+
+def other_attachments(
+    leader: Array, columns: Columns, unknowns: Unknowns, rng: np.random.Generator
+) -> Array:
+    """Points that differ from a leader in one part's row.
+
+    Each mount with each hinge and several lengths, where the part's parent is known; else random
+    rows. A part that takes another's place leaves its own to it, where no two may share one.
+
+    Args:
+        leader: Shape (size,).
+        columns: The part's: one of ``Unknowns.parts``.
+        unknowns: The cube.
+        rng: Draws lengths, and rows.
+
+    Returns:
+        Shape (n, size).
+    """
+    counts = unknowns.counts[columns]
+    if unknowns.parents[columns].any() or not counts.any():
+        points = np.repeat(leader[None], _RANDOM, axis=0)
+        points[:, columns] = rng.random((_RANDOM, columns.size))
+        return unknowns.permitted(points)
+    cells = np.array(list(product(*map(range, counts[counts > 0])))) + 0.5
+    leaders = np.repeat(leader[None], len(cells) * _LENGTHS, axis=0)
+    points = leaders.copy()
+    points[:, columns] = rng.random((len(points), columns.size))
+    points[:, columns[counts > 0]] = np.repeat(cells / counts[counts > 0], _LENGTHS, axis=0)
+    exchange_places(points, leaders, unknowns)
+    return unknowns.permitted(points)
+
+
+def exchange_places(points: Array, before: Array, unknowns: Unknowns) -> None:
+    """Moves who sat on a mount that another part has come to sit on to where that one was.
+
+    Only where parents are known, and where one part alone has moved: there, a symmetric proposal
+    stays symmetric, since the two have exactly each other's genes.
+
+    Args:
+        points: Shape (n, size); changed in place.
+        before: What they were.
+        unknowns: The cube.
+    """
+    for places in unknowns.places:
+        if places.shape[1] > 1 or unknowns.parents[places].any():
+            continue
+        mounts = places[:, 0]
+        now, then = (unknowns.decided(values)[:, mounts] for values in (points, before))
+        moved = now != then
+        part = np.argmax(moved, axis=1)
+        rows = np.arange(len(points))
+        taken = (now == now[rows, part][:, None]) & ~moved
+        pair = np.flatnonzero((moved.sum(axis=1) == 1) & (taken.sum(axis=1) == 1))
+        own, other = mounts[part[pair]], mounts[np.argmax(taken[pair], axis=1)]
+        points[pair, own], points[pair, other] = before[pair, other], before[pair, own]

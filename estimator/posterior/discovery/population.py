@@ -1,0 +1,275 @@
+"""A population of chains on levels of noise: evolutionary Monte Carlo (Liang and Wong 2001).
+
+A genetic algorithm whose selection is Metropolis's. Level 0 has the posterior as its target; on the
+levels above, the noise of the readings is taken to be wider, so that a body is guided from 20° away
+(an exponent on the likelihood would leave it on the plateau of the outliers). Neighbouring levels
+exchange their chains. Of each chain the misfits are kept, so an exchange costs no simulation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final, Self
+
+import numpy as np
+
+from estimator.body.morphology import Array
+from estimator.posterior.discovery.moves import exchange_parts, propose
+from estimator.posterior.model.likelihood import Likelihood, Noise
+from estimator.posterior.model.noise import drawn_scales, log_prior
+from estimator.posterior.model.sensor_data import BRANCH, MISFITS, SensorData
+from estimator.posterior.model.unknowns import Columns, Predictor
+
+HOTTEST: Final = 25.0
+"""Factor on the noise on the hottest level."""
+
+EVERY: Final = 5
+"""Steps between two samples."""
+
+_CROSSINGS: Final = 0.25  # per step
+_SCALE_STEP: Final = 0.3  # standard deviation of a step of a factor's logarithm
+
+
+class Population:
+    """Chains of one population; draw from it with ``step`` once it has observed something.
+
+    Args:
+        predictor: Its own.
+        rng: Its own.
+        values: Points of the cube, level by level, shape (levels · chains_per_level, size).
+        scales: Logarithms of the factors on tilt's and clearance's noise, shape (…, 2).
+        levels: How many the points are of, equally many on each: a multiple of 4.
+
+    Attributes:
+        values: As above, like ``scales`` and ``levels``.
+        chains_per_level: Chains on a level.
+        hasty: Whether every proposal is taken to fall to the side to which its chain has fallen,
+            which costs less; only before sampling.
+    """
+
+    def __init__(
+        self,
+        predictor: Predictor,
+        rng: np.random.Generator,
+        values: Array,
+        scales: Array,
+        *,
+        levels: int = 1,
+    ) -> None:
+        self._predictor = predictor
+        self._rng = rng
+        self.values = values
+        self.scales = scales
+        self.levels = levels
+        self.chains_per_level = len(values) // levels
+        self._noise_scales = np.repeat(HOTTEST ** np.linspace(0, 1, levels), self.chains_per_level)
+        self._misfits = np.zeros((len(values), 0, MISFITS))
+        self._fits = np.zeros((len(values), 0))
+
+    @classmethod
+    def of_prior(
+        cls, predictor: Predictor, rng: np.random.Generator, *, levels: int, chains_per_level: int
+    ) -> Self:
+        """Chains that are drawn from the prior, ``chains_per_level`` of them on each level."""
+        values = rng.random((levels * chains_per_level, predictor.unknowns.size))
+        return cls(
+            predictor,
+            rng,
+            predictor.unknowns.permitted(values),
+            drawn_scales((levels * chains_per_level, 2), rng),
+            levels=levels,
+        )
+
+    def observe(self, data: SensorData, noise: Noise, *, surely: bool) -> None:
+        """Takes in all that was observed so far; the chains stay where they are.
+
+        Args:
+            data: All of it.
+            noise: Sensor noise.
+            surely: As in ``Likelihood.misfits_of``, and hastily: for chains that search.
+        """
+        self._data, self._noise = data, noise
+        self._surely = self.hasty = surely
+        self._likelihood = Likelihood(data, noise)
+        self._look(slice(None))
+
+    def restart(self, level: int) -> None:
+        """Draws the chains from a level upward from the prior; only before sampling."""
+        hot = slice(level * self.chains_per_level, None)
+        fresh = self._rng.random(self.values[hot].shape)
+        self.values[hot] = self._predictor.unknowns.permitted(fresh)
+        self.scales[hot] = drawn_scales(self.scales[hot].shape, self._rng)
+        self._look(hot)
+
+    def replace_coldest(self, values: Array, scales: Array) -> None:
+        """Puts other points on level 0, shape (chains_per_level, size); only before sampling."""
+        cold = slice(0, self.chains_per_level)
+        self.values[cold], self.scales[cold] = values, scales
+        self._look(cold)
+
+    def step(self) -> None:
+        """Moves every chain once, and exchanges levels. The joint target is left invariant."""
+        everyone = np.arange(len(self.values))
+        for half in (0, 1):
+            self._move(everyone[half::2], everyone[1 - half :: 2])
+        if self._rng.random() < _CROSSINGS:
+            self._cross()
+        self._rescale(slice(None))
+        self._exchange_levels()
+
+    def coldest(self) -> Self:
+        """The chains of level 0 by themselves, no longer hasty: what they go on to is samples."""
+        cold = slice(0, self.chains_per_level)
+        chains = type(self)(
+            self._predictor, self._rng, self.values[cold].copy(), self.scales[cold].copy()
+        )
+        chains.observe(self._data, self._noise, surely=False)
+        return chains
+
+    def posterior_fits(self, levels: int) -> Array:
+        """Log-likelihood of the chains of the lowest levels under level 0's noise, shape (n,).
+
+        The noise factors are integrated out, not the chains' own: bodies are compared by it.
+        """
+        return self._likelihood.integrated(self._misfits[: levels * self.chains_per_level])
+
+    def state(self) -> Mapping[str, Any]:
+        """All that ``from_state`` needs, for JSON."""
+        return {
+            "levels": self.levels,
+            "values": self.values.tolist(),
+            "scales": self.scales.tolist(),
+            "random": self._rng.bit_generator.state,
+        }
+
+    @classmethod
+    def from_state(cls, state: Mapping[str, Any], predictor: Predictor) -> Self:
+        """The population as it was; it has to observe again."""
+        rng = np.random.default_rng()
+        rng.bit_generator.state = state["random"]
+        values, scales = (np.array(state[name], dtype=float) for name in ("values", "scales"))
+        return cls(predictor, rng, values, scales, levels=int(state["levels"]))
+
+    def _branches(self, chains: Columns, interactions: Columns) -> Array | None:
+        """Branches (numbers of ``LEANS``) of the chains, which hasty proposals keep."""
+        return self._misfits[chains, interactions, BRANCH] if self.hasty else None
+
+    def _look(self, rows: slice) -> None:
+        misfits = self._likelihood.misfits_of(
+            self._predictor, self.values[rows], surely=self._surely
+        )
+        if self._misfits.shape[1] != len(self._data):
+            self._misfits = misfits
+        else:
+            self._misfits[rows] = misfits
+        self._fits = self._likelihood.of(self._misfits, self._noise_scales, self.scales)
+
+    def _move(self, rows: Columns, still: Columns) -> None:
+        """Proposes for half of the chains, with early and exact rejection.
+
+        The acceptance number is drawn first. Interactions are tried one by one, those that the
+        chain itself fits best before the others, since there a change will hurt most; a proposal
+        is given up once even perfect fits in the rest could not be enough.
+        """
+        rng, count = self._rng, len(self._data)
+        half = self.chains_per_level // 2
+        level = rows // self.chains_per_level
+        first = rng.integers(half, size=rows.size)
+        second = (first + rng.integers(1, half, size=rows.size)) % half
+        partners = np.stack([still[level * half + first], still[level * half + second]], axis=1)
+        fresh = propose(self.values, rows, partners, self._predictor.unknowns, rng)
+        limits = np.log(rng.random(rows.size)) + self._fits[rows].sum(axis=1)
+        order = np.argsort(-self._fits[rows], axis=1, kind="stable")
+        noise_scales, scales = self._noise_scales[rows], self.scales[rows]
+        misfits = np.zeros((rows.size, count, MISFITS))
+        fits = self._likelihood.best(noise_scales, scales)
+        bodies = self._predictor.unknowns.bodies(fresh)
+        alive = np.flatnonzero(~self._predictor.unknowns.forbidden(fresh))
+        start, simulated = 0, 0
+        while start < count and alive.size:
+            end = min(count, 2 * start + 1)
+            models = np.repeat(alive, end - start)
+            interactions = order[alive, start:end].ravel()
+            simulated += models.size
+            misfits[models, interactions] = self._likelihood.misfits_at(
+                self._predictor,
+                bodies,
+                models,
+                interactions,
+                branches=self._branches(rows[models], interactions),
+            )
+            fits[models, interactions] = self._likelihood.of(
+                misfits[models, interactions][:, None],
+                noise_scales[models],
+                scales[models],
+                interactions[:, None],
+            )[:, 0]
+            alive = alive[fits[alive].sum(axis=1) > limits[alive]]
+            start = end
+        self._predictor.spared += rows.size * count - simulated
+        taken = rows[alive]
+        self.values[taken], self._misfits[taken] = fresh[alive], misfits[alive]
+        self._fits[taken] = fits[alive]
+
+    def _cross(self) -> None:
+        """Exchanges a part between chains of one level, in pairs that accept together."""
+        rng = self._rng
+        chains = np.arange(len(self.values)).reshape(self.levels, self.chains_per_level)
+        one, other = np.split(rng.permuted(chains, axis=1), 2, axis=1)
+        pair = np.concatenate([one.ravel(), other.ravel()])
+        half = len(pair) // 2
+        fresh = np.concatenate(
+            exchange_parts(
+                self.values[pair[:half]], self.values[pair[half:]], self._predictor.unknowns, rng
+            )
+        )
+        allowed = ~self._predictor.unknowns.forbidden(fresh).reshape(2, half).any(axis=0)
+        pair, fresh = pair[np.tile(allowed, 2)], fresh[np.tile(allowed, 2)]
+        count = len(self._data)
+        which, interactions = (
+            np.repeat(np.arange(len(pair)), count),
+            np.tile(np.arange(count), len(pair)),
+        )
+        misfits = self._likelihood.misfits_at(
+            self._predictor,
+            self._predictor.unknowns.bodies(fresh),
+            which,
+            interactions,
+            branches=self._branches(pair[which], interactions),
+        ).reshape(len(pair), count, MISFITS)
+        fits = self._likelihood.of(misfits, self._noise_scales[pair], self.scales[pair])
+        gain = (fits - self._fits[pair]).sum(axis=1).reshape(2, -1).sum(axis=0)
+        accepted = np.tile(np.log(rng.random(len(gain))) < gain, 2)
+        taken = pair[accepted]
+        self.values[taken], self._misfits[taken] = fresh[accepted], misfits[accepted]
+        self._fits[taken] = fits[accepted]
+
+    def _rescale(self, rows: slice) -> None:
+        """Moves the noise factors, which costs no simulation."""
+        rng, old = self._rng, self.scales[rows]
+        fresh = old + rng.normal(0, _SCALE_STEP, old.shape) * (rng.random(old.shape) < 0.5)
+        fits = self._likelihood.of(self._misfits[rows], self._noise_scales[rows], fresh)
+        prior = (log_prior(fresh) - log_prior(old)).sum(axis=1)
+        gain = (fits - self._fits[rows]).sum(axis=1) + prior
+        accepted = np.flatnonzero(np.log(rng.random(len(old))) < gain)
+        taken = np.arange(len(self.values))[rows][accepted]
+        self.scales[taken], self._fits[taken] = fresh[accepted], fits[accepted]
+
+    def _exchange_levels(self) -> None:
+        rng, count = self._rng, self.chains_per_level
+        for start in (0, 1):
+            lower = np.arange(start, self.levels - 1, 2)
+            cold = (lower[:, None] * count + np.arange(count)).ravel()
+            hot = rng.permuted(cold.reshape(-1, count) + count, axis=1).ravel()
+            up = self._likelihood.of(
+                self._misfits[cold], self._noise_scales[hot], self.scales[cold]
+            )
+            down = self._likelihood.of(
+                self._misfits[hot], self._noise_scales[cold], self.scales[hot]
+            )
+            gain = (up + down - self._fits[cold] - self._fits[hot]).sum(axis=1)
+            accepted = np.log(rng.random(cold.size)) < gain
+            a, b = cold[accepted], hot[accepted]
+            for array in (self.values, self.scales, self._misfits):
+                array[a], array[b] = array[b], array[a]
+            self._fits[a], self._fits[b] = down[accepted], up[accepted]

@@ -1,0 +1,113 @@
+"""Which samples are observationally equivalent to the attachments of the best body.
+
+A sample is held against the body that has its lengths and the first mode's attachments: a leg that
+is too short to reach the ground feels the same on any hinge, a longer one does not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Final, TypeAlias
+
+import numpy as np
+
+from estimator.body.arrays import Flags
+from estimator.body.morphology import Array
+from estimator.physics.equivalence import MARGIN, indistinguishable
+from estimator.posterior.model.unknowns import Predictor
+from estimator.posterior.posterior import Mode, Posterior
+
+Indistinguishable: TypeAlias = Callable[[Array, Array], Flags]
+"""Of two arrays of n points, whether body by body no sensor discriminates between them."""
+
+_COMPARED: Final = 0.002  # probability of a mode that is compared
+
+
+def indistinguishable_points(
+    predictor: Predictor,
+    movements: Array,
+    modalities: Sequence[str],
+    ones: Array,
+    others: Array,
+) -> Flags:
+    """Whether bodies are indistinguishable, pair by pair; see ``physics.equivalence``.
+
+    Args:
+        predictor: Computes readings.
+        movements: Motor programs, rad, shape (m, motors).
+        modalities: Sensors that may discriminate between bodies.
+        ones: Points of the cube, shape (n, size).
+        others: Points of the bodies that they are compared with, shape (n, size).
+
+    Returns:
+        Shape (n,).
+    """
+    first, second = (predictor.unknowns.bodies(points) for points in (ones, others))
+    return indistinguishable(
+        lambda rows, programs: predictor.read(first, rows, movements[programs]),
+        lambda rows, programs: predictor.read(second, rows, movements[programs]),
+        lambda rows, programs: predictor.margins(first, rows, movements[programs], most=2 * MARGIN),
+        (len(ones), len(movements)),
+        modalities,
+    )
+
+
+def probability_of(
+    point: Array, posterior: Posterior, predictor: Predictor, alike: Indistinguishable
+) -> float:
+    """How probable a body's attachments are by a posterior, up to what no sensor can tell.
+
+    Args:
+        point: The body, shape (size,).
+        posterior: Its samples are held against bodies of their lengths with these attachments.
+        predictor: Knows which columns are lengths.
+        alike: The test.
+    """
+    unknowns = predictor.unknowns
+    others = np.tile(point, (len(posterior.values), 1))
+    others[:, unknowns.continuous] = posterior.values[:, unknowns.continuous]
+    (theirs,) = unknowns.keys(point[None])
+    same = np.array([key == theirs for key in unknowns.keys(posterior.values)])
+    same[~same] = alike(others[~same], posterior.values[~same])
+    return float(posterior.weights @ same)
+
+
+def indistinguishable_shares(
+    modes: Sequence[Mode], posterior: Posterior, predictor: Predictor, alike: Indistinguishable
+) -> Array:
+    """How much of each mode no sensor can tell from the first mode's attachments.
+
+    Args:
+        modes: The first of the posterior's.
+        posterior: Has the samples that stand for each mode; of a mode without any its best body
+            stands for it.
+        predictor: Knows which columns are lengths.
+        alike: The test.
+
+    Returns:
+        From 0 to 1, shape (modes,); 1 for the first.
+    """
+    unknowns = predictor.unknowns
+    numbers = {mode.attachments: number for number, mode in enumerate(modes)}
+    of_samples = np.array([numbers.get(key, 0) for key in unknowns.keys(posterior.values)])
+    rows = np.flatnonzero(of_samples)
+    bare = [
+        number
+        for number, mode in enumerate(modes)
+        if number and mode.probability > _COMPARED and number not in of_samples
+    ]
+    points = np.vstack([posterior.values[rows], *(modes[number].point for number in bare)])
+    owners = np.concatenate([of_samples[rows], bare]).astype(np.int64)
+    weights = np.concatenate([posterior.weights[rows], np.ones(len(bare))])
+    shares = np.zeros(len(modes))
+    shares[0] = 1.0
+    if not len(points):
+        return shares
+    others = np.tile(modes[0].point, (len(points), 1))
+    others[:, unknowns.continuous] = points[:, unknowns.continuous]
+    same = alike(others, points)
+    whole = np.bincount(owners, weights, len(modes))
+    part = np.bincount(owners, weights * same, len(modes))
+    np.divide(part, whole, out=shares, where=whole > 0)
+    shares[0] = 1.0
+    return shares

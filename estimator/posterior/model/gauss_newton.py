@@ -1,0 +1,231 @@
+"""How readings change with a body's lengths, and which lengths therefore fit best.
+
+A resting pose is a smooth function of the lengths between one set of contacts and the next, so a
+few Gauss-Newton steps find the best lengths of a set of attachments. Interactions count by how
+surely they are no outliers, under noise that narrows from step to step.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from estimator.body.morphology import Array
+from estimator.posterior.model.likelihood import LEANS, Likelihood
+from estimator.posterior.model.noise import step_weight
+from estimator.posterior.model.sensor_data import BRANCH, MISFITS, SensorData
+from estimator.posterior.model.unknowns import Columns, Predictor
+
+ROUGH: Final = 4.0
+"""Factor on the noise under which bodies are compared whose lengths are not right yet."""
+
+_WIDE: Final = (ROUGH, 2.0)  # factors on the noise, a step each
+_NARROW: Final = (1.0, 1.0, 1.0)
+
+PRIOR: Final = 12.0
+"""Precision of the uniform distribution on 0 to 1."""
+
+_STEP: Final = 5e-4  # of a length's range
+_STEEPEST: Final = 60.0  # a reading that changes more (rad or m per range) has jumped
+_FARTHEST: Final = 0.25  # of a length's range, in one step
+_SHORTER: Final = 0.3  # of a step, tried where the whole one does not help
+
+
+@dataclass(frozen=True, kw_only=True)
+class Slopes:
+    """Misfits of n points, and what information their readings hold about the lengths.
+
+    Attributes:
+        misfits: Shape (n, k, MISFITS).
+        precision: Of the lengths, in units of their ranges, shape (n, d, d): the curvature of the
+            log-likelihood, the prior's included.
+        climb: Its gradient, shape (n, d).
+    """
+
+    misfits: Array
+    precision: Array
+    climb: Array
+
+
+class GaussNewton:
+    """Finds the lengths that fit best.
+
+    Args:
+        predictor: Computes readings.
+        data: The observations.
+        likelihood: Of ``data``.
+        noise_known: Whether readings stray as announced, by no unknown factor.
+    """
+
+    def __init__(
+        self,
+        predictor: Predictor,
+        data: SensorData,
+        likelihood: Likelihood,
+        *,
+        noise_known: bool = False,
+    ):
+        self._predictor = predictor
+        self._data = data
+        self._likelihood = likelihood
+        self._noise_known = noise_known
+
+    def fits(self, values: Array) -> Array:
+        """Log-likelihood of n points, shape (n, size), unknown noise factors integrated out."""
+        misfits = self._likelihood.misfits_of(self._predictor, values)
+        if self._noise_known:
+            return self._of(misfits, 1.0)
+        return self._likelihood.integrated(misfits)
+
+    @property
+    def interactions(self) -> int:
+        """How many there are."""
+        return len(self._data)
+
+    def unexplained(self, value: Array) -> list[int]:
+        """Interactions that a point, shape (size,), leaves unexplained, the last one first."""
+        misfits = self._likelihood.misfits_of(self._predictor, value[None])
+        unexplained = np.flatnonzero(self._likelihood.inlier_share(misfits)[0] < 0.5)
+        return list(reversed(unexplained.tolist()))
+
+    def rough_fits(self, values: Array, interactions: Columns) -> Array:
+        """Log-likelihoods of n points in k of the interactions, shape (n, k).
+
+        Under ``ROUGH`` times the announced noise, everybody falling as statics has it.
+        """
+        rows, each = (
+            np.repeat(np.arange(len(values)), len(interactions)),
+            np.tile(interactions, len(values)),
+        )
+        bodies = self._predictor.unknowns.bodies(values)
+        misfits = self._likelihood.misfits_at(
+            self._predictor, bodies, rows, each, branches=np.zeros(len(rows))
+        )
+        fits = self._likelihood.of(misfits[:, None], ROUGH, interactions=each[:, None])
+        return fits.reshape(len(values), len(interactions))
+
+    def polished(
+        self, values: Array, most: int | None = None, groups: Array | None = None
+    ) -> tuple[Array, Array]:
+        """Points with better lengths, and their log-likelihoods.
+
+        Each goes on from where wide noise has led it, and from where it is: where wide noise leads
+        astray what already fitted would be lost.
+
+        Args:
+            values: Shape (n, size).
+            most: So many of each group at most, those that fit best while the noise is wide.
+            groups: Numbers of groups, shape (n,); one by default.
+        """
+        led = values
+        for noise_scale in _WIDE:
+            led, fits = self._narrower(led, noise_scale)
+        kept = _best_of_groups(fits, np.zeros(len(fits)) if groups is None else groups, most)
+        both = np.concatenate([led[kept], values[kept]])
+        going_on = np.arange(len(both))  # who does not get better once never will
+        for noise_scale in _NARROW:
+            before, (after, _) = both[going_on], self._narrower(both[going_on], noise_scale)
+            both[going_on] = after
+            going_on = going_on[np.any(after != before, axis=1)]
+            if not going_on.size:
+                break
+        found, fits = both.reshape(2, len(kept), -1), self.fits(both).reshape(2, -1)
+        better = np.argmax(fits, axis=0), np.arange(len(kept))
+        return found[better], fits[better]
+
+    def _narrower(self, values: Array, noise_scale: float) -> tuple[Array, Array]:
+        """One step, where it leads to something better; and its log-likelihood under that noise."""
+        values = values.copy()
+        columns = self._predictor.unknowns.continuous
+        slopes = self.slopes(values, noise_scale)
+        step = np.linalg.solve(slopes.precision, slopes.climb[..., None])[..., 0]
+        size = np.max(np.abs(step), axis=1, keepdims=True, initial=0.0)
+        step *= np.minimum(1.0, _FARTHEST / np.maximum(size, 1e-12))
+        best, branches = self._of(slopes.misfits, noise_scale), slopes.misfits[..., BRANCH]
+        rows = np.arange(len(values))
+        for share in (1.0, _SHORTER):
+            trial = values[rows]
+            trial[:, columns] = np.clip(trial[:, columns] + share * step[rows], 0.0, 1.0)
+            fits = self._of(
+                self._misfits(trial, branches[rows], quickly=noise_scale > 1), noise_scale
+            )
+            better = fits > best[rows]
+            values[rows[better]], best[rows[better]] = trial[better], fits[better]
+            rows = rows[~better]
+            if not rows.size:
+                break
+        return values, best
+
+    def slopes(self, values: Array, noise_scale: float = 1.0) -> Slopes:
+        """Precision and gradient of the log-likelihood by differences, shape (n, size) in.
+
+        Under wider noise than announced forks are left out, and joints turn in coarse steps: that
+        matters near the truth.
+        """
+        columns = self._predictor.unknowns.continuous
+        count, lengths, interactions = len(values), columns.size, len(self._data)
+        misfits = self._likelihood.misfits_of(self._predictor, values, surely=noise_scale > 1)
+        sign = np.where(values[:, columns] + _STEP > 1, -_STEP, _STEP)
+        moved = np.repeat(values[:, None], lengths, axis=1)
+        for index, column in enumerate(columns):
+            moved[:, index, column] += sign[:, index]
+        branches = np.repeat(misfits[..., BRANCH], lengths, axis=0)
+        others = self._misfits(
+            moved.reshape(count * lengths, -1), branches, quickly=noise_scale > 1
+        )
+        residuals = self._residuals(misfits)
+        there = self._residuals(others).reshape(count, lengths, interactions, -1)
+        change = (there - residuals[:, None]) / sign[:, :, None, None]
+        weight = self._likelihood.inlier_share(misfits, noise_scale)[..., None]
+        sigmas = noise_scale * self._likelihood.sigmas
+        weight = weight * step_weight(residuals / sigmas) / sigmas**2
+        weight = np.where(np.max(np.abs(change), axis=1, initial=0.0) > _STEEPEST, 0.0, weight)
+        precision = np.einsum("nikc,nkc,njkc->nij", change, weight, change, optimize=True)
+        climb = -np.einsum("nikc,nkc,nkc->ni", change, weight, residuals, optimize=True)
+        return Slopes(misfits=misfits, precision=precision + PRIOR * np.eye(lengths), climb=climb)
+
+    def _misfits(self, values: Array, branches: Array, *, quickly: bool) -> Array:
+        """Of n points in k interactions, each under one of ``LEANS``, shape (n, k)."""
+        data, leans = self._data, LEANS[branches.ravel().astype(np.intp)]
+        readings = self._predictor.read_all(values, data.programs, leans, quickly=quickly)
+        misfits = data.misfits(readings, np.tile(np.arange(len(data)), len(values)))
+        misfits[:, BRANCH] = branches.ravel()
+        return misfits.reshape(len(values), len(data), MISFITS)
+
+    def _residuals(self, misfits: Array) -> Array:
+        """Of n points in k interactions, shape (n, k, …)."""
+        count, interactions, _ = misfits.shape
+        flat = self._data.residuals(
+            misfits.reshape(-1, MISFITS), np.tile(np.arange(interactions), count)
+        )
+        return flat.reshape(count, interactions, -1)
+
+    def _of(self, misfits: Array, noise_scale: float) -> Array:
+        fits: Array = self._likelihood.of(misfits, noise_scale).sum(axis=1)
+        return fits
+
+
+def _best_of_groups(fits: Array, groups: Array, most: int | None) -> Columns:
+    """Of each group the ``most`` points that fit best; indices, best first."""
+    order = np.argsort(-fits, kind="stable")
+    if most is None:
+        return order
+    counted: Counter[float] = Counter()
+    kept = []
+    for row in order.tolist():
+        counted[groups[row]] += 1
+        if counted[groups[row]] <= most:
+            kept.append(row)
+    return np.array(kept, dtype=np.intp)
+
+
+def best_of_each(keys: Sequence[tuple[int, ...]], fits: Array) -> list[int]:
+    """Of points with equal keys the one that fits best; indices, best first."""
+    best: dict[tuple[int, ...], int] = {}
+    for index in np.argsort(-fits, kind="stable").tolist():
+        best.setdefault(keys[index], index)
+    return list(best.values())

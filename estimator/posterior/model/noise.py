@@ -1,0 +1,127 @@
+"""The noise of sensors: the family of its distribution, and unknown factors on its size.
+
+*The family* (here normal). Everything that the estimator takes from it is in this file: density and
+tail, which ``mixture`` compiles; draws, for predicted readings; the weight of a residual in a
+Gauss-Newton step; and what a right body loses beside a perfect fit. All are of the standard
+distribution, in units of the noise, symmetric about 0 and highest there.
+
+*Factors* on the noise of tilt and clearance. A sensor is hardly ever better than the robot says of
+it, and may well be worse. So the prior of a factor's logarithm is a normal distribution in two
+pieces: narrow below 0, the announced noise, and wide above. Were less noise as likely as more,
+lengths that happen to fit few readings well would be taken to be known better than they are. They
+are integrated over by the trapezoidal rule on the logarithms: for densities as smooth as these its
+error vanishes as soon as the steps are not much wider than the density itself, which narrows with
+every reading.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final, Self
+
+import numpy as np
+
+from estimator.body.morphology import Array
+from estimator.posterior.model.special import logsumexp
+
+_ROOT_HALF: Final = math.sqrt(0.5)
+_FAR: Final = 30.0  # standard residuals, beyond which the error function underflows
+
+LOG_PEAK: Final = -0.5 * math.log(2 * math.pi)
+"""Logarithm of the density at 0."""
+
+MEAN_LOSS: Final = 0.5
+"""Mean of ``-log_shape``: what a reading costs the right body on average, nats."""
+
+VARIANCE_LOSS: Final = 0.5
+"""Variance of ``-log_shape``."""
+
+SCALE_INFORMATION: Final = 2.0
+"""Fisher information of one reading about the logarithm of the noise."""
+
+
+def log_shape(residual: float) -> float:
+    """Logarithm of the density beside that at 0; to be compiled, as the next one is."""
+    return -0.5 * residual * residual
+
+
+def log_above(residual: float) -> float:
+    """Logarithm of the probability of a greater residual."""
+    if residual > _FAR:  # asymptotic series of Mills' ratio
+        square = residual * residual
+        log_density = LOG_PEAK - 0.5 * square
+        return log_density - math.log(residual) + math.log1p((3 / square - 1) / square)
+    if residual < 0:
+        return math.log1p(-0.5 * math.erfc(-residual * _ROOT_HALF))
+    return math.log(0.5 * math.erfc(residual * _ROOT_HALF))
+
+
+def drawn(shape: int | tuple[int, ...], rng: np.random.Generator) -> Array:
+    """Deviations at random, of that shape."""
+    return rng.normal(size=shape)
+
+
+def step_weight(residuals: Array) -> Array:
+    """Weight of residuals in iteratively reweighted least squares, of any shape.
+
+    That is minus the slope of ``log_shape``, divided by the residual.
+    """
+    return np.ones_like(residuals)
+
+
+_LESS: Final = 0.15  # standard deviations of the prior, of logarithms below 0
+_MORE: Final = 0.5  # and above
+_REACH: Final = (1.2, 2.0)  # of the grid, below 0 and above
+_STEP: Final = 1.5  # standard deviations of the posterior
+
+
+def log_prior(scales: Array) -> Array:
+    """Log-density of the prior of each factor's logarithm, to a constant; of any shape."""
+    density: Array = -0.5 * (scales / np.where(scales < 0, _LESS, _MORE)) ** 2
+    return density
+
+
+def drawn_scales(shape: int | tuple[int, ...], rng: np.random.Generator) -> Array:
+    """Logarithms of factors, drawn from the prior."""
+    away = np.abs(rng.normal(size=shape))
+    below = rng.random(shape) < _LESS / (_LESS + _MORE)
+    return np.where(below, -_LESS, _MORE) * away
+
+
+@dataclass(frozen=True, kw_only=True)
+class NoiseFactors:
+    """The nodes of the grid and their weights.
+
+    Attributes:
+        tilt: Logarithms of the factors on tilt's noise, shape (t,).
+        clearance: On clearance's, shape (c,).
+        both: All pairs, tilt by tilt, shape (t · c, 2).
+        log_weights: Of the pairs, the prior's density included, shape (t · c,).
+    """
+
+    tilt: Array
+    clearance: Array
+    both: Array
+    log_weights: Array
+
+    @classmethod
+    def known_by(cls, tilts: float, clearances: float) -> Self:
+        """A grid that is fine enough for so many readings of each."""
+        (tilt, of_tilt), (clearance, of_clearance) = _axis(tilts), _axis(clearances)
+        return cls(
+            tilt=tilt,
+            clearance=clearance,
+            both=np.stack(np.meshgrid(tilt, clearance, indexing="ij"), -1).reshape(-1, 2),
+            log_weights=np.add.outer(of_tilt, of_clearance).ravel(),
+        )
+
+
+def _axis(readings: float) -> tuple[Array, Array]:
+    """Nodes and the logarithms of their weights, which add up to 1."""
+    step = _STEP / math.sqrt(SCALE_INFORMATION * readings + _LESS**-2)
+    below, above = (math.ceil(reach / step) for reach in _REACH)
+    nodes: Array = step * np.arange(-below, above + 1, dtype=float)
+    log_density = log_prior(nodes)
+    log_weights: Array = log_density - logsumexp(log_density)
+    return nodes, log_weights

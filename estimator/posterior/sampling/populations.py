@@ -1,0 +1,274 @@
+"""What independent populations of chains have found: whether they agree, and whether it can be all.
+
+They are independent, so what both have found tells how much neither has (capture and recapture).
+
+While the readings do not inform about all parts (``explored``) the chains themselves stand for the
+posterior. Where much is open nearly every sample has attachments of its own, and to find and weigh
+them one by one is no use. What the readings do determine, of a limb or two, most samples have in
+common: with it the next program is chosen, and from there the chains go on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from functools import partial
+from typing import Final, Self
+
+import numpy as np
+
+from estimator.body.morphology import Array
+from estimator.posterior.checks.verdict import POOR, Fit, fit_of
+from estimator.posterior.discovery.discovery import BestPoints, Discovery
+from estimator.posterior.discovery.population import EVERY, Population
+from estimator.posterior.model.likelihood import Noise
+from estimator.posterior.model.sensor_data import SensorData
+from estimator.posterior.model.special import softmax
+from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
+from estimator.posterior.posterior import Mode, Posterior, coverage, found_by_each
+from estimator.posterior.sampling.evidence import EvidenceEstimator
+from estimator.storage.posteriors import OUTLIERS
+
+CONSIDERED: Final = 16.0
+"""Nats below the best fit, which may be a mere spike."""
+
+ENOUGH_TO_ERR: Final = 5
+"""Interactions, of which one may be left unexplained."""
+
+_AS_GOOD: Final = 3.0  # nats that the lengths which a population found may fit worse
+_AS_PROBABLE: Final = 3.0  # nats
+_BAD: Final = 2.33  # excess, as one right body of a hundred has
+_FEW: Final = 50  # sets of attachments that all populations can have found
+
+
+@dataclass(frozen=True, kw_only=True)
+class Agreement:
+    """Agreement of the populations: the attachments that each has found, and how well they fit.
+
+    Attributes:
+        points: The best of each set of attachments that may matter, best first, shape (n, size).
+        keys: Their attachments.
+        best: Log-likelihood of the first.
+        guesses: Of their evidences, shape (n,).
+        found: Which of their attachments each population has found, and explained as well.
+        fit: How well the leader, which is the most probable by those guesses, explains the
+            readings.
+        may_err: Whether there are so many readings that one may be left unexplained.
+    """
+
+    points: Array
+    keys: list[Attachments]
+    best: float
+    guesses: Array
+    found: Sequence[Collection[Attachments]]
+    fit: Fit
+    may_err: bool
+
+    @classmethod
+    def of(
+        cls,
+        bodies: Sequence[BestPoints],
+        predictor: Predictor,
+        estimator: EvidenceEstimator,
+        data: SensorData,
+        noise: Noise,
+    ) -> Self:
+        """Compares what the populations have found.
+
+        Args:
+            bodies: What each population has found.
+            predictor: Computes readings.
+            estimator: Guesses evidences.
+            data: The observations.
+            noise: Sensor noise.
+        """
+        unknowns = predictor.unknowns
+        together = BestPoints.joined(bodies, unknowns)
+        best = float(together.fits[0])
+        points = together.values[together.fits > best - CONSIDERED]
+        guesses = estimator.guess(points)
+        return cls(
+            points=points,
+            keys=unknowns.keys(points),
+            best=best,
+            guesses=guesses,
+            found=[attachments_found(one, points, estimator, unknowns) for one in bodies],
+            fit=fit_of(points[int(np.argmax(guesses))], predictor, data, noise),
+            may_err=len(data) >= ENOUGH_TO_ERR,
+        )
+
+    @property
+    def leader(self) -> Attachments:
+        """The most probable attachments."""
+        return self.keys[int(np.argmax(self.guesses))]
+
+    @property
+    def leads(self) -> bool:
+        """Whether the leader's attachments are more probable than all others together."""
+        return bool(softmax(self.guesses).max() > 0.5)
+
+    @property
+    def leaders(self) -> list[Attachments]:
+        """Attachments about as probable as the leader's, such as indistinguishable ones."""
+        rows = np.flatnonzero(self.guesses > self.guesses.max() - _AS_PROBABLE)
+        return [self.keys[row] for row in rows]
+
+    @property
+    def explained(self) -> bool:
+        """Whether the leader leaves no more unexplained than outliers are."""
+        return self.fit.unexplained <= OUTLIERS
+
+    @property
+    def explains_too_little(self) -> bool:
+        """Whether the leader leaves more unexplained than a right body may, of so few or many."""
+        return self.fit.unexplained > (OUTLIERS if self.may_err else 0)
+
+    @property
+    def improvable(self) -> bool:
+        """Whether the fit is so poor that a better body may exist."""
+        return self.fit.is_improvable
+
+    @property
+    def adequate_fit(self) -> bool:
+        """Whether the readings are explained so well that something can be certain.
+
+        One interaction may be an outlier, but not where the others are explained poorly too: two
+        outliers lead to a body that explains all of them, none well. Where attachments are known
+        no other body can explain them better, and what is explained badly alone counts.
+        """
+        any_other = bool(self.leader)
+        outlier = self.fit.unexplained > 0
+        limit = POOR if any_other and (outlier or not self.may_err) else _BAD
+        return not self.explains_too_little and self.fit.excess <= limit
+
+    @property
+    def few(self) -> bool:
+        """Whether so few sets of attachments matter that every population can have found all."""
+        return bool(np.sum(softmax(self.guesses) ** 2) > 1 / _FEW)
+
+    @property
+    def coverage(self) -> float:
+        """Share of the posterior that the populations have found."""
+        return coverage(softmax(self.guesses), found_by_each(self.keys, self.found))
+
+    def share_beyond(self, known: Collection[Attachments]) -> float:
+        """The share of the posterior that attachments have which were not known before."""
+        shares = softmax(self.guesses)
+        return float(sum(shares[row] for row, key in enumerate(self.keys) if key not in known))
+
+
+def attachments_found(
+    bodies: BestPoints, points: Array, estimator: EvidenceEstimator, unknowns: Unknowns
+) -> set[Attachments]:
+    """Which sets of attachments a population has found with lengths about as good as are known.
+
+    Args:
+        bodies: All that it found.
+        points: The best of each set that may matter, by any population.
+        estimator: Knows how well points fit.
+        unknowns: Of the problem.
+    """
+    keys = unknowns.keys(bodies.values)
+    if not unknowns.choices.size:
+        return set(keys)  # all have the same
+    best = dict(zip(unknowns.keys(points), estimator.fits(points).tolist(), strict=True))
+    rows = [row for row, key in enumerate(keys) if key in best]
+    fits = estimator.fits(bodies.values[rows])
+    return {
+        keys[row] for row, fit in zip(rows, fits, strict=True) if fit > best[keys[row]] - _AS_GOOD
+    }
+
+
+_LOST: Final = 12.0  # nats below the best
+_STRAGGLERS: Final = 0.5  # of the chains, that may be lost in the end
+_ROUNDS: Final = 3  # at most, until there are no more of them and all readings are explained
+_LONGER: Final = 5  # times as many steps, where it is not known which part sits on which
+_ANEW: Final = 100  # steps with each number of interactions, where chains begin anew
+
+
+def explored(
+    searches: Sequence[Discovery], workers: Executor, *, steps: int
+) -> tuple[list[Discovery], Posterior, float]:
+    """The posterior after the interactions so far.
+
+    Args:
+        searches: With each population.
+        workers: Move the chains.
+        steps: Of each round where limbs are known, and of sampling after them.
+
+    Returns:
+        The searches as they go on, the posterior, and how much of it both have found.
+    """
+    moved = list(workers.map(partial(_explore, steps), searches))
+    by_population = [drawn for _, drawn in moved]
+    values, scales, fits = (np.concatenate(arrays) for arrays in zip(*by_population, strict=True))
+    unknowns = searches[0].predictor.unknowns
+    keys = unknowns.keys(values)
+    best: dict[tuple[int, ...], list[int]] = {}
+    for row in np.argsort(-fits, kind="stable").tolist():
+        best.setdefault(keys[row], []).append(row)
+    found = found_by_each(list(best), [set(unknowns.keys(own)) for own, _, _ in by_population])
+    modes = sorted(
+        (
+            Mode(key, len(rows) / len(keys), values[rows[0]], float(len(rows)), tuple(own))
+            for (key, rows), own in zip(best.items(), found.tolist(), strict=True)
+        ),
+        key=lambda mode: -mode.probability,
+    )
+    posterior = Posterior(
+        values=values,
+        scales=scales,
+        weights=np.full(len(values), 1 / len(values)),
+        modes=tuple(modes),
+        adequate_fit=True,
+    )
+    share = coverage(
+        np.array([mode.probability for mode in modes]), np.array([mode.found for mode in modes])
+    )
+    return [search for search, _ in moved], posterior, share
+
+
+def _explore(steps: int, search: Discovery) -> tuple[Discovery, tuple[Array, Array, Array]]:
+    """Moves the chains of one population; its samples, their noise factors and their fits.
+
+    They begin anew where the best body leaves something unexplained: what an interaction has led
+    them to may be far from the truth.
+    """
+    population, unknowns = search.population, search.predictor.unknowns
+    longer = steps * (_LONGER if unknowns.parents.any() else 1)
+    explained = True
+    for _ in range(_ROUNDS):
+        if not explained:
+            search.start_anew(_ANEW)
+        bodies = search.search(longer, until_explained=True)
+        explained = search.explains()
+        lost = _lost_ones_moved(population, bodies, search.rng)
+        if explained and lost <= _STRAGGLERS:
+            break
+    chains, drawn = population.coldest(), []
+    for step in range(steps):
+        chains.step()
+        if step % EVERY == EVERY - 1:
+            fits = chains.posterior_fits(1)
+            drawn.append((chains.values.copy(), chains.scales.copy(), fits))
+    population.replace_coldest(*drawn[-1][:2])
+    values, scales, fits = (np.concatenate(arrays) for arrays in zip(*drawn, strict=True))
+    return search, (values, scales, fits)
+
+
+def _lost_ones_moved(population: Population, bodies: BestPoints, rng: np.random.Generator) -> float:
+    """Share of the coldest chains that were lost; they go on from bodies that fit.
+
+    Args:
+        population: Its coldest chains are moved.
+        bodies: That were found, best first.
+        rng: Draws among them.
+    """
+    cold = slice(0, population.chains_per_level)
+    values, scales = population.values[cold].copy(), population.scales[cold].copy()
+    lost = np.flatnonzero(population.posterior_fits(1) < bodies.fits[0] - _LOST)
+    values[lost] = bodies.values[rng.choice(len(bodies.fits), lost.size, p=softmax(bodies.fits))]
+    scales[lost] = 0.0
+    population.replace_coldest(values, scales)
+    return lost.size / population.chains_per_level

@@ -1,0 +1,185 @@
+"""The summary of a posterior, as stored and reported: probability, fit, predictions."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from estimator.body.limbs import driven_limbs, leg_lengths
+from estimator.body.morphology import Array
+from estimator.posterior.checks.verdict import judge, standardised_residuals
+from estimator.posterior.indistinguishable import Indistinguishable, indistinguishable_shares
+from estimator.posterior.model.likelihood import Likelihood, Noise
+from estimator.posterior.model.sensor_data import SensorData
+from estimator.posterior.model.special import logsumexp
+from estimator.posterior.model.unknowns import Columns, Predictor, Unknowns
+from estimator.posterior.posterior import (
+    MOSTLY,
+    Posterior,
+    coverage_of_classes,
+    ess_of_class,
+    systematic,
+)
+from estimator.storage.posteriors import (
+    PredictedInteraction,
+    StoredMode,
+    StoredPosterior,
+)
+
+_FEW: Final = 10.0  # effective draws
+_KEPT: Final = 120  # modes, as many as are weighed at most
+_RIVALS: Final = 20  # of them, that are compared with the first where nothing is stated
+
+
+def summarise(
+    posterior: Posterior,
+    predictor: Predictor,
+    data: SensorData,
+    noise: Noise,
+    alike: Indistinguishable,
+    *,
+    before: Posterior | None = None,
+) -> StoredPosterior:
+    """Summarises a posterior.
+
+    Args:
+        posterior: After the interactions of ``data``.
+        predictor: Computes readings.
+        data: The observations.
+        noise: Sensor noise.
+        alike: The test of equivalence.
+        before: The posterior before the last interaction, by which its information is measured.
+    """
+    modes = posterior.modes[:_KEPT]
+    compared = modes if posterior.adequate_fit else modes[:_RIVALS]
+    shares = np.zeros(len(modes))
+    shares[: len(compared)] = indistinguishable_shares(compared, posterior, predictor, alike)
+    chances, found = np.array([mode.probability for mode in modes]), [mode.found for mode in modes]
+    coverage = coverage_of_classes(chances, np.array(found), shares)
+    behind = ess_of_class(chances, np.array([mode.ess for mode in modes]), shares)
+    gained = None
+    if before is not None:
+        gained = information_gained(before, posterior, predictor, data, noise)
+    return StoredPosterior(
+        genes=tuple(map(tuple, posterior.values.tolist())),
+        scales=tuple(map(tuple, posterior.scales.tolist())),
+        weights=tuple(posterior.weights.tolist()),
+        best=tuple(_middle_body(posterior, predictor).tolist()),
+        modes=tuple(
+            StoredMode(
+                probability=mode.probability,
+                ess=mode.ess,
+                genes=tuple(mode.point.tolist()),
+                indistinguishable=bool(share >= MOSTLY),
+                found=mode.found,
+            )
+            for mode, share in zip(modes, shares.tolist(), strict=True)
+        ),
+        probability_within_problem=(
+            min(float(chances @ shares), coverage) if posterior.adequate_fit else None
+        ),
+        coverage=coverage,
+        low_ess=bool(predictor.unknowns.choices.size) and behind < _FEW,
+        information_gain_bits=gained,
+        predicted=_predicted(posterior, predictor, data, noise),
+        **dict(judge(posterior, predictor, data, noise)),
+    )
+
+
+def _middle_body(posterior: Posterior, predictor: Predictor) -> Array:
+    """The first mode's attachments with the weighted medians of its samples' lengths.
+
+    The parts of a leg of several have the lengths of the sample whose leg is the median: medians of
+    parts do not add up to it.
+    """
+    unknowns, first = predictor.unknowns, posterior.modes[0]
+    rows = [key == first.attachments for key in unknowns.keys(posterior.values)]
+    best = first.point.copy()
+    if not any(rows):
+        return best
+    values, weights = posterior.values[rows], posterior.weights[rows]
+    for column in unknowns.continuous.tolist():
+        best[column] = values[_middle(values[:, column], weights), column]
+    several = _legs_of_several_lengths(first.point, unknowns)
+    if several:
+        lengths = leg_lengths(unknowns.decode_all(values))
+        for leg, columns in several.items():
+            best[columns] = values[_middle(lengths[:, leg], weights), columns]
+    return best
+
+
+def _middle(numbers: Array, weights: Array) -> int:
+    """Index of the weighted median."""
+    order = np.argsort(numbers, kind="stable")
+    below = np.cumsum(weights[order]) < 0.5 * weights.sum()
+    return int(order[below.sum()])
+
+
+def _legs_of_several_lengths(point: Array, unknowns: Unknowns) -> dict[int, list[int]]:
+    """Columns of the unknown lengths of each leg that has several, by its number."""
+    (body,) = unknowns.decode_all(point[None])
+    groups, legs = body.rigid_groups, [limb.motor for limb in driven_limbs(body)]
+    columns: dict[int, list[int]] = {}
+    for column, gene in enumerate(unknowns.genes):
+        motor = body.parts[groups[gene.part]].motor if gene.trait == "length" else None
+        if motor is not None:
+            columns.setdefault(legs.index(motor), []).append(column)
+    return {leg: own for leg, own in columns.items() if len(own) > 1}
+
+
+def _predicted(
+    posterior: Posterior, predictor: Predictor, data: SensorData, noise: Noise
+) -> tuple[PredictedInteraction, ...]:
+    best = posterior.modes[0].point[None]
+    likelihood = Likelihood(data, noise)
+    readings = likelihood.readings_of(predictor, best)
+    residuals = standardised_residuals(best, predictor, data, noise)
+    misfits = likelihood.misfits_of(predictor, posterior.values)
+    inliers = likelihood.inlier_share(misfits, scales=posterior.scales)
+    outlier = 1 - posterior.weights @ inliers
+    return tuple(
+        PredictedInteraction(
+            touch=tuple(bool(bit) for bit in readings.touch[interaction]),
+            tilt=(float(readings.tilt[interaction, 0]), float(readings.tilt[interaction, 1])),
+            clearance=float(readings.clearance[interaction]),
+            residuals={name: float(values[interaction]) for name, values in residuals.items()},
+            outlier_probability=float(np.clip(outlier[interaction], 0, 1)),
+        )
+        for interaction in range(len(data))
+    )
+
+
+SAMPLES: Final = 200
+"""Among so many samples information is measured: at most their number's logarithm."""
+
+
+def information_gained(
+    before: Posterior, after: Posterior, predictor: Predictor, data: SensorData, noise: Noise
+) -> float:
+    """Information that the last interaction gave about the body, bits.
+
+    Each sample of the posterior is compared with samples of the previous posterior by the
+    density of what was observed, as the expected information gain does it with predicted readings.
+    If the posteriors are right the mean over interactions is therefore the same.
+
+    Args:
+        before: The posterior before the last interaction.
+        after: The one after it.
+        predictor: Computes readings.
+        data: The observations of all interactions.
+        noise: Sensor noise.
+    """
+    last = data[-1:]
+    likelihood = Likelihood(last, noise)
+
+    def fits(posterior: Posterior, rows: Columns) -> Array:
+        return likelihood.normalised(predictor, posterior.values[rows], posterior.scales[rows])[
+            :, 0
+        ]
+
+    others = fits(before, systematic(before.weights, SAMPLES - 1, 0.5))
+    own = fits(after, np.arange(len(after.values)))
+    mean = np.logaddexp(own, logsumexp(others)) - math.log(1 + len(others))
+    return float(after.weights @ (own - mean)) / math.log(2)

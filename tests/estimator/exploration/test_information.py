@@ -1,0 +1,172 @@
+from __future__ import annotations
+
+from importlib.resources import files
+from itertools import product
+
+import numpy as np
+import pytest
+
+from estimator.body.morphology import Base
+from estimator.exploration.information import Chooser
+from estimator.exploration.information_gain import InformationGain
+from estimator.physics.statics import StaticsPhysics
+from estimator.posterior.model.deviations import Alternative, Density, Deviation, Limp, TurnedHinge
+from estimator.posterior.model.likelihood import apart
+from estimator.posterior.model.unknowns import Predictor, Unknowns, deviating_points
+from estimator.posterior.posterior import Posterior
+from estimator.problem.genome import Genome
+from estimator.problem.problem import Problem
+from tests.estimator.two_unknown_rows import CAP, MODALITIES, NOISE
+
+ENDS = np.radians([[-30.0, 30.0]] * 4)
+RIGHT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
+
+
+def chooser(predictor: Predictor) -> Chooser:
+    return Chooser(predictor, InformationGain(NOISE, CAP, MODALITIES), ENDS)
+
+
+def test_the_program_tells_apart_what_is_uncertain(predictor: Predictor) -> None:
+    points = np.tile(RIGHT, (40, 1))
+    points[::2, 5] = 0.1  # hinge of the second leg: yaw instead of up
+    choice = chooser(predictor).choose(
+        Posterior.equally_likely(points), (), 0, np.random.default_rng(1)
+    )
+    assert np.all((choice.program >= ENDS[:, 0]) & (choice.program <= ENDS[:, 1]))
+    names = {column: float(bits) for column, bits in enumerate(choice.about)}
+    hinge = int(predictor.unknowns.choices[-1])
+    assert choice.bits > 0.8
+    assert max(names, key=names.__getitem__) == hinge
+    assert names[hinge] == pytest.approx(choice.bits, abs=0.1)
+
+
+def test_a_body_that_is_known_leaves_nothing_to_be_told(predictor: Predictor) -> None:
+    choice = chooser(predictor).choose(
+        Posterior.equally_likely(np.tile(RIGHT, (20, 1))), (), 0, np.random.default_rng(1)
+    )
+    assert choice.bits == pytest.approx(0.0, abs=1e-6)
+    assert choice.about == pytest.approx(np.zeros(7), abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    "deviation",
+    [
+        TurnedHinge(text="a turned hinge", part=0, about=0, amount=np.radians(30)),
+        Limp(text="a dead servo", part=0),
+    ],
+)
+def test_a_known_body_is_tested_for_what_the_problem_may_have_wrong(
+    predictor: Predictor, deviation: Deviation
+) -> None:
+    alternative = Alternative(deviation=deviation, point=RIGHT, gains=np.zeros(1))
+    models, alternatives = Posterior.equally_likely(np.tile(RIGHT, (20, 1))), (alternative,)
+    choice = chooser(predictor).choose(models, alternatives, 0, np.random.default_rng(1))
+    assert choice.tests == (alternative,)
+    assert choice.bits == pytest.approx(0.0, abs=1e-6)  # about the bodies that the problem allows
+    stated = predictor.read_all(RIGHT[None], choice.program[None])
+    deviating = predictor.deviating([deviation]).read_all(
+        deviating_points(RIGHT[None], 0), choice.program[None]
+    )
+    assert apart(stated, deviating, NOISE).all()
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_no_lengths_that_may_be_so_make_up_for_what_is_tested(
+    predictor: Predictor, seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    points = np.tile(RIGHT, (60, 1))
+    lengths = predictor.unknowns.continuous
+    points[:, lengths] += rng.uniform(-0.012, 0.012, (60, lengths.size))  # of the range
+    deviation = TurnedHinge(text="a turned hinge", part=0, about=2, amount=np.radians(15))
+    alternative = Alternative(deviation=deviation, point=RIGHT, gains=np.zeros(1))
+    models, alternatives = Posterior.equally_likely(points), (alternative,)
+    program = chooser(predictor).choose(models, alternatives, 0, rng).program[None]
+    stated = predictor.read_all(points, program)
+    deviating = predictor.deviating([deviation]).read_all(deviating_points(points, 0), program)
+    strays = np.maximum(
+        np.abs(stated.tilt[:, None] - deviating.tilt[None]).max(axis=2) / NOISE.tilt,
+        np.abs(stated.clearance[:, None] - deviating.clearance[None]) / NOISE.clearance,
+    )
+    touch = np.any(stated.touch[:, None] != deviating.touch[None], axis=2)
+    assert np.all(touch | (strays > 5))  # standard deviations
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_of_many_doubts_the_most_probable_is_tested(predictor: Predictor, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    points = np.tile(RIGHT, (60, 1))
+    lengths = predictor.unknowns.continuous
+    points[:, lengths] += rng.uniform(-0.02, 0.02, (60, lengths.size))  # of the range
+    heavy = Density(text="heavy parts", amount=2.0)
+    turned = [
+        TurnedHinge(text="a turned hinge", part=part, about=about, amount=np.radians(degrees))
+        for part, about, degrees in product((0, 1), (0, 1, 2), (-30, -15, 15, 30))
+    ]
+    probable, *others = (
+        Alternative(deviation=one, point=RIGHT, gains=np.zeros(1), log_prior=log_prior)
+        for one, log_prior in [(heavy, 0.0), *((one, -8.0) for one in turned)]
+    )
+    models, alternatives = Posterior.equally_likely(points), (*others, probable)
+    choice = chooser(predictor).choose(models, alternatives, 0, np.random.default_rng(seed))
+    assert probable in choice.tests
+
+
+def test_rivals_of_equal_lengths_are_told_apart_while_there_are_doubts(
+    predictor: Predictor,
+) -> None:
+    points = np.tile(RIGHT, (40, 1))
+    points[::2, 5] = 0.1  # hinge of the second leg: yaw instead of up
+    deviation = Limp(text="a dead servo", part=0)
+    alternative = Alternative(deviation=deviation, point=RIGHT, gains=np.zeros(1))
+    models, alternatives = Posterior.equally_likely(points), (alternative,)
+    choice = chooser(predictor).choose(models, alternatives, 0, np.random.default_rng(1))
+    assert choice.about[predictor.unknowns.choices[-1]] > 0.8
+
+
+def test_where_a_trifle_decides_how_a_body_falls_nothing_is_told() -> None:
+    rng = np.random.default_rng(0)
+    genome = Genome(Problem.load("parametric"), Base(size=(0.14, 0.14, 0.085), mass=1.0))
+    predictor = Predictor(Unknowns(genome), StaticsPhysics())
+    points = 0.26 + rng.uniform(-0.03, 0.03, (40, predictor.unknowns.size))  # of the range
+    ends = np.radians([[-30.0, 30.0]] * 8)
+    gain = InformationGain(NOISE, CAP, MODALITIES)
+    choice = Chooser(predictor, gain, ends).choose(Posterior.equally_likely(points), (), 0, rng)
+    rows = np.arange(len(points))
+    programs = np.tile(choice.program, (len(points), 1))
+    margins = predictor.margins(predictor.unknowns.bodies(points), rows, programs)
+    assert np.mean(margins < np.radians(2.0)) < 0.1
+
+
+@pytest.mark.parametrize("seed", [1, 3])
+def test_of_many_parts_those_are_moved_whose_thickness_hardly_matters(seed: int) -> None:
+    rng, size = np.random.default_rng(seed), (0.14, 0.14, 0.085)
+    shipped = files("estimator") / "problem" / "library" / "topological-24.toml"
+    rods = shipped.read_text(encoding="utf-8").replace('shape = "box"', "")
+    problem = Problem.parse(rods, "rods")
+    genome = Genome(problem, Base(size=size, mass=0.6, mounts=problem.tables.base_mounts(size)))
+    unknowns = Unknowns(genome)
+    predictor = Predictor(unknowns, StaticsPhysics())
+    points = np.tile(unknowns.permitted(rng.random((1, unknowns.size))), (40, 1))
+    points[:, unknowns.continuous] += rng.uniform(-0.03, 0.03, (40, 8))
+    points = np.clip(points, 0, 1)
+    ends = np.radians([[-30.0, 30.0]] * 8)
+    choice = Chooser(predictor, InformationGain(NOISE, CAP, MODALITIES), ends).choose(
+        Posterior.equally_likely(points), (), 9, rng
+    )
+    bodies, rows = unknowns.bodies(points), np.arange(40)
+    programs = np.tile(choice.program, (40, 1))
+    as_thick = predictor.read(bodies, rows, programs)
+    thicker = bodies.changed(radius=1.4 * bodies.radius)
+    assert np.mean(apart(as_thick, predictor.read(thicker, rows, programs), NOISE)) < 0.1
+    assert choice.bits > 0.5  # which is not for want of anything to tell
+
+
+def test_the_same_generator_chooses_the_same_program(predictor: Predictor) -> None:
+    points = np.random.default_rng(2).random((50, 7))
+    one, two = (
+        chooser(predictor).choose(Posterior.equally_likely(points), (), 0, np.random.default_rng(3))
+        for _ in range(2)
+    )
+    assert np.array_equal(one.program, two.program)
+    assert one.bits == two.bits

@@ -1,0 +1,89 @@
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from estimator.physics.statics import StaticsPhysics
+from estimator.posterior.model.gauss_newton import GaussNewton
+from estimator.posterior.model.likelihood import LEANS, Likelihood
+from estimator.posterior.model.sensor_data import SensorData
+from estimator.posterior.model.unknowns import Predictor, Unknowns
+from estimator.problem.genome import Genome
+from estimator.problem.problem import Problem
+from estimator.readings.observation import Observation
+from tests.estimator.conftest import BODY
+from tests.estimator.two_unknown_rows import CAP, MODALITIES, NOISE
+
+MOVED = [
+    *((30, 23, -20, 27), (-30, -27, -30, -30), (-30, 16, 3, -4), (-16, 22, -30, 8)),
+    *((24, -29, -29, -21), (-7, -16, 7, -27), (-29, 1, -4, 20)),
+]
+SIDES = [0, 2, 2, 2, 0, 0, 0]  # to which it fell: at three of the forks not as statics has it
+FOUR_LEGS = [
+    *(0.939, 0.162, 0.446, 0.533, 0.334, 0.352, 0.453, 0.415),
+    *(0.023, 0.623, 0.494, 0.612, 0.122, 0.825, 0.41, 0.363),
+]
+
+
+def felt_by_four_legs() -> GaussNewton:
+    """Finds the lengths that explain what the body ``FOUR_LEGS`` observed."""
+    genome = Genome(Problem.load("topological"), replace(BODY, mass=0.6))
+    predictor, rng = Predictor(Unknowns(genome), StaticsPhysics()), np.random.default_rng(3)
+    point, moved = np.array([FOUR_LEGS]), np.radians(MOVED)
+    observed = predictor.read_all(point, moved, LEANS[SIDES])
+    tilt = observed.tilt + rng.normal(0, NOISE.tilt, observed.tilt.shape)
+    clearance = observed.clearance + rng.normal(0, NOISE.clearance, len(moved))
+    observations = [
+        Observation(
+            angles=tuple(moved[row].tolist()),
+            touch=tuple(map(bool, observed.touch[row])),
+            tilt=(float(tilt[row, 0]), float(tilt[row, 1])),
+            clearance=float(clearance[row]),
+        )
+        for row in range(len(moved))
+    ]
+    data = SensorData.of(observations, MODALITIES, CAP)
+    return GaussNewton(predictor, data, Likelihood(data, NOISE))
+
+
+def test_lengths_that_fit_already_are_not_led_astray() -> None:
+    """Wide noise knows of no forks, and leads to lengths from which there is no way back."""
+    lengths, point = felt_by_four_legs(), np.array([FOUR_LEGS])
+    (before,), (after,) = lengths.fits(point), lengths.polished(point)[1]
+    assert after >= before
+
+
+def test_the_best_of_each_group_are_kept_however_the_others_fit() -> None:
+    lengths, point = felt_by_four_legs(), np.array([FOUR_LEGS])
+    others = np.random.default_rng(1).random((6, point.size))
+    values, groups = np.vstack([np.repeat(point, 4, axis=0), others]), np.array([0] * 4 + [1] * 6)
+    of_groups, _ = lengths.polished(values, 2, groups)
+    of_all, _ = lengths.polished(values, 2)
+    same = [np.all(kept[:, :3] == point[:, :3], axis=1).sum() for kept in (of_groups, of_all)]
+    assert (len(of_groups), len(of_all)) == (4, 2)
+    assert same == [2, 2]
+
+
+def test_interactions_that_a_body_leaves_unexplained_are_named_the_last_one_first() -> None:
+    genome = Genome(Problem.load("topological"), replace(BODY, mass=0.6))
+    predictor = Predictor(Unknowns(genome), StaticsPhysics())
+    point, moved = np.array(FOUR_LEGS), np.radians(MOVED)
+    observed = predictor.read_all(point[None], moved)
+    beside = {1: 15.0, 4: 30.0}  # degrees
+    observations = [
+        Observation(
+            angles=tuple(moved[row].tolist()),
+            touch=tuple(map(bool, observed.touch[row])),
+            tilt=(
+                float(observed.tilt[row, 0]) + math.radians(beside.get(row, 0.0)),
+                float(observed.tilt[row, 1]),
+            ),
+            clearance=float(observed.clearance[row]),
+        )
+        for row in range(len(moved))
+    ]
+    data = SensorData.of(observations, MODALITIES, CAP)
+    lengths = GaussNewton(predictor, data, Likelihood(data, NOISE))
+    assert lengths.unexplained(point) == [4, 1]
