@@ -38,7 +38,7 @@ from estimator.identification.misspecification import SURE
 from estimator.physics.equivalence import PROGRAMS
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.indistinguishable import indistinguishable_points
-from estimator.posterior.model.likelihood import LEANS, LIKELY, Noise, apart
+from estimator.posterior.model.likelihood import GRAVITY_TILTS, LIKELY, Noise, apart
 from estimator.posterior.model.noise import drawn, drawn_scales
 from estimator.posterior.model.sensor_data import DENSITIES, SensorData
 from estimator.posterior.model.unknowns import Predictor, Unknowns
@@ -104,10 +104,10 @@ class StaticsRobot:
 
     def _where_it_falls(self, program: Array) -> PredictedReadings:
         """One reading: of the plumb fall, or of another side of a fork, as likely as that is."""
-        body = np.repeat(self.body[None], len(LEANS), axis=0)
-        readings = self.predictor.read_all(body, program[None], LEANS)
+        body = np.repeat(self.body[None], len(GRAVITY_TILTS), axis=0)
+        readings = self.predictor.read_all(body, program[None], GRAVITY_TILTS)
         sides, likely = [readings[:1]], [LIKELY[0]]
-        for number in range(1, len(LEANS)):
+        for number in range(1, len(GRAVITY_TILTS)):
             other = readings[number : number + 1]
             if all(apart(side, other, self.noise)[0] for side in sides):
                 sides.append(other)
@@ -117,7 +117,7 @@ class StaticsRobot:
 
 @dataclass(frozen=True, kw_only=True)
 class BodyRun(BriefRun):
-    """One body, and what was believed of it after each interaction.
+    """One body, and what was known of it after each interaction.
 
     Attributes:
         problem: Name or file.
@@ -137,7 +137,7 @@ class BodyRun(BriefRun):
         return f"{Path(self.problem).stem}-{self.interactions}/{self.seed}"
 
     def make(self, place: Path) -> None:
-        """Leaves what was believed."""
+        """Leaves what was known of it."""
         told = trial(self.seed, self.problem, self.interactions)
         replace_text(place / self.leaves, json.dumps(told))
 
@@ -152,7 +152,7 @@ class BodyRun(BriefRun):
 
 
 def trial(seed: int, problem_name: str, interactions: int) -> list[dict[str, Any]]:
-    """One body, and what was believed of it after each interaction."""
+    """One body, and what was known of it after each interaction."""
     problem, genome, capabilities = on_default_robot(problem_name)
     noise = Noise.announced(capabilities)
     world, effort, rng = problem.settings(capabilities), Effort(), np.random.default_rng(seed)
@@ -184,7 +184,7 @@ def trial(seed: int, problem_name: str, interactions: int) -> list[dict[str, Any
         adequate_fit=True,
     )
     programs = np.array([problem.random_program(rng, capabilities) for _ in range(PROGRAMS)])
-    alike = partial(indistinguishable_points, predictor, programs, tuple(MODALITIES))
+    indistinguishable = partial(indistinguishable_points, predictor, programs, tuple(MODALITIES))
     gain = InformationGain(noise, cap, tuple(MODALITIES))
     posterior, told = sampler.prior(), []
     observed: list[Observation] = []
@@ -194,10 +194,10 @@ def trial(seed: int, problem_name: str, interactions: int) -> list[dict[str, Any
         observed.append(robot.perform(chosen.program))
         data, before = SensorData.of(observed, tuple(MODALITIES), cap), posterior
         posterior = sampler.learn(data)
-        belief = summarise(posterior, predictor, data, noise, alike, before=before)
+        summary = summarise(posterior, predictor, data, noise, indistinguishable, before=before)
         leader = posterior.modes[0].point.copy()
         leader[unknowns.continuous] = body[unknowns.continuous]
-        right = bool(alike(leader[None], body[None])[0])
+        right = bool(indistinguishable(leader[None], body[None])[0])
         sampled = leg_lengths(unknowns.decode_all(posterior.values))[:, open_legs]
         low, high = np.quantile(
             sampled, (0.05, 0.95), axis=0, weights=posterior.weights, method="inverted_cdf"
@@ -205,12 +205,12 @@ def trial(seed: int, problem_name: str, interactions: int) -> list[dict[str, Any
         told.append(
             {
                 "right": right,
-                "probability": belief.probability,
+                "probability": summary.probability,
                 "ranks": (posterior.weights @ (sampled < lengths)).tolist(),
                 "inside": ((low <= lengths) & (lengths <= high)).tolist(),
                 "widths_mm": (1000 * (high - low)).tolist(),
                 "expected_bits": chosen.bits,
-                "gained_bits": belief.information_gain_bits,
+                "information_gain_bits": summary.information_gain_bits,
                 "true_bits": information_gained(before, truth, predictor, data, noise),
             }
         )
@@ -247,7 +247,7 @@ def table(trials: Iterable[list[dict[str, Any]]]) -> str:
         }
         expected, gained, true = (
             np.mean([step[name] for step in steps])
-            for name in ("expected_bits", "gained_bits", "true_bits")
+            for name in ("expected_bits", "information_gain_bits", "true_bits")
         )
         tenths = np.histogram(every["ranks"], bins=10, range=(0, 1))[0]
         lines.append(

@@ -24,7 +24,7 @@ from bench.study_command import add_options, complete_by_command
 from estimator.identification import posterior_method
 from estimator.posterior.discovery import discovery, population
 from estimator.posterior.model import likelihood
-from estimator.posterior.model.likelihood import LEANS
+from estimator.posterior.model.likelihood import GRAVITY_TILTS
 from estimator.posterior.sampling.sampler import Effort
 from estimator.reproduction.harness import made_by
 
@@ -50,7 +50,7 @@ ABLATIONS: Final[Mapping[str, Ablation]] = {
     "no levels of wider noise": Ablation(replaced={(population, "HOTTEST"): 1.0}),
     "other rows are not tried": Ablation(replaced={(discovery, "_SWEPT"): ()}),
     "falls to no other side": Ablation(
-        replaced={(likelihood, "_LOG_LIKELY"): np.log([1.0, *[1e-12] * (len(LEANS) - 1)])}
+        replaced={(likelihood, "_LOG_LIKELY"): np.log([1.0, *[1e-12] * (len(GRAVITY_TILTS) - 1)])}
     ),
     "one population": Ablation(
         replaced={(posterior_method, "Effort"): partial(Effort, populations=1)}

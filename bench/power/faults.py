@@ -86,7 +86,7 @@ def _in_millimetres() -> str:
     )
 
 
-def believing(calibration: Calibration, truth: Callable[[str], str] = str) -> Robot:
+def with_calibration(calibration: Calibration, truth: Callable[[str], str] = str) -> Robot:
     """The default robot, whose daemon believes in a calibration that is wrong."""
     return Robot(
         body=shipped(DEFAULT),
@@ -101,7 +101,7 @@ def _reversed_tilt(axis: int) -> Robot:
     gains = [VOLTS_PER_G] * 3
     gains[axis] = -VOLTS_PER_G
     opposite = ("hip_front", "hip_back") if axis == 0 else ("hip_left", "hip_right")
-    return believing(_measured_with(gains), partial(exchanged, *opposite))
+    return with_calibration(_measured_with(gains), partial(exchanged, *opposite))
 
 
 def _along_the_diagonal(urdf: str) -> str:
@@ -116,25 +116,25 @@ def _measured_with(volts_per_g: Sequence[float]) -> Calibration:
 
 def _turning(factor: float, *, servos: int) -> Robot:
     """A robot whose first servos turn so many times as far as its daemon believes."""
-    return believing_of_servos([lambda angle: angle / factor] * servos)
+    return with_servo_calibration([lambda angle: angle / factor] * servos)
 
 
-def believing_of_servos(angles: Sequence[Callable[[float], float]]) -> Robot:
+def with_servo_calibration(angles: Sequence[Callable[[float], float]]) -> Robot:
     """A robot whose daemon believes its first servos at other angles than they are, rad."""
     body = load_body(body_path(DEFAULT))
     joints = configure(body, port="/dev/null", levels=NoiseLevels()).joints
-    believed = {
+    calibrated = {
         joint.name: JointCalibration(
             lower_limit=joint.lower_limit,
             upper_limit=joint.upper_limit,
             scale=JointScale(
-                tuple((count, believed_at(angle)) for count, angle in joint.scale.points),
+                tuple((count, calibrated_at(angle)) for count, angle in joint.scale.points),
                 joint.scale.counts,
             ),
         )
-        for joint, believed_at in zip(joints, angles, strict=False)
+        for joint, calibrated_at in zip(joints, angles, strict=False)
     }
-    return believing(Calibration(robot=DEFAULT, revision=1, joints=believed))
+    return with_calibration(Calibration(robot=DEFAULT, revision=1, joints=calibrated))
 
 
 _DULL: Final = {
@@ -162,13 +162,15 @@ FAULTS: Final = {
         options=("--fault", "daq.swapped_channels=0"),
     ),
     "gauge torn off": Robot(body=shipped(DEFAULT), options=("--fault", "daq.stuck_channel=3")),
-    "gauge that hardly feels": believing(Calibration(robot=DEFAULT, revision=1, gauges=_DULL)),
+    "gauge that hardly feels": with_calibration(
+        Calibration(robot=DEFAULT, revision=1, gauges=_DULL)
+    ),
     "servos turning 1.2 times as far": _turning(1.2, servos=8),
     "one servo turning 1.3 times as far": _turning(1.3, servos=1),
-    "accelerometer that feels a fifth less": believing(
+    "accelerometer that feels a fifth less": with_calibration(
         _measured_with((1.25 * VOLTS_PER_G, 1.25 * VOLTS_PER_G, VOLTS_PER_G))
     ),
-    "distance sensor that reads 7 mm too much": believing(
+    "distance sensor that reads 7 mm too much": with_calibration(
         Calibration(
             robot=DEFAULT,
             revision=1,
@@ -274,7 +276,7 @@ def _with_link(link: str, mass: float, radius: float | None, centre: str | None,
 
 def _off_zero(degrees: tuple[float, ...]) -> Robot:
     """A robot whose first servos stand so far from where its daemon believes them."""
-    return believing_of_servos([partial(operator.add, math.radians(off)) for off in degrees])
+    return with_servo_calibration([partial(operator.add, math.radians(off)) for off in degrees])
 
 
 def _always_on() -> Robot:
@@ -284,4 +286,4 @@ def _always_on() -> Robot:
         on=0.5,
         off=0.3,
     )
-    return believing(Calibration(robot=DEFAULT, revision=1, gauges={"lower_left": gauge}))
+    return with_calibration(Calibration(robot=DEFAULT, revision=1, gauges={"lower_left": gauge}))

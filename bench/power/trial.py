@@ -242,7 +242,7 @@ def _run(trial: Trial, seed: int, place: Path) -> Figures:
 
 
 @dataclass(frozen=True)
-class _Belief:
+class _Summary:
     """What a run holds for its best body, and how probable that is."""
 
     best: Array
@@ -268,17 +268,17 @@ def held_against(
     search: LengthSearch | None = None
     count, steps = 0, []
     with StaticsPhysics(store.world) as physics:
-        for belief, seconds in zip(_beliefs(store), cpu_seconds, strict=False):
-            body = genome.decode(belief.best)
+        for summary, seconds in zip(_summaries(store), cpu_seconds, strict=False):
+            body = genome.decode(summary.best)
             comparison = Comparison(problem, genome, body, known)
             search = search or length_search(store, comparison.true_body, physics)
             cells = comparison.configurations(search.is_like)
             count = len(cells)
             interval: dict[str, Any] = {}
-            if belief.genes is not None:
-                lengths = leg_lengths(genome.decode_all(belief.genes))
+            if summary.genes is not None:
+                lengths = leg_lengths(genome.decode_all(summary.genes))
                 low, high = np.quantile(
-                    lengths, (0.05, 0.95), axis=0, weights=belief.weights, method="inverted_cdf"
+                    lengths, (0.05, 0.95), axis=0, weights=summary.weights, method="inverted_cdf"
                 )
                 interval = {
                     "inside": ((low <= legs) & (legs <= high)).tolist(),
@@ -286,8 +286,8 @@ def held_against(
                 }
             steps.append(
                 Step(
-                    probability=belief.probability,
-                    explained=belief.explained,
+                    probability=summary.probability,
+                    explained=summary.explained,
                     cells=sum(cell.right_up_to_equivalence for cell in cells),
                     leg_errors_mm=tuple(1000 * (leg_lengths([body])[0] - legs)),
                     cpu_seconds=seconds,
@@ -297,15 +297,15 @@ def held_against(
     return count, tuple(steps)
 
 
-def _beliefs(store: RunStore) -> Iterator[_Belief]:
-    for belief, _ in store.posteriors():
-        yield _Belief(
-            np.array(belief.best),
-            belief.probability,
-            belief.explained,
-            np.array(belief.genes),
-            np.array(belief.weights),
+def _summaries(store: RunStore) -> Iterator[_Summary]:
+    for summary, _ in store.posteriors():
+        yield _Summary(
+            np.array(summary.best),
+            summary.probability,
+            summary.explained,
+            np.array(summary.genes),
+            np.array(summary.weights),
         )
     last = {one.iteration: one for one in store.generations()}
     for _, generation in sorted(last.items()):
-        yield _Belief(np.array(generation.best))
+        yield _Summary(np.array(generation.best))

@@ -191,7 +191,7 @@ class Bodies:
         return self._most(self.sensor)
 
     @cached_property
-    def departs(self) -> bool:
+    def deviates(self) -> bool:
         """Whether any of these bodies, or of those they are a part of, has odd servos or sensors.
 
         What they do is then not what a back-end says; see ``limp``, ``travel`` and ``base``.
@@ -262,7 +262,7 @@ _ROWS: Final = frozenset(name for name in _ARRAYS if name not in _TABLES)  # a r
 _DERIVED: Final = {
     "motors": {"count", "motor"},
     "sensors": {"count", "sensor"},
-    "departs": {"limp", "travel", "base"},
+    "deviates": {"limp", "travel", "base"},
 }
 _SHARED: Final = (*_TABLES, *_DERIVED)  # by all that are chosen from some
 

@@ -23,7 +23,7 @@ from estimator.exploration.information_gain import InformationGain, Predictions
 from estimator.exploration.rules import Choice, Situation
 from estimator.posterior.fitted import FittedPosterior
 from estimator.posterior.model.deviations import Alternative
-from estimator.posterior.model.likelihood import FORKS, LEANS
+from estimator.posterior.model.likelihood import FORKS, GRAVITY_TILTS
 from estimator.posterior.model.special import softmax
 from estimator.posterior.model.unknowns import Columns, Predictor
 from estimator.posterior.posterior import Posterior, systematic
@@ -88,7 +88,7 @@ _ALTERNATIVES: Final = 0.5  # times as many bodies that deviate from the problem
 _KNOWN: Final = (
     0.01  # m: lengths that need not be told apart any further while there are alternatives
 )
-_PLUMB: Final = LEANS[:1]
+_PLUMB: Final = GRAVITY_TILTS[:1]
 _BRANCHES: Final = np.vstack([_PLUMB, FORKS])  # inclinations of gravity
 
 
@@ -188,11 +188,11 @@ class Chooser:
         )
 
         def rough(programs: Array) -> Array:
-            (quick,) = self._read(few, programs, _PLUMB, quickly=True)
+            (quick,) = self._read(few, programs, _PLUMB, coarse_step=True)
             return self._bits(few, Predictions.of(quick, len(few)), rng, _DRAWS)
 
         def good(programs: Array) -> Array:
-            predictions = self._sure_predictions(few, programs, quickly=True)
+            predictions = self._sure_predictions(few, programs, coarse_step=True)
             return self._bits(few, predictions, rng, _DRAWS)
 
         def sure(programs: Array) -> Array:
@@ -279,18 +279,18 @@ class Chooser:
         return self._gain.of(predictions, known.scales, known.groups, rng, draws=draws)
 
     def _sure_predictions(
-        self, known: _Hypotheses, programs: Array, *, quickly: bool = False
+        self, known: _Hypotheses, programs: Array, *, coarse_step: bool = False
     ) -> Predictions:
         """Predicted readings, none where a body may fall to more sides than one.
 
         Where much is to be found, none also where it matters how thick capsules are: what is
         square but not known to be rests on its edges.
         """
-        plumb, *others = self._read(known, programs, _BRANCHES, quickly=quickly)
+        plumb, *others = self._read(known, programs, _BRANCHES, coarse_step=coarse_step)
         if self._predictor.unknowns.many:
             radius = np.where(known.bodies.box, 1.0, _THICKER) * known.bodies.radius
             thicker = replace(known, bodies=known.bodies.changed(radius=radius))
-            others += self._read(thicker, programs, _PLUMB, quickly=quickly)
+            others += self._read(thicker, programs, _PLUMB, coarse_step=coarse_step)
         predictions = Predictions.of(plumb, len(known))
         for other in others:
             apart = self._gain.apart(plumb, other)
@@ -308,17 +308,24 @@ class Chooser:
         return predictions
 
     def _read(
-        self, known: _Hypotheses, programs: Array, leans: Array, *, quickly: bool = False
+        self,
+        known: _Hypotheses,
+        programs: Array,
+        gravity_tilts: Array,
+        *,
+        coarse_step: bool = False,
     ) -> list[PredictedReadings]:
         """Readings of all bodies in all programs, one record for each of the inclinations."""
         pieces = []
-        count = len(leans)
+        count = len(gravity_tilts)
         at_once = max(1, _AT_ONCE // (count * len(known)))
         for start in range(0, len(programs), at_once):
             rows, repeated = _each_with_each(len(known), programs[start : start + at_once])
-            rows, each = np.repeat(rows, count), np.tile(leans, (len(rows), 1))
+            rows, each = np.repeat(rows, count), np.tile(gravity_tilts, (len(rows), 1))
             repeated = np.repeat(repeated, count, axis=0)
-            pieces.append(self._predictor.read(known.bodies, rows, repeated, each, quickly=quickly))
+            pieces.append(
+                self._predictor.read(known.bodies, rows, repeated, each, coarse_step=coarse_step)
+            )
         readings = PredictedReadings.concatenate(pieces)
         return [readings[branch::count] for branch in range(count)]
 

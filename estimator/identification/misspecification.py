@@ -32,10 +32,10 @@ SURE: Final = 0.95
 _FEW: Final = 100  # movements, in which a deviation shows if it can be observed at all
 
 
-def attachments_known(belief: StoredPosterior, wanted: float, store: RunStore) -> bool:
+def attachments_known(summary: StoredPosterior, wanted: float, store: RunStore) -> bool:
     """Whether a run is so sure of attachments, and stands by them."""
     contradicted = store.problem.contradictions(store.capabilities)
-    return (belief.probability or 0.0) >= wanted and belief.explained and not contradicted
+    return (summary.probability or 0.0) >= wanted and summary.explained and not contradicted
 
 
 class MisspecificationCheck:
@@ -53,17 +53,17 @@ class MisspecificationCheck:
         self._workers = workers
 
     def once_sure(
-        self, belief: StoredPosterior, fitted: FittedPosterior, reference: Physics
+        self, summary: StoredPosterior, fitted: FittedPosterior, reference: Physics
     ) -> tuple[Alternative, ...]:
         """Alternative hypotheses, where attachments are known, beforehand or by now; else none.
 
         Args:
-            belief: The summary so far.
+            summary: The summary so far.
             fitted: Of the problem's bodies.
             reference: The simulator.
         """
         # that a robot has changed is a reason to look how
-        as_stated = belief.model_copy(
+        as_stated = summary.model_copy(
             update={"misspecification_probability": 0.0, "deviation": None, "overturned": None}
         )
         if fitted.unknowns.bits and not attachments_known(as_stated, SURE, self._store):
@@ -71,10 +71,10 @@ class MisspecificationCheck:
         return self._deviating(fitted, reference, fitted.noise)
 
     def in_the_end(
-        self, belief: StoredPosterior, fitted: FittedPosterior, reference: Physics
+        self, summary: StoredPosterior, fitted: FittedPosterior, reference: Physics
     ) -> tuple[Alternative, ...]:
         """Alternative hypotheses at the end of a run, whatever is known."""
-        return self._deviating(fitted, reference, self._noise_for(belief, fitted))
+        return self._deviating(fitted, reference, self._noise_for(summary, fitted))
 
     def _deviating(
         self, fitted: FittedPosterior, reference: Physics, noise: Noise
@@ -97,36 +97,36 @@ class MisspecificationCheck:
             workers=self._workers,
         )
 
-    def _noise_for(self, belief: StoredPosterior, fitted: FittedPosterior) -> Noise:
+    def _noise_for(self, summary: StoredPosterior, fitted: FittedPosterior) -> Noise:
         """As announced, or as sampled along where attachments are open and the best fits poorly.
 
         By announced noise readings of a noisier robot would speak for bodies that deviate.
         """
-        if not fitted.unknowns.bits or belief.not_known is not NotKnown.POOR_FIT:
+        if not fitted.unknowns.bits or summary.not_known is not NotKnown.POOR_FIT:
             return fitted.noise
-        return fitted.noise.widened(np.exp(np.array(belief.weights) @ np.array(belief.scales)))
+        return fitted.noise.widened(np.exp(np.array(summary.weights) @ np.array(summary.scales)))
 
     def left_of(
         self,
-        belief: StoredPosterior,
+        summary: StoredPosterior,
         alternatives: Sequence[Alternative],
         fitted: FittedPosterior,
         reference: Physics,
     ) -> StoredPosterior:
         """The summary, with the probability that the robot deviates from the problem."""
         if not alternatives:
-            return belief
-        by_statics = np.array([one.outlier_probability for one in belief.predicted])
+            return summary
+        by_statics = np.array([one.outlier_probability for one in summary.predicted])
         outliers = outliers_left(
             by_statics,
             fitted.posterior,
             fitted.predictor,
             fitted.data,
-            self._noise_for(belief, fitted),
+            self._noise_for(summary, fitted),
             reference=reference,
         )
         better = clearly_better(alternatives)
-        return belief.model_copy(
+        return summary.model_copy(
             update={
                 "misspecification_probability": probability_misspecified(
                     alternatives, outliers, fitted.noise

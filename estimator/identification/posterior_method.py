@@ -132,11 +132,11 @@ class PosteriorMethod:
             workers=workers,
             physics=physics,
         )
-        beliefs = store.posteriors()
-        self._learnt = len(beliefs)
+        stored = store.posteriors()
+        self._learnt = len(stored)
         if self._learnt < store.settings.interactions:
             self._sampler.prepare()
-        self._counters = beliefs[-1][1] if beliefs else Counters()
+        self._counters = stored[-1][1] if stored else Counters()
         self._started = time.monotonic()
         self._posterior = self._sampler.prior()
         self._alternatives: tuple[Alternative, ...] | None = None  # not looked for yet
@@ -151,7 +151,7 @@ class PosteriorMethod:
         checkpoint = store.checkpoint()
         if checkpoint is not None:
             self._sampler.restore(checkpoint.state)
-            self._posterior = load_posterior(beliefs[-1][0], self._predictor.unknowns)
+            self._posterior = load_posterior(stored[-1][0], self._predictor.unknowns)
 
     @property
     def _predictor(self) -> Predictor:
@@ -172,39 +172,41 @@ class PosteriorMethod:
         before, fitted = self._posterior, self._fitted(self._posterior, observations)
         self._posterior = self._sampler.learn(fitted.data)
         fitted = replace(fitted, posterior=self._posterior)
-        belief = self._summarised(fitted, before)
-        belief = belief.model_copy(update={"overturned": self._overturned(number)})
-        self._alternatives = self._misspecification.once_sure(belief, fitted, self._reference)
-        belief = self._misspecification.left_of(belief, self._alternatives, fitted, self._reference)
-        self._store.save_posterior(number, belief, self._cost(), self._sampler.state())
+        summary = self._summarised(fitted, before)
+        summary = summary.model_copy(update={"overturned": self._overturned(number)})
+        self._alternatives = self._misspecification.once_sure(summary, fitted, self._reference)
+        summary = self._misspecification.left_of(
+            summary, self._alternatives, fitted, self._reference
+        )
+        self._store.save_posterior(number, summary, self._cost(), self._sampler.state())
         self._learnt = number + 1
         settings = self._store.settings
         self._listener.worked(
             self.work(number),
-            f"interaction {number + 1}/{settings.interactions}, {_how_sure(belief)}",
+            f"interaction {number + 1}/{settings.interactions}, {_how_sure(summary)}",
         )
 
     def posterior(self) -> FittedPosterior:
         """The posterior; with alternatives once attachments (or, if known, lengths) are sure."""
-        beliefs, observations = self._store.posteriors(), self._store.observations()
-        if not beliefs:
+        stored, observations = self._store.posteriors(), self._store.observations()
+        if not stored:
             return self._fitted(self._posterior, observations)
-        belief, _ = beliefs[-1]
+        summary, _ = stored[-1]
         alternatives: tuple[Alternative, ...] = ()
-        if self._predictor.unknowns.bits or self._lengths_known(belief):
-            alternatives = tuple(one for one in self._alternatives_of(belief) if one.is_left)
+        if self._predictor.unknowns.bits or self._lengths_known(summary):
+            alternatives = tuple(one for one in self._alternatives_of(summary) if one.is_left)
         fitted = self._fitted(self._posterior, observations)
         return replace(
-            fitted, best=np.array(belief.best), summary=belief, alternatives=alternatives
+            fitted, best=np.array(summary.best), summary=summary, alternatives=alternatives
         )
 
-    def _alternatives_of(self, belief: StoredPosterior) -> tuple[Alternative, ...]:
+    def _alternatives_of(self, summary: StoredPosterior) -> tuple[Alternative, ...]:
         """Bodies that deviate, fitted by ``learn``, or now if the run was resumed."""
         if self._alternatives is None:
             fitted = self._fitted(self._posterior, self._store.observations())
             with closing(self._make_physics()) as physics:  # what it costs was counted before
                 self._alternatives = self._misspecification.once_sure(
-                    belief, fitted.computed_by(physics), self._make_reference()
+                    summary, fitted.computed_by(physics), self._make_reference()
                 )
         return self._alternatives
 
@@ -217,7 +219,7 @@ class PosteriorMethod:
         wanted = self._store.settings.sure
         if wanted is None or number != self._learnt - 1:
             return False
-        last = [belief for belief, _ in self._store.posteriors()[-2:]]
+        last = [summary for summary, _ in self._store.posteriors()[-2:]]
         return bool(last[-1].simulated) or (
             len(last) == 2
             and all(
@@ -228,24 +230,24 @@ class PosteriorMethod:
 
     def _overturned(self, number: int) -> int | None:
         """The last interaction before after which attachments were sure that are ruled out now."""
-        beliefs = [one for one, _ in self._store.posteriors()[:number]]
-        sure = [at for at, one in enumerate(beliefs) if attachments_known(one, SURE, self._store)]
+        stored = [one for one, _ in self._store.posteriors()[:number]]
+        sure = [at for at, one in enumerate(stored) if attachments_known(one, SURE, self._store)]
         if not sure:
             return None
-        was = np.array(beliefs[sure[-1]].best)
+        was = np.array(stored[sure[-1]].best)
         left = probability_of(was, self._posterior, self._predictor, self._indistinguishable)
         return sure[-1] if left < 1 - SURE else None
 
-    def _lengths_known(self, belief: StoredPosterior) -> bool:
-        lengths = FittedPosterior.of_stored(self._store, belief, ()).leg_lengths
+    def _lengths_known(self, summary: StoredPosterior) -> bool:
+        lengths = FittedPosterior.of_stored(self._store, summary, ()).leg_lengths
         low, high = np.quantile(lengths, (0.05, 0.95), axis=0)
         return bool(np.all(high - low <= 2 * PRECISE))
 
     def finish(self, observations: Sequence[Observation]) -> None:
         """Has some of the samples simulated, and reweights."""
         last = len(observations) - 1
-        belief, _ = self._store.posteriors()[last]
-        if belief.simulated:
+        summary, _ = self._store.posteriors()[last]
+        if summary.simulated:
             return
         sampled = self._fitted(self._posterior, observations)
         data, noise = sampled.data, sampled.noise
@@ -256,12 +258,12 @@ class PosteriorMethod:
             data,
             noise,
             reference=self._reference,
-            like=self._like_first_of(checked.posterior, belief),
+            like=self._like_first_of(checked.posterior, summary),
             rng=generator(self._store.settings.seed, Stream.LEFT_OUT),
         )
         fitted = replace(sampled, posterior=posterior)
         final = self._summarised(fitted)
-        before = alternatives = self._alternatives_of(belief)
+        before = alternatives = self._alternatives_of(summary)
         if not alternatives or final.not_known is NotKnown.POOR_FIT:
             alternatives = self._misspecification.in_the_end(
                 final, replace(sampled, posterior=checked.posterior), self._reference
@@ -273,8 +275,8 @@ class PosteriorMethod:
         final = final.model_copy(
             update={
                 "untested_deviations": self._misspecification.untested(alternatives, posterior),
-                "information_gain_bits": belief.information_gain_bits,
-                "overturned": belief.overturned,
+                "information_gain_bits": summary.information_gain_bits,
+                "overturned": summary.overturned,
                 "simulated": checked.simulated,
                 "ess": checked.ess,
             }
@@ -283,10 +285,10 @@ class PosteriorMethod:
             final = final.model_copy(update={"next_movement": self._deciding(fitted)})
         self._store.save_posterior(last, final, self._cost(), None)
 
-    def _like_first_of(self, posterior: Posterior, belief: StoredPosterior) -> set[Attachments]:
+    def _like_first_of(self, posterior: Posterior, summary: StoredPosterior) -> set[Attachments]:
         """A posterior's first attachments, and those indistinguishable from them in the summary."""
         leader = posterior.modes[0].attachments
-        genes = np.array([mode.genes for mode in belief.modes if mode.indistinguishable])
+        genes = np.array([mode.genes for mode in summary.modes if mode.indistinguishable])
         alike = set(self._predictor.unknowns.keys(genes))
         return alike if leader in alike else {leader}
 
@@ -325,11 +327,11 @@ class PosteriorMethod:
         )
 
 
-def _how_sure(belief: StoredPosterior) -> str:
-    if belief.probability is None:
-        return f"how sure the best body's attachments are is not known: {belief.not_known}"
-    fit = "" if belief.explained else ", but it does not explain the readings"
-    return f"best body's attachments {100 * belief.probability:.0f} % sure{fit}"
+def _how_sure(summary: StoredPosterior) -> str:
+    if summary.probability is None:
+        return f"how sure the best body's attachments are is not known: {summary.not_known}"
+    fit = "" if summary.explained else ", but it does not explain the readings"
+    return f"best body's attachments {100 * summary.probability:.0f} % sure{fit}"
 
 
 def _taking_arrays(executors: Executors, name: str, world: WorldSettings) -> ArrayPhysics:

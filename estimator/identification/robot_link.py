@@ -332,21 +332,21 @@ class WireLink:
     def _observation(self, program: Program, reply: messages.ObservationReply) -> Observation:
         names = [joint.name for joint in self.capabilities.joints]
         if set(reply.angles) != set(names):
-            raise self._disbelief(
+            raise self._rejected(
                 f"angles of {', '.join(reply.angles)}, but its joints are {', '.join(names)}"
             )
         unknown = [name for name in reply.saturated_joints if name not in names]
         if unknown:
-            raise self._disbelief(
+            raise self._rejected(
                 f"{', '.join(unknown)} at an end, but its joints are {', '.join(names)}"
             )
         observation = Observation.from_wire(reply, self.capabilities)
         wrong = self._checks.wrong(program, observation)
         if wrong is not None:
-            raise self._disbelief(wrong)
+            raise self._rejected(wrong)
         return observation
 
-    def _disbelief(self, what: str) -> RobotError:
+    def _rejected(self, what: str) -> RobotError:
         """Returns the error of an answer that cannot be true, of which nothing is used."""
         return RobotError(
             "fault",

@@ -53,7 +53,7 @@ def indistinguishable_points(
 
 
 def probability_of(
-    point: Array, posterior: Posterior, predictor: Predictor, alike: Indistinguishable
+    point: Array, posterior: Posterior, predictor: Predictor, indistinguishable: Indistinguishable
 ) -> float:
     """How probable a body's attachments are by a posterior, up to what no sensor can tell.
 
@@ -61,19 +61,22 @@ def probability_of(
         point: The body, shape (size,).
         posterior: Its samples are held against bodies of their lengths with these attachments.
         predictor: Knows which columns are lengths.
-        alike: The test.
+        indistinguishable: The test.
     """
     unknowns = predictor.unknowns
     others = np.tile(point, (len(posterior.values), 1))
     others[:, unknowns.continuous] = posterior.values[:, unknowns.continuous]
     (theirs,) = unknowns.keys(point[None])
     same = np.array([key == theirs for key in unknowns.keys(posterior.values)])
-    same[~same] = alike(others[~same], posterior.values[~same])
+    same[~same] = indistinguishable(others[~same], posterior.values[~same])
     return float(posterior.weights @ same)
 
 
 def indistinguishable_shares(
-    modes: Sequence[Mode], posterior: Posterior, predictor: Predictor, alike: Indistinguishable
+    modes: Sequence[Mode],
+    posterior: Posterior,
+    predictor: Predictor,
+    indistinguishable: Indistinguishable,
 ) -> Array:
     """How much of each mode no sensor can tell from the first mode's attachments.
 
@@ -82,7 +85,7 @@ def indistinguishable_shares(
         posterior: Has the samples that stand for each mode; of a mode without any its best body
             stands for it.
         predictor: Knows which columns are lengths.
-        alike: The test.
+        indistinguishable: The test.
 
     Returns:
         From 0 to 1, shape (modes,); 1 for the first.
@@ -105,7 +108,7 @@ def indistinguishable_shares(
         return shares
     others = np.tile(modes[0].point, (len(points), 1))
     others[:, unknowns.continuous] = points[:, unknowns.continuous]
-    same = alike(others, points)
+    same = indistinguishable(others, points)
     whole = np.bincount(owners, weights, len(modes))
     part = np.bincount(owners, weights * same, len(modes))
     np.divide(part, whole, out=shares, where=whole > 0)

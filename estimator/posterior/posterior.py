@@ -104,7 +104,7 @@ def coverage(shares: Array, found: Flags) -> float:
     return float(1.0 - missed)
 
 
-def coverage_of_classes(shares: Array, found: Flags, alike: Array) -> float:
+def coverage_of_classes(shares: Array, found: Flags, indistinguishable: Array) -> float:
     """Coverage, where modes that are indistinguishable from the first count as one.
 
     One of which only a trifle does, such as one leg so short that it touches nothing, does not
@@ -113,13 +113,13 @@ def coverage_of_classes(shares: Array, found: Flags, alike: Array) -> float:
     Args:
         shares: Of the posterior, shape (n,).
         found: Which of them each population has found, shape (n, populations).
-        alike: The part of each that is indistinguishable from the first, shape (n,).
+        indistinguishable: The part of each that is indistinguishable from the first, shape (n,).
     """
-    together = np.append(shares * (1 - alike), shares @ alike)
-    return coverage(together, np.vstack([found, found[alike >= MOSTLY].any(axis=0)]))
+    together = np.append(shares * (1 - indistinguishable), shares @ indistinguishable)
+    return coverage(together, np.vstack([found, found[indistinguishable >= MOSTLY].any(axis=0)]))
 
 
-def ess_of_class(shares: Array, ess: Array, alike: Array) -> float:
+def ess_of_class(shares: Array, ess: Array, indistinguishable: Array) -> float:
     """Effective sample size behind the probability of all that is indistinguishable from the first.
 
     The errors of their evidences are independent, so those of many that few draws stand for even
@@ -128,9 +128,9 @@ def ess_of_class(shares: Array, ess: Array, alike: Array) -> float:
     Args:
         shares: Of the posterior, shape (n,).
         ess: Effective sample size of each, shape (n,).
-        alike: The part of each that is indistinguishable from the first, shape (n,).
+        indistinguishable: The part of each that is indistinguishable from the first, shape (n,).
     """
-    counted = shares * alike
+    counted = shares * indistinguishable
     return float(counted.sum() ** 2 / np.sum(counted**2 / ess))
 
 

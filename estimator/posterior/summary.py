@@ -38,7 +38,7 @@ def summarise(
     predictor: Predictor,
     data: SensorData,
     noise: Noise,
-    alike: Indistinguishable,
+    indistinguishable: Indistinguishable,
     *,
     before: Posterior | None = None,
 ) -> StoredPosterior:
@@ -49,13 +49,15 @@ def summarise(
         predictor: Computes readings.
         data: The observations.
         noise: Sensor noise.
-        alike: The test of equivalence.
+        indistinguishable: The test of equivalence.
         before: The posterior before the last interaction, by which its information is measured.
     """
     modes = posterior.modes[:_KEPT]
     compared = modes if posterior.adequate_fit else modes[:_RIVALS]
     shares = np.zeros(len(modes))
-    shares[: len(compared)] = indistinguishable_shares(compared, posterior, predictor, alike)
+    shares[: len(compared)] = indistinguishable_shares(
+        compared, posterior, predictor, indistinguishable
+    )
     chances, found = np.array([mode.probability for mode in modes]), [mode.found for mode in modes]
     coverage = coverage_of_classes(chances, np.array(found), shares)
     behind = ess_of_class(chances, np.array([mode.ess for mode in modes]), shares)

@@ -43,7 +43,7 @@ class Population:
     Attributes:
         values: As above, like ``scales`` and ``levels``.
         chains_per_level: Chains on a level.
-        hasty: Whether every proposal is taken to fall to the side to which its chain has fallen,
+        coarse: Whether every proposal is taken to fall to the side to which its chain has fallen,
             which costs less; only before sampling.
     """
 
@@ -89,7 +89,7 @@ class Population:
             surely: As in ``Likelihood.misfits_of``, and hastily: for chains that search.
         """
         self._data, self._noise = data, noise
-        self._surely = self.hasty = surely
+        self._surely = self.coarse = surely
         self._likelihood = Likelihood(data, noise)
         self._look(slice(None))
 
@@ -118,7 +118,7 @@ class Population:
         self._exchange_levels()
 
     def coldest(self) -> Self:
-        """The chains of level 0 by themselves, no longer hasty: what they go on to is samples."""
+        """The chains of level 0 by themselves, no longer coarse: what they go on to is samples."""
         cold = slice(0, self.chains_per_level)
         chains = type(self)(
             self._predictor, self._rng, self.values[cold].copy(), self.scales[cold].copy()
@@ -151,8 +151,8 @@ class Population:
         return cls(predictor, rng, values, scales, levels=int(state["levels"]))
 
     def _branches(self, chains: Columns, interactions: Columns) -> Array | None:
-        """Branches (numbers of ``LEANS``) of the chains, which hasty proposals keep."""
-        return self._misfits[chains, interactions, BRANCH] if self.hasty else None
+        """Branches (numbers of ``GRAVITY_TILTS``) of the chains, which coarse proposals keep."""
+        return self._misfits[chains, interactions, BRANCH] if self.coarse else None
 
     def _look(self, rows: slice) -> None:
         misfits = self._likelihood.misfits_of(
@@ -206,7 +206,7 @@ class Population:
             )[:, 0]
             alive = alive[fits[alive].sum(axis=1) > limits[alive]]
             start = end
-        self._predictor.spared += rows.size * count - simulated
+        self._predictor.skipped += rows.size * count - simulated
         taken = rows[alive]
         self.values[taken], self._misfits[taken] = fresh[alive], misfits[alive]
         self._fits[taken] = fits[alive]

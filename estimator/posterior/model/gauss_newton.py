@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Array
-from estimator.posterior.model.likelihood import LEANS, Likelihood
+from estimator.posterior.model.likelihood import GRAVITY_TILTS, Likelihood
 from estimator.posterior.model.noise import step_weight
 from estimator.posterior.model.sensor_data import BRANCH, MISFITS, SensorData
 from estimator.posterior.model.unknowns import Columns, Predictor
@@ -151,7 +151,7 @@ class GaussNewton:
             trial = values[rows]
             trial[:, columns] = np.clip(trial[:, columns] + share * step[rows], 0.0, 1.0)
             fits = self._of(
-                self._misfits(trial, branches[rows], quickly=noise_scale > 1), noise_scale
+                self._misfits(trial, branches[rows], coarse_step=noise_scale > 1), noise_scale
             )
             better = fits > best[rows]
             values[rows[better]], best[rows[better]] = trial[better], fits[better]
@@ -175,7 +175,7 @@ class GaussNewton:
             moved[:, index, column] += sign[:, index]
         branches = np.repeat(misfits[..., BRANCH], lengths, axis=0)
         others = self._misfits(
-            moved.reshape(count * lengths, -1), branches, quickly=noise_scale > 1
+            moved.reshape(count * lengths, -1), branches, coarse_step=noise_scale > 1
         )
         residuals = self._residuals(misfits)
         there = self._residuals(others).reshape(count, lengths, interactions, -1)
@@ -188,10 +188,12 @@ class GaussNewton:
         climb = -np.einsum("nikc,nkc,nkc->ni", change, weight, residuals, optimize=True)
         return Slopes(misfits=misfits, precision=precision + PRIOR * np.eye(lengths), climb=climb)
 
-    def _misfits(self, values: Array, branches: Array, *, quickly: bool) -> Array:
-        """Of n points in k interactions, each under one of ``LEANS``, shape (n, k)."""
-        data, leans = self._data, LEANS[branches.ravel().astype(np.intp)]
-        readings = self._predictor.read_all(values, data.programs, leans, quickly=quickly)
+    def _misfits(self, values: Array, branches: Array, *, coarse_step: bool) -> Array:
+        """Of n points in k interactions, each under one of ``GRAVITY_TILTS``, shape (n, k)."""
+        data, gravity_tilts = self._data, GRAVITY_TILTS[branches.ravel().astype(np.intp)]
+        readings = self._predictor.read_all(
+            values, data.programs, gravity_tilts, coarse_step=coarse_step
+        )
         misfits = data.misfits(readings, np.tile(np.arange(len(data)), len(values)))
         misfits[:, BRANCH] = branches.ravel()
         return misfits.reshape(len(values), len(data), MISFITS)

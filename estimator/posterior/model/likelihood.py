@@ -49,16 +49,16 @@ _INCLINED: Final = [
     for angle in (2.0, 6.0)
 ]
 
-LEANS: Final = np.vstack([np.zeros((1, 2)), *_INCLINED])
+GRAVITY_TILTS: Final = np.vstack([np.zeros((1, 2)), *_INCLINED])
 """Inclinations of gravity on the way, by number, shape (9, 2): none, what decides at a fork, and
 what momentum may rarely do elsewhere. They lie in no plane of symmetry that bodies are likely to
 have."""
 
-FORKS: Final = LEANS[1 : 1 + len(_SIDES)]
+FORKS: Final = GRAVITY_TILTS[1 : 1 + len(_SIDES)]
 """Those that decide at a fork."""
 
 LIKELY: Final = np.array([1.0, *[0.5] * len(_SIDES), *[0.05] * len(_SIDES)])
-"""How likely each of ``LEANS`` is, beside the first."""
+"""How likely each of ``GRAVITY_TILTS`` is, beside the first."""
 
 _LOG_LIKELY: Final = np.log(LIKELY)
 AT_ONCE: Final = 2000
@@ -197,15 +197,15 @@ class Likelihood:
         """The misfits of some bodies, each in one interaction.
 
         Where what was observed is more likely an outlier than what a body feels, it may have
-        fallen to another side: the first of ``LEANS`` that explains it is taken.
+        fallen to another side: the first of ``GRAVITY_TILTS`` that explains it is taken.
 
         Args:
             predictor: Computes readings.
             bodies: From the predictor's unknowns.
             rows: Which of them, shape (m,).
             interactions: In which interaction, shape (m,).
-            branches: Numbers of ``LEANS``, shape (m,): take it that everybody falls under these,
-                and look quickly.
+            branches: Numbers of ``GRAVITY_TILTS``, shape (m,): take it that everybody falls under
+                these, with coarse steps.
 
         Returns:
             Shape (m, MISFITS).
@@ -214,9 +214,9 @@ class Likelihood:
         if not rows.size:
             return np.empty((0, MISFITS))
         if branches is not None:
-            leans = LEANS[branches.astype(np.intp)]
+            gravity_tilts = GRAVITY_TILTS[branches.astype(np.intp)]
             readings = predictor.read(
-                bodies, rows, data.programs[interactions], leans, quickly=True
+                bodies, rows, data.programs[interactions], gravity_tilts, coarse_step=True
             )
             misfits = data.misfits(readings, interactions)
             misfits[:, BRANCH] = branches
@@ -227,12 +227,12 @@ class Likelihood:
         left = self._unexplained(misfits, interactions)
         if not left.size:
             return misfits
-        numbers = np.arange(1, len(LEANS))
-        each, leans = np.repeat(left, len(numbers)), np.tile(numbers, len(left))
+        numbers = np.arange(1, len(GRAVITY_TILTS))
+        each, gravity_tilts = np.repeat(left, len(numbers)), np.tile(numbers, len(left))
         programs = data.programs[interactions[each]]
-        readings = predictor.read(bodies, rows[each], programs, LEANS[leans])
+        readings = predictor.read(bodies, rows[each], programs, GRAVITY_TILTS[gravity_tilts])
         others = data.misfits(readings, interactions[each])
-        others[:, BRANCH] = leans
+        others[:, BRANCH] = gravity_tilts
         explained = np.ones((len(left), len(numbers)), dtype=bool)
         explained.flat[self._unexplained(others, interactions[each])] = False
         elsewhere = np.flatnonzero(explained.any(axis=1))
@@ -243,7 +243,7 @@ class Likelihood:
     def readings_of(self, predictor: Predictor, values: Array) -> PredictedReadings:
         """Readings of n points in every interaction, each on its branch: n · k rows."""
         numbers = self.misfits_of(predictor, values)[..., BRANCH].ravel().astype(np.intp)
-        return predictor.read_all(values, self._data.programs, LEANS[numbers])
+        return predictor.read_all(values, self._data.programs, GRAVITY_TILTS[numbers])
 
     def normalised(self, predictor: Predictor, values: Array, scales: Array | None = None) -> Array:
         """Log-likelihood of n points in every interaction, shape (n, k).
@@ -264,11 +264,11 @@ class Likelihood:
 
     def _sides(self, predictor: Predictor, values: Array) -> Array:
         """How likely all sides are to which a body may fall, together; shape (n, k), at least 1."""
-        count, likely = len(LEANS), np.exp(_LOG_LIKELY)
+        count, likely = len(GRAVITY_TILTS), np.exp(_LOG_LIKELY)
         rows = np.repeat(np.arange(len(values)), len(self._data) * count)
         programs = np.tile(np.repeat(self._data.programs, count, axis=0), (len(values), 1))
-        leans = np.tile(LEANS, (len(values) * len(self._data), 1))
-        readings = predictor.read(predictor.unknowns.bodies(values), rows, programs, leans)
+        gravity_tilts = np.tile(GRAVITY_TILTS, (len(values) * len(self._data), 1))
+        readings = predictor.read(predictor.unknowns.bodies(values), rows, programs, gravity_tilts)
         sides = [readings[::count]]
         counted = [np.ones(len(sides[0]), dtype=bool)]
         for branch in range(1, count):

@@ -163,12 +163,12 @@ class Cost(NamedTuple):
     Attributes:
         simulations: Interactions that were simulated.
         steps: Time steps of these.
-        spared: Simulations that early rejection has made unnecessary.
+        skipped: Simulations that early rejection has made unnecessary.
     """
 
     simulations: int
     steps: int
-    spared: int
+    skipped: int
 
     def since(self, before: Cost) -> Cost:
         """The difference to an earlier one."""
@@ -184,12 +184,12 @@ class Predictor:
 
     Attributes:
         unknowns: As above.
-        spared: Simulations that early rejection has made unnecessary.
+        skipped: Simulations that early rejection has made unnecessary.
     """
 
     def __init__(self, unknowns: Unknowns, physics: ArrayPhysics) -> None:
         self.unknowns = unknowns
-        self.spared = 0
+        self.skipped = 0
         self._simulations_elsewhere = 0
         self._steps_elsewhere = 0
         self._physics = physics
@@ -211,22 +211,22 @@ class Predictor:
     @property
     def cost(self) -> Cost:
         """Counts of what was computed so far."""
-        return Cost(self.simulations, self.steps, self.spared)
+        return Cost(self.simulations, self.steps, self.skipped)
 
     def add_cost(self, cost: Cost) -> None:
         """Counts what a copy has computed in a worker process."""
         self._simulations_elsewhere += cost.simulations
         self._steps_elsewhere += cost.steps
-        self.spared += cost.spared
+        self.skipped += cost.skipped
 
     def read(
         self,
         bodies: Bodies,
         rows: Columns,
         programs: Array,
-        leans: Array | None = None,
+        gravity_tilts: Array | None = None,
         *,
-        quickly: bool = False,
+        coarse_step: bool = False,
     ) -> PredictedReadings:
         """Predicted readings of some of the bodies, each in its own program.
 
@@ -234,15 +234,18 @@ class Predictor:
             bodies: From ``Unknowns.bodies``.
             rows: Which of them, shape (m,).
             programs: rad, shape (m, motors).
-            leans: How gravity is inclined on the way; see ``ArrayPhysics``.
-            quickly: Coarse steps; see ``ArrayPhysics``.
+            gravity_tilts: How gravity is inclined on the way; see ``ArrayPhysics``.
+            coarse_step: Coarse steps; see ``ArrayPhysics``.
         """
         chosen = bodies[rows]
-        if not chosen.departs:
-            return self._physics.read_bodies(chosen, programs, leans, coarse_step=quickly)
+        if not chosen.deviates:
+            return self._physics.read_bodies(
+                chosen, programs, gravity_tilts, coarse_step=coarse_step
+            )
         angles = performed(programs, chosen)
         return as_sensed(
-            self._physics.read_bodies(chosen, angles, leans, coarse_step=quickly), chosen
+            self._physics.read_bodies(chosen, angles, gravity_tilts, coarse_step=coarse_step),
+            chosen,
         )
 
     def margins(
@@ -256,21 +259,23 @@ class Predictor:
         self,
         values: Array,
         programs: Array,
-        leans: Array | None = None,
+        gravity_tilts: Array | None = None,
         *,
-        quickly: bool = False,
+        coarse_step: bool = False,
     ) -> PredictedReadings:
         """Predicted readings of n points in each of k programs: n · k rows, programs fastest.
 
         Args:
             values: Points, shape (n, size).
             programs: rad, shape (k, motors).
-            leans: As in ``read``.
-            quickly: As in ``read``.
+            gravity_tilts: As in ``read``.
+            coarse_step: As in ``read``.
         """
         count = len(programs)
         rows, each = np.repeat(np.arange(len(values)), count), np.tile(programs, (len(values), 1))
-        return self.read(self.unknowns.bodies(values), rows, each, leans, quickly=quickly)
+        return self.read(
+            self.unknowns.bodies(values), rows, each, gravity_tilts, coarse_step=coarse_step
+        )
 
 
 def _places(genome: Genome) -> tuple[Columns, ...]:

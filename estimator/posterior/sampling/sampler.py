@@ -159,8 +159,8 @@ class Sampler:
 
     @property
     def requested(self) -> int:
-        """Simulations that were asked for so far, those included that early rejection spared."""
-        return self.simulations + sum(one.spared for one in self._predictors)
+        """Simulations that were asked for so far, those included that early rejection skipped."""
+        return self.simulations + sum(one.skipped for one in self._predictors)
 
     @property
     def steps(self) -> int:

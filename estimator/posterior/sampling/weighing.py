@@ -154,7 +154,7 @@ def _moved(
     chains = Population(predictor, rng, values, scales)
     chains.observe(data, noise, surely=False)
     if few:
-        chains.hasty = True
+        chains.coarse = True
         for _ in range(_BURN_INS):
             for _ in range(_BURN_IN):
                 chains.step()

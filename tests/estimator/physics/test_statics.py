@@ -318,11 +318,11 @@ def test_what_is_followed_together_lands_as_each_does_alone(
     body, program, lean = (
         one.ravel() for one in np.meshgrid(range(40), range(2), range(ways), indexing="ij")
     )
-    leans = rng.normal(0, 0.1, (ways, 2)) * (np.arange(ways) % 3 > 0)[:, None]
-    together = statics.read_bodies(several[body], programs[program], leans[lean])
+    gravity_tilts = rng.normal(0, 0.1, (ways, 2)) * (np.arange(ways) % 3 > 0)[:, None]
+    together = statics.read_bodies(several[body], programs[program], gravity_tilts[lean])
     for row in range(0, len(body), 7):
         alone = statics.read_bodies(
-            several[body[row : row + 1]], programs[program[row]], leans[lean[row]]
+            several[body[row : row + 1]], programs[program[row]], gravity_tilts[lean[row]]
         )
         assert_same(together[np.array([row])], alone)
 

@@ -39,7 +39,7 @@ from estimator.posterior.model.deviations import (
     TurnedMount,
     log_priors,
 )
-from estimator.posterior.model.likelihood import FORKS, LEANS, Noise, apart
+from estimator.posterior.model.likelihood import FORKS, GRAVITY_TILTS, Noise, apart
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Predictor, Unknowns, deviating_points
 from estimator.posterior.posterior import Mode, Posterior
@@ -375,7 +375,9 @@ def test_to_which_side_a_body_falls_speaks_for_no_departure() -> None:
     genome = Genome(Problem.parse(PROBLEM, "legs"), Base(size=(0.14, 0.14, 0.085), mass=1.0))
     predictor, point = Predictor(Unknowns(genome), StaticsPhysics()), np.full(4, 0.85)
     moved = np.random.default_rng(0).uniform(-0.5, 0.5, (4000, 4))
-    observed = [predictor.read_all(point[None], moved, np.tile(lean, (4000, 1))) for lean in LEANS]
+    observed = [
+        predictor.read_all(point[None], moved, np.tile(lean, (4000, 1))) for lean in GRAVITY_TILTS
+    ]
     plumb, *leaning = observed
     turned = [apart(plumb, one, NOISE) for one in leaning]
     narrow = np.flatnonzero(turned[-1] & ~np.any(turned[: len(FORKS)], axis=0))[:3]

@@ -172,22 +172,22 @@ def test_proposals_that_are_given_up_early_would_have_been_refused(
             predictor, np.random.default_rng(3), levels=4, chains_per_level=8
         )
         population.observe(data, NOISE, surely=True)
-        before = predictor.spared
+        before = predictor.skipped
         for _ in range(20):
             population.step()
-        return population, predictor.spared - before
+        return population, predictor.skipped - before
 
     def hopeful(likelihood: Likelihood, noise_scale: Array, scales: Array) -> Array:
         """Gives no proposal up before all of it is known."""
         del likelihood, scales
         return np.full((len(noise_scale), len(data)), 1e9)
 
-    early, spared = after_steps()
+    early, skipped = after_steps()
     monkeypatch.setattr(Likelihood, "best", hopeful)
     patient, none_spared = after_steps()
     assert np.array_equal(early.values, patient.values)
     assert np.array_equal(early.scales, patient.scales)
-    assert spared > none_spared == 0
+    assert skipped > none_spared == 0
 
 
 def test_a_population_goes_on_as_if_it_had_not_been_put_away(predictor: Predictor) -> None:

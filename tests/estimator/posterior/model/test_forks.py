@@ -11,7 +11,7 @@ import pytest
 from estimator.body.arrays import Bodies
 from estimator.body.morphology import BASE, Array, Morphology, Part
 from estimator.physics.statics import StaticsPhysics
-from estimator.posterior.model.likelihood import LEANS, Likelihood, apart
+from estimator.posterior.model.likelihood import GRAVITY_TILTS, Likelihood, apart
 from estimator.posterior.model.sensor_data import BRANCH, SensorData
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.posterior import Mode, Posterior
@@ -34,10 +34,10 @@ EQUAL_LEGS = Morphology(
 
 
 def test_an_inclined_gravity_decides_at_a_fork_and_not_elsewhere(statics: StaticsPhysics) -> None:
-    bodies = Bodies.of([EQUAL_LEGS] * len(LEANS))
-    fork = statics.read_bodies(bodies, FORK, LEANS)
+    bodies = Bodies.of([EQUAL_LEGS] * len(GRAVITY_TILTS))
+    fork = statics.read_bodies(bodies, FORK, GRAVITY_TILTS)
     assert {round(math.degrees(tilt)) for tilt in fork.tilt[:, 0]} == {20, -20}
-    sure = statics.read_bodies(bodies, np.radians([30.0, -30.0, 7.0, 14.0]), LEANS)
+    sure = statics.read_bodies(bodies, np.radians([30.0, -30.0, 7.0, 14.0]), GRAVITY_TILTS)
     for name in ("tilt", "clearance"):
         values = getattr(sure, name)
         assert values == pytest.approx(np.broadcast_to(values[0], values.shape), abs=1e-9)
@@ -58,9 +58,9 @@ def test_inclined_gravity_comes_to_all_sides_of_narrow_paths(
     reached = []
     for program in programs:
         ends = statics.read_bodies(bodies[: len(sides)], program, sides)
-        leaning = statics.read_bodies(bodies[: len(LEANS)], program, LEANS)
+        leaning = statics.read_bodies(bodies[: len(GRAVITY_TILTS)], program, GRAVITY_TILTS)
         for end in range(len(sides)):
-            to_compare = ends[np.full(len(LEANS), end)]
+            to_compare = ends[np.full(len(GRAVITY_TILTS), end)]
             reached.append(not apart(to_compare, leaning, NOISE).all())
     assert len(programs) > 10
     assert np.mean(reached) > 0.95
@@ -81,8 +81,10 @@ def equal_legs() -> tuple[Predictor, Array]:
 
 def test_a_body_at_a_fork_explains_both_sides_the_other_half_as_well() -> None:
     predictor, point = equal_legs()
-    sides = predictor.read_all(np.repeat(point, len(LEANS), axis=0), FORK[None], LEANS)
-    plumb = sides[np.zeros(len(LEANS), dtype=np.intp)]
+    sides = predictor.read_all(
+        np.repeat(point, len(GRAVITY_TILTS), axis=0), FORK[None], GRAVITY_TILTS
+    )
+    plumb = sides[np.zeros(len(GRAVITY_TILTS), dtype=np.intp)]
     other = int(np.flatnonzero(apart(plumb, sides, NOISE))[0])
     fits = []
     for row in (0, other):

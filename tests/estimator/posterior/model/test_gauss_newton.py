@@ -7,7 +7,7 @@ import numpy as np
 
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.model.gauss_newton import GaussNewton
-from estimator.posterior.model.likelihood import LEANS, Likelihood
+from estimator.posterior.model.likelihood import GRAVITY_TILTS, Likelihood
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.problem.genome import Genome
@@ -32,7 +32,7 @@ def felt_by_four_legs() -> GaussNewton:
     genome = Genome(Problem.load("topological"), replace(BODY, mass=0.6))
     predictor, rng = Predictor(Unknowns(genome), StaticsPhysics()), np.random.default_rng(3)
     point, moved = np.array([FOUR_LEGS]), np.radians(MOVED)
-    observed = predictor.read_all(point, moved, LEANS[SIDES])
+    observed = predictor.read_all(point, moved, GRAVITY_TILTS[SIDES])
     tilt = observed.tilt + rng.normal(0, NOISE.tilt, observed.tilt.shape)
     clearance = observed.clearance + rng.normal(0, NOISE.clearance, len(moved))
     observations = [
