@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import gc
+import logging
 import signal
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import HealthCheck, settings
+
+from robot.host.logs import LineHandler
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
@@ -45,6 +48,17 @@ def pytest_collection_finish() -> None:
     """Thousands of tests live until the end: nobody need look again whether they are garbage."""
     gc.freeze()
     gc.enable()
+
+
+@pytest.fixture(autouse=True)
+def log_as_it_was() -> Iterator[None]:
+    """A daemon's command that a test calls in this process logs to its standard error for good."""
+    root = logging.getLogger()
+    level = root.level
+    yield
+    root.setLevel(level)
+    for handler in [one for one in root.handlers if isinstance(one, LineHandler)]:
+        root.removeHandler(handler)
 
 
 @pytest.fixture(scope="module")

@@ -31,7 +31,8 @@ def test_the_program_identifies_a_robot_with_parts_of_its_own(tmp_path: Path) ->
     with simulator("--seed", "1") as robot:
         program.write_text(
             PROGRAM.replace("tcp://127.0.0.1:5750", robot.uri).replace(
-                "explore=height", "explore=height, interactions=2, generations=2, population=8"
+                "explore=RULES.add(height),",
+                "explore=RULES.add(height), interactions=2, generations=2, population=8,",
             ),
             encoding="utf-8",
         )

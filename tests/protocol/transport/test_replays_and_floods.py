@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import re
 import secrets
 import socket
 import subprocess
@@ -185,16 +186,16 @@ FEW_FILES = """
 import resource, sys
 resource.setrlimit(resource.RLIMIT_NOFILE, (64, 64))
 from bench import still_robotd
-sys.argv[1:] = ["tcp://127.0.0.1:*"]
+sys.argv[1:] = ["--bind", "tcp://127.0.0.1:*"]
 still_robotd.main()
 """
 
 
 def test_more_connections_than_the_robot_has_file_descriptors() -> None:
-    process = subprocess.Popen([sys.executable, "-c", FEW_FILES], stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen([sys.executable, "-c", FEW_FILES], stderr=subprocess.PIPE, text=True)
     try:
-        assert process.stdout is not None
-        endpoint = process.stdout.readline().strip()
+        assert process.stderr is not None
+        (endpoint,) = re.findall(r"serving .*? on (tcp://[^\s,]+)", process.stderr.readline())
         with RobotClient(endpoint) as client:
             client.acquire()
             with crowd(endpoint, 120, b""):  # the others wait in the kernel's queue
