@@ -97,7 +97,7 @@ class FittedPosterior:
     @classmethod
     def of(cls, store: RunStore) -> FittedPosterior | None:
         """Reads it from a run; ``None`` before anything was learnt."""
-        if store.settings.method == "paper":
+        if not store.settings.keeps_samples:
             return cls._of_population(store)
         history = cls.history(store)
         return history[-1] if history else None
@@ -162,7 +162,7 @@ class FittedPosterior:
             observations: That they were learnt from.
         """
         settings = store.settings
-        physics = settings.physics if settings.method == "posterior" else "statics"
+        physics = settings.physics if settings.keeps_samples else "statics"
         return cls(
             problem=store.problem,
             capabilities=store.capabilities,

@@ -43,7 +43,7 @@ def predict(store: RunStore, bodies: Sequence[Morphology]) -> list[list[Observat
     seen = store.observations()
     if not bodies or not seen:
         return [[] for _ in bodies]
-    posterior = store.settings.method == "posterior"
+    posterior = store.settings.keeps_samples
     name = store.settings.physics if posterior else store.settings.reference
     pairs = [(body, np.array(item.angles)) for body in bodies for item in seen]
     with closing(in_this_process(name, store.world)) as physics:

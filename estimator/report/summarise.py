@@ -35,7 +35,7 @@ _BEST_MODELS: Final = 10
 def summarise(store: RunStore) -> Result:
     """The outcome of a run as far as it has come."""
     settings, capabilities, problem = store.settings, store.capabilities, store.problem
-    observations, paper = store.observations(), settings.method == "paper"
+    observations, paper = store.observations(), not settings.keeps_samples
     latest, posteriors = store.latest_generation(), store.posteriors()
     counters = Counters() if latest is None else latest.counters
     if posteriors:

@@ -92,3 +92,8 @@ class RunSettings(RunConfig):
     problem_text: str
     reference: str
     plugins: Mapping[str, str] = Field(default_factory=dict)
+
+    @property
+    def keeps_samples(self) -> bool:
+        """Whether the method keeps samples of a posterior, not a population."""
+        return self.method == "posterior"

@@ -354,7 +354,7 @@ class RunStore(Closable):
     @property
     def complete(self) -> bool:
         """Whether the run has come to its end: nothing is left that ``resume`` would do."""
-        if self.settings.method == "posterior":
+        if self.settings.keeps_samples:
             stored = self.posteriors()
             return bool(stored) and stored[-1][0].simulated > 0
         return self.search_end.is_reached

@@ -110,7 +110,7 @@ def _progress(store: RunStore, chosen: int, performed: int, finished: bool) -> P
     wanted = settings.interactions
     if finished:
         return Progress(share=1.0, sentence=f"{performed} interactions, all of them learnt from")
-    if settings.method == "posterior":
+    if settings.keeps_samples:
         learnt = len(store.posteriors())
         share = learnt / wanted
     else:
@@ -122,11 +122,11 @@ def _progress(store: RunStore, chosen: int, performed: int, finished: bool) -> P
         sentence = f"interaction {chosen} of {wanted}: the robot moves"
     elif performed > learnt:
         sentence = f"interaction {performed} of {wanted}: learning from it"
-        if settings.method == "paper":
+        if not settings.keeps_samples:
             sentence += f", generation {step} of {settings.generations}"
     elif learnt < wanted:
         sentence = f"interaction {learnt + 1} of {wanted}: choosing a movement"
-    elif settings.method == "paper" and settings.physics == settings.reference:
+    elif not settings.keeps_samples and settings.physics == settings.reference:
         sentence = "the best model is held against all readings"
     else:
         sentence = "a simulator has the last word"

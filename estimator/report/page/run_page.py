@@ -288,7 +288,7 @@ def _options(settings: RunSettings) -> Iterator[str]:
     yield from ("--physics", settings.physics, "--explore", settings.explore)
     if settings.sure is not None:
         yield from ("--sure", str(settings.sure))
-    if settings.method == "paper":
+    if not settings.keeps_samples:
         yield from ("--search", settings.search, "--objective", settings.objective)
         yield from ("--population", str(settings.population))
         yield from ("--generations", str(settings.generations))
