@@ -43,7 +43,6 @@ unexport PYTHONDONTWRITEBYTECODE
 TEST_JOBS ?= 3
 CALLS_ALL_MACHINE_CODE := tests/estimator/identification/test_posterior_method.py::test_a_run_that_is_sure_at_once_puts_it_to_the_test
 $(COMPILED): $(READY)  # what all of them import and call is compiled by one of them
-	$(BIN)/python -m pytest --collect-only --quiet > /dev/null
 	$(BIN)/python -m pytest --quiet $(CALLS_ALL_MACHINE_CODE) > /dev/null
 	@touch $@
 

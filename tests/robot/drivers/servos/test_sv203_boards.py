@@ -87,7 +87,12 @@ def test_a_board_that_was_reset_gets_no_move_and_is_found_out(
     assert servos.read_counts([16]) == {16: 128}
 
 
-def test_the_selected_one_ignores_moves_after_a_reset(servos: SV203, boards: SV203Emulator) -> None:
+def test_the_selected_one_ignores_moves_after_a_reset(
+    boards: SV203Emulator, clock: InstantClock
+) -> None:
+    servos = SV203(  # the last query is not answered, three times
+        lambda: open_serial(boards.port, 9600), boards=[1, 2, 7], clock=clock, reply_timeout=0.5
+    )
     servos.read_counts()
     servos.set_counts(POSE)
     servos.read_counts([24])
@@ -97,6 +102,7 @@ def test_the_selected_one_ignores_moves_after_a_reset(servos: SV203, boards: SV2
     assert read(servos, boards)[23] == 128
     with pytest.raises(DeviceDataError, match=r"board 7.*not selected any more"):
         servos.verify({24: 61})
+    servos.close()
 
 
 def test_a_board_that_is_not_there_is_named(boards: SV203Emulator, clock: InstantClock) -> None:
