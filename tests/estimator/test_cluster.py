@@ -96,6 +96,12 @@ def test_a_cluster_moves_chains_as_this_process_does(
     assert there.simulations == here.simulations > 0
 
 
+def tasks_left(cluster: Cluster) -> int:
+    """Tasks that the workers know of."""
+    known = cluster._client.run(lambda dask_worker: len(dask_worker.state.tasks))
+    return sum(known.values())
+
+
 def test_an_interrupt_cancels_what_is_outstanding(
     connected: Cluster, pairs: list[Pair], expected: tuple[PredictedReadings, int]
 ) -> None:
@@ -115,6 +121,8 @@ def test_an_interrupt_cancels_what_is_outstanding(
         held = PhysicsPool(partial(HeldPhysics, address, SETTINGS), connected)
         with pytest.raises(KeyboardInterrupt):
             held.read(pairs)
+        while tasks_left(connected) > 4:  # that they are cancelled has not reached the workers yet
+            time.sleep(0.02)
         released.set()
         physics = PhysicsPool(partial(PyBulletPhysics, SETTINGS), connected)
         assert_same(physics.read(pairs), expected[0])
