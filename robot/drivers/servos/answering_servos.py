@@ -1,9 +1,9 @@
 """Serial bus servos that answer: what is the same for every family of them.
 
 A family brings its packets and its table of registers (``Chain``). Its servos hold a goal, and
-their torque goes off by itself, after a reset or an overload; so each is read before it is sent a
-goal, and a *mark* in its volatile memory, which a reset wipes out, tells whether it is as it was set
-up. An output is the servo's own number (ID) on the bus.
+their torque goes off by itself, after a reset or an overload; so each is read before it is sent
+a goal, and a *mark* in its volatile memory, which a reset wipes out, tells whether it is as it was
+set up. An output is the servo's own number (ID) on the bus.
 """
 
 from __future__ import annotations
