@@ -24,7 +24,7 @@ from protocol.wire.messages import State
 from robot.configuration.joint_calibration import DrivenJoint
 from robot.configuration.robot_config import RobotConfig
 from robot.control.motion import Slew
-from robot.drivers.servos.servo_bus import ServoBus
+from robot.drivers.servos.servo_bus import ServoBus, answering
 from robot.errors import DeviceDataError
 from robot.host.clock import MAX_GAP, SteadyClock
 from robot.sensing.samples import RestDetector
@@ -88,6 +88,7 @@ class MotorProgramRunner:
         self._clock = clock
         self._revive = revive
         self._operator = operator
+        self._known = config.servos.counts
         self._outputs = [joint.output for joint in self._joints]
         # Where the board stands now: the motion slews from there and never jumps.
         self._counts = self._board_counts()
@@ -229,10 +230,19 @@ class MotorProgramRunner:
         self._verify(check)
 
     def _stiffen(self) -> None:
-        """Sends the last commanded counts, to which a limp joint returns at its servo's own speed.
+        """Holds each joint: one that was limp where it is, if its servo says where that is.
 
-        Nothing tells where it hangs. One that was limp when the daemon started returns to zero.
+        If it does not, it is sent its last commanded count, to which it returns at its servo's own
+        speed; one that was limp when the daemon started returns to zero.
         """
+        servos = answering(self._servos)
+        if servos is not None:
+            self._counts = {
+                output: min(max(round(state.position), self._known[0]), self._known[-1])
+                if not state.driven
+                else self._counts[output]
+                for output, state in servos.read_states(self._outputs).items()
+            }
         self._counts = {
             joint.output: self._counts[joint.output] or joint.scale.count(0.0)
             for joint in self._joints

@@ -14,6 +14,7 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any, Final, Protocol
 
+from robot.drivers.servos.servo_bus import ServoState
 from robot.errors import CommandError, DeviceDataError, DeviceError, DeviceTimeoutError, DriverError
 
 CLOSING: Final = 1.0
@@ -167,6 +168,23 @@ def _counts(device: str, counts: Any) -> dict[int, int]:
     )
 
 
+def _states(device: str, states: Any) -> dict[int, ServoState]:
+    if not isinstance(states, Mapping) or not all(
+        isinstance(output, int) and isinstance(state, ServoState)
+        for output, state in states.items()
+    ):
+        raise DeviceDataError(
+            f"The {device} gave {states!r:.60} for what its servos say, which is not a ServoState "
+            "by output.",
+            "Its driver is wrong.",
+        )
+    for state in states.values():
+        for value in (state.position, state.load, state.voltage, state.temperature):
+            if value is not None:
+                _number(device, value)
+    return dict(states)
+
+
 _CHECKS: Final[Mapping[str, Callable[[str, Any], Any]]] = MappingProxyType(
     {
         "acceleration": _axes,
@@ -175,6 +193,7 @@ _CHECKS: Final[Mapping[str, Callable[[str, Any], Any]]] = MappingProxyType(
         "distance": lambda device, value: None if value is None else _number(device, value),
         "scan": _numbers,
         "read_counts": _counts,
+        "read_states": _states,
         "seconds_for": _number,
     }
 )

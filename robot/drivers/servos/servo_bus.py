@@ -2,12 +2,15 @@
 
 A *count* is the integer that a driver commands to an output; the calibration of a joint says which
 angle a count is. 0 is not a count: it means that an output is limp.
+
+Servos that answer say where they are: a driver of such has ``read_states``, and that declares it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import ClassVar, Protocol
+from dataclasses import dataclass
+from typing import ClassVar, Protocol, cast
 
 from robot.drivers.buses import Buses
 from robot.errors import CommandError
@@ -72,6 +75,48 @@ class ServoBus(Protocol):
 
     def close(self) -> None:
         """Closes the link; the servos stay where they are if the device can hold them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ServoState:
+    """What a servo says of itself.
+
+    Attributes:
+        position: Where it is, in counts, of which it need not be a whole one.
+        driven: Whether its torque is on.
+        fault: What is wrong with it in its own opinion, in words such as ``overload``; or empty.
+        load: How hard it drives, as a share of the most that it can; positive to higher counts.
+        voltage: Of its supply, V.
+        temperature: °C.
+    """
+
+    position: float
+    driven: bool
+    fault: str = ""
+    load: float | None = None
+    voltage: float | None = None
+    temperature: float | None = None
+
+
+class AnsweringServoBus(ServoBus, Protocol):
+    """An open driver of servos that say where they are.
+
+    ``set_counts`` makes the goal of a limp output its present position before its torque goes on.
+    ``verify`` raises ``DeviceDataError`` where a servo restarted or switched its torque off.
+    """
+
+    def read_states(self, outputs: Sequence[int]) -> dict[int, ServoState]:
+        """What servos say of themselves, by output.
+
+        Raises:
+            DeviceError: One does not answer, or not in order.
+        """
+
+
+def answering(servos: ServoBus) -> AnsweringServoBus | None:
+    """The driver, if its servos say where they are."""
+    found = callable(getattr(servos, "read_states", None))
+    return cast(AnsweringServoBus, servos) if found else None
 
 
 def check_outputs(outputs: Iterable[int], known: range) -> None:

@@ -1,0 +1,246 @@
+"""Serial bus servos that answer: what is the same for every family of them.
+
+A family brings its packets and its table of registers (``Chain``). Its servos hold a goal, and
+their torque goes off by itself, after a reset or an overload; so each is read before it is sent
+a goal, and a *mark* in its volatile memory, which a reset wipes out, tells whether it is as it was
+set up. An output is the servo's own number (ID) on the bus.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from robot.drivers.servos.servo_bus import ServoState, check_counts, check_outputs
+from robot.errors import CommandError, DeviceDataError
+
+_SUPPLY = "Check the servos' supply under load and the plug of this one, then clear the fault."
+
+
+@dataclass(frozen=True, kw_only=True)
+class Registers:
+    """What one servo has in its registers: its goal, whether it has the mark, and its state."""
+
+    goal: int
+    marked: bool
+    state: ServoState
+
+
+class Chain(Protocol):
+    """The servos of one line, in the packets of their family; it repeats queries that failed.
+
+    Every method raises ``DeviceError``, with a sentence that names line and servo.
+    """
+
+    name: str
+    repeats: int
+
+    def set_up(self, servo: int) -> None:
+        """Identifies a servo, refuses one that is not fit for use, and marks it.
+
+        Its torque and its goal stay as they are, and its permanent memory does. A fault that has
+        switched its torque off is acknowledged, as far as that is over.
+        """
+
+    def read(self, servos: Sequence[int]) -> dict[int, Registers]:
+        """The registers of some servos, all in one query where the family has such."""
+
+    def send(self, goals: Mapping[int, int]) -> None:
+        """Writes goals, each with the speed to go there; in one packet, which nobody acknowledges.
+
+        Torque may go on by this alone: so it is with some families.
+        """
+
+    def switch(self, servos: Sequence[int], *, on: bool) -> None:
+        """Switches torque, in one packet, which nobody acknowledges."""
+
+    def seconds_for(self, servos: int) -> float:
+        """How long reading and sending to so many servos takes, s."""
+
+    def reopen(self) -> None:
+        """Closes the line and opens it anew."""
+
+    def close(self) -> None:
+        """Closes the line; the servos hold their goals."""
+
+
+class AnsweringServos:
+    """The servos of one line. It is not thread-safe.
+
+    Args:
+        chain: The line, which this object closes.
+        outputs: The numbers that servos can have.
+        counts: The goals that they can be sent.
+    """
+
+    def __init__(self, chain: Chain, *, outputs: range, counts: range):
+        self._chain = chain
+        self._known = outputs
+        self._counts = counts
+        self._held: dict[int, int] = {}  # what servos that were set up should hold, 0 limp
+        self.name = chain.name
+
+    @property
+    def repeats(self) -> int:
+        """Queries that had to be asked again, because the answer was damaged or did not come."""
+        return self._chain.repeats
+
+    def set_counts(self, counts: Mapping[int, int]) -> None:
+        """Sends goals, to servos that are as they were left; a limp one is held where it is first.
+
+        Raises:
+            CommandError: An output or count out of range, or its servo was not read since the
+                driver began, forgot or noticed a reset; nothing was sent.
+            DeviceDataError: A servo is not as it was left; nothing was sent.
+            DeviceError: The line failed.
+        """
+        check_counts(counts, self._counts, self._known)
+        if not all(output in self._held for output in counts):
+            raise CommandError("read the servos' counts before moving them")
+        found = self._sound(list(self._held))
+        limp = {
+            output: self._nearest(found[output].state.position)
+            for output in counts
+            if not self._held[output]
+        }
+        if limp:
+            self._held |= limp  # if this fails half-way, some are driven
+            self._chain.send(limp)
+            self._chain.switch(list(limp), on=True)
+        self._held |= counts
+        self._chain.send(counts)
+
+    def release(self, outputs: Iterable[int]) -> None:
+        """Switches the torque of some servos off, also of one that failed.
+
+        Raises:
+            CommandError: An output out of range; nothing was sent.
+            DeviceError: The line failed, or torque stayed on.
+        """
+        released = list(outputs)
+        check_outputs(released, self._known)
+        self._chain.switch(released, on=False)
+        self._held |= {output: 0 for output in released if output in self._held}
+        stiff = [n for n, found in self._chain.read(released).items() if found.state.driven]
+        if stiff:
+            self._chain.switch(stiff, on=False)  # the packet was damaged
+            stiff = [n for n, found in self._chain.read(stiff).items() if found.state.driven]
+        if stiff:
+            raise DeviceDataError(
+                f"{self._called(stiff)} did not switch the torque off.",
+                "Switch the supply of the servos off, then check the cable.",
+            )
+
+    def read_counts(self, outputs: Sequence[int]) -> dict[int, int]:
+        """The servos' goals, 0 where torque is off, setting up servos that are not.
+
+        Raises:
+            CommandError: An output out of range.
+            DeviceError: A servo does not answer or is not fit for use; or the line failed.
+        """
+        check_outputs(outputs, self._known)
+        for output in outputs:
+            if output not in self._held:
+                self._chain.set_up(output)
+        found = self._chain.read(outputs)
+        for output, registers in found.items():
+            self._refuse_faulty(output, registers)
+            self._held[output] = registers.goal if registers.state.driven else 0
+        return {output: self._held[output] for output in outputs}
+
+    def read_states(self, outputs: Sequence[int]) -> dict[int, ServoState]:
+        """What servos say of themselves, whatever that is.
+
+        Raises:
+            CommandError: An output out of range.
+            DeviceError: A servo does not answer, or the line failed.
+        """
+        check_outputs(outputs, self._known)
+        return {output: found.state for output, found in self._chain.read(outputs).items()}
+
+    def verify(self, expected: Mapping[int, int]) -> list[int]:
+        """Compares the servos with what they should have, and reads a difference twice.
+
+        Returns:
+            The outputs that differ, ascending.
+
+        Raises:
+            CommandError: An output out of range.
+            DeviceDataError: A servo restarted, switched its torque off or reports a fault.
+            DeviceError: A servo does not answer, or the line failed.
+        """
+        check_outputs(expected, self._known)
+        unread = [output for output in expected if output not in self._held]
+        if unread:
+            raise DeviceDataError(
+                f"{self._called(unread)} was not read since it failed or was opened.",
+                "Read its counts first.",
+            )
+        wanted = list(expected)
+        for _ in range(2):  # it may be the reading that was damaged
+            found = self._sound(wanted)
+            wanted = [
+                output
+                for output in wanted
+                if (found[output].goal if found[output].state.driven else 0) != expected[output]
+            ]
+            if not wanted:
+                break
+        return sorted(wanted)
+
+    def forget(self) -> None:
+        """The next ``read_counts`` sets each servo up, whatever happened to it."""
+        self._held.clear()
+
+    def reopen(self) -> None:
+        """Closes the line and opens it anew.
+
+        Raises:
+            DeviceMissingError: It cannot be opened.
+        """
+        self.forget()
+        self._chain.reopen()
+
+    def seconds_for(self, changed: int) -> float:
+        """How long ``set_counts`` takes for so many outputs, s."""
+        return self._chain.seconds_for(max(changed, len(self._held)))
+
+    def close(self) -> None:
+        """Closes the line; the servos hold their goals."""
+        self._chain.close()
+
+    def _sound(self, outputs: Sequence[int]) -> dict[int, Registers]:
+        """Registers of servos that should be as they were left; forgets one that is not."""
+        found = self._chain.read(outputs)
+        for output, registers in found.items():
+            self._refuse_faulty(output, registers)
+            held, state = self._held[output], registers.state
+            reason = ""
+            if not registers.marked:
+                reason = "restarted"
+            elif held and not state.driven:
+                reason = "switched its torque off"
+            elif state.driven and not held:
+                reason = "has its torque on, which another program must have done"
+            if reason:
+                self.forget()
+                raise DeviceDataError(f"{self._called([output])} {reason}.", _SUPPLY)
+        return found
+
+    def _refuse_faulty(self, output: int, registers: Registers) -> None:
+        fault, driven = registers.state.fault, registers.state.driven
+        if fault:
+            self.forget()
+            off = "" if driven else " and switched its torque off"
+            raise DeviceDataError(
+                f"{self._called([output])} reports {fault}{off}.",
+                "Relieve and cool it, check its supply, then clear the fault.",
+            )
+
+    def _nearest(self, position: float) -> int:
+        return min(max(round(position), self._counts[0]), self._counts[-1])
+
+    def _called(self, outputs: Sequence[int]) -> str:
+        several = "s" if len(outputs) > 1 else ""
+        return f"Servo{several} {', '.join(map(str, outputs))} ({self.name})"
