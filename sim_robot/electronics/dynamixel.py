@@ -1,9 +1,9 @@
 """Emulated DYNAMIXEL X servos (XL430-W250) on a half-duplex serial line, at the level of bytes.
 
 Source: ROBOTIS e-Manual, XL430-W250 and DYNAMIXEL Protocol 2.0. Where these are silent the emulator
-assumes, and drivers should not rely on it: a write that touches anything it must not, or whose
-packet was damaged, changes nothing; a servo begins with its goal where it stands; one that had to
-switch its torque off answers *result fail* when it is told to switch it on. Not modelled:
+assumes, and drivers should not rely on it: a write that touches anything it must not changes
+nothing; after a reset a servo is deaf for 0.3 s, and its goal is where it stands; one that switched
+its torque off answers *result fail* when it is told to switch it on. Not modelled:
 acceleration, gains, homing offset, modes without a goal position, whose motor stands still,
 registered and bulk instructions, and the load at which a servo calls itself overloaded: that is
 injected.
@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from itertools import zip_longest
 from types import MappingProxyType
 from typing import ClassVar, Final
@@ -38,6 +37,8 @@ FIRMWARE: Final = 47
 BAUDS: Final = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000)
 """What register 8 says, by its value."""
 LIMP: Final = 0
+BOOT: Final = 0.3
+"""Seconds after a reset in which a servo answers nothing."""
 POSITION_MODE: Final = 3
 OVERLOAD, SHOCK, OVERHEATED, VOLTAGE = 0x20, 0x10, 0x04, 0x01
 """Bits of the hardware error status, and of what switches the torque off."""
@@ -46,7 +47,6 @@ _TICKS_PER_UNIT_SECOND: Final = 0.229 / 60 * TICKS  # of a velocity register, 0.
 _WATCHDOG_UNIT: Final = 0.02  # s
 _TRIPPED: Final = 0xFF
 _PWM_FULL: Final = 885
-_P_GAIN: Final = 640 / 128  # PWM units a tick
 _WARM, _HOT = 38, 85  # °C
 _VOLTS, _DIPPED = 120, 55  # 0.1 V
 _OTHERS_GOAL: Final = 3000  # where the event "moved" sends a servo
@@ -141,31 +141,30 @@ class Refused(Exception):  # noqa: N818 - an answer
 class Servo:
     """One servo: packets in, packets out, and where it drives its horn; no I/O, no threads.
 
+    Without a world around it, its horn is wherever the motor drives it.
+
     Args:
         number: Its id.
-        where: Where its horn stands, in ticks.
         now: Its own clock, s.
 
     Attributes:
-        where: As given; may be replaced.
         now: As given; may be replaced.
+        position: Where its horn stands, in ticks.
         heat: Its temperature, °C.
         volts: Its supply, 0.1 V.
         switched_on: When its supply came, or it was rebooted, on its clock, s.
     """
 
-    def __init__(
-        self,
-        number: int,
-        where: Callable[[], float] = lambda: TICKS / 2,
-        now: Callable[[], float] = lambda: 0.0,
-    ):
-        self.where = where
+    def __init__(self, number: int, now: Callable[[], float] = lambda: 0.0):
         self.now = now
+        self.position = TICKS / 2
+        self._load = 0.0
+        self._felt = False
         self._held = {name: register.initial for name, register in REGISTERS.items()}
         self._held["id"] = number
         self.heat, self.volts = _WARM, _VOLTS
         self.power_up()
+        self.switched_on -= BOOT
 
     def power_up(self) -> None:
         """What the supply's coming (back) and a reboot do: RAM begins anew, torque is off."""
@@ -173,8 +172,8 @@ class Servo:
             if register.address not in EEPROM:
                 self._held[name] = register.initial
         self.switched_on = self._heard = self._looked = self.now()
-        self._trajectory = self.where()
-        self._held["goal"] = round(self._trajectory)
+        self._trajectory = self.position
+        self._held["goal"] = round(self.position)
         self._held["torque"] = self["startup"] & 1
         self._check_itself()
 
@@ -191,6 +190,10 @@ class Servo:
         """Sets a register, as its maker's program could."""
         self._held[name] = value
 
+    def feel(self, position: float, load: float) -> None:
+        """What the world does to it: where its horn is, in ticks, and the share of its torque."""
+        self.position, self._load, self._felt = position, load, True
+
     def fail(self, bit: int) -> None:
         """A hardware error: it is remembered, and switches the torque off where it shall."""
         self._held["hardware_error"] |= bit
@@ -202,7 +205,7 @@ class Servo:
         now = self.now()
         self._check_itself()
         if not self["torque"]:
-            self._trajectory = self.where()
+            self._trajectory = self.position
         elif self["mode"] == POSITION_MODE:
             way = self["goal"] - self._trajectory
             reach = self["profile_velocity"] * _TICKS_PER_UNIT_SECOND * (now - self._looked)
@@ -210,11 +213,16 @@ class Servo:
                 way = reach if way > 0 else -reach
             self._trajectory += way
         self._looked = now
+        if not self._felt:
+            self.position = self._trajectory
         return max(self._trajectory, 1.0) if self["torque"] else LIMP
 
     def answer(self, packet: Packet) -> Packet | None:
         """Acts on a packet for this servo alone, and answers if it shall."""
+        if self.now() - self.switched_on < BOOT:
+            return None
         self._heard_something()
+        self._check_itself()
         error, data = 0, b""
         try:
             data = self._do(packet)
@@ -301,17 +309,14 @@ class Servo:
     def _measure(self) -> None:
         """Brings the registers that only tell up to date."""
         self.driven_to()
-        position = self.where()
-        miss = self._trajectory - position if self["torque"] else 0.0
-        pwm = max(-1.0, min(1.0, _P_GAIN * miss / max(1, abs(self["goal_pwm"]))))
         on_its_way = bool(self["torque"]) and round(self._trajectory) != self["goal"]
         self._held |= {
             "tick": int((self.now() - self.switched_on) * 1000) % 32768,
             "moving": int(on_its_way),
             "moving_status": 2 * on_its_way,
-            "present_pwm": round(pwm * self["goal_pwm"]),
-            "load": round(1000 * pwm * abs(self["goal_pwm"]) / _PWM_FULL),
-            "position": round(position),
+            "present_pwm": round(self._load * _PWM_FULL),
+            "load": round(self._load * 1000),
+            "position": round(self.position),
             "trajectory": round(self._trajectory),
             "voltage": self.volts,
             "temperature": self.heat,
@@ -359,17 +364,18 @@ class DynamixelEmulator(SerialDevice):
         self._twin: list[Servo] = []
         super().__init__()
 
-    def connect(self, where: Callable[[], Sequence[float]], clock: Clock) -> None:
-        """Puts the servos into a world.
-
-        Args:
-            where: Where their horns stand, in ticks, in the order of the servos.
-            clock: The world's.
-        """
-        for index, servo in enumerate(self.servos):
-            servo.where = partial(_at, where, index)
+    def connect(self, clock: Clock) -> None:
+        """Gives the servos the time of their world, in which they have been on for a while."""
+        for servo in self.servos:
             servo.now = clock.now
             servo.power_up()
+            servo.switched_on -= BOOT
+
+    def feel(self, felt: Iterable[tuple[float, float]]) -> None:
+        """What the world does to each servo: where its horn is, in ticks, and its torque."""
+        with self._changed:
+            for servo, (position, load) in zip(self.servos, felt, strict=False):
+                servo.feel(position, load)
 
     def pulses(self) -> tuple[float, ...]:
         """The position that each servo drives to, in ticks, or ``LIMP``."""
@@ -474,14 +480,11 @@ class DynamixelEmulator(SerialDevice):
             self._twin.clear()
             if twin is not None:
                 model = self.servos[twin - 1]
-                other = Servo(model["id"], model.where, model.now)
+                other = Servo(model["id"], model.now)
                 other["baud"] = model["baud"]
+                other.position = model.position
                 other.switched_on -= 0.137
                 self._twin.append(other)
-
-
-def _at(where: Callable[[], Sequence[float]], index: int) -> float:
-    return where()[index]
 
 
 def _word(data: bytes) -> int:

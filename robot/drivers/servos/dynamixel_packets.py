@@ -113,6 +113,11 @@ class Decoder:
         self.damaged = 0
         self._buffer = bytearray()
 
+    @property
+    def pending(self) -> int:
+        """Bytes that may be the beginning of a packet."""
+        return len(self._buffer)
+
     def feed(self, data: bytes) -> list[Packet]:
         """Takes bytes; returns the packets that are complete with them."""
         self._buffer += data

@@ -21,7 +21,7 @@ from robot.drivers.servos.dynamixel_packets import (
     write,
 )
 from robot.errors import CommandError
-from sim_robot.electronics.dynamixel import LIMP, OVERLOAD, DynamixelEmulator, Servo
+from sim_robot.electronics.dynamixel import BOOT, LIMP, OVERLOAD, DynamixelEmulator, Servo
 from tests.robot.clocks import InstantClock
 
 ACCESS, LENGTH, RANGE, LIMIT = 7, 5, 4, 6
@@ -34,21 +34,17 @@ def clock() -> InstantClock:
 
 
 @pytest.fixture
-def horns() -> list[float]:
-    return [2048.0, 1500.0, 2600.0]
-
-
-@pytest.fixture
-def bus(clock: InstantClock, horns: list[float]) -> Iterator[DynamixelEmulator]:
+def bus(clock: InstantClock) -> Iterator[DynamixelEmulator]:
     emulator = DynamixelEmulator((1, 2, 7), baud=57600)
-    emulator.connect(lambda: horns, clock)
+    emulator.feel([(2048.0, 0.0), (1500.0, 0.0), (2600.0, 0.0)])
+    emulator.connect(clock)
     yield emulator
     emulator.close()
 
 
 @pytest.fixture
-def servo(clock: InstantClock, horns: list[float]) -> Servo:
-    return Servo(1, lambda: horns[0], clock.now)
+def servo(clock: InstantClock) -> Servo:
+    return Servo(1, clock.now)
 
 
 def told(servo: Servo, packet: Packet) -> bytes:
@@ -123,12 +119,10 @@ def test_a_profile_velocity_of_1_is_0_229_turns_a_minute(servo: Servo, clock: In
     assert told(servo, read(1, 122, 1)) == b"\x00\x00"
 
 
-def test_a_goal_moves_nothing_without_torque_and_is_gone_to_with_it(
-    servo: Servo, horns: list[float]
-) -> None:
+def test_a_goal_moves_nothing_without_torque_and_is_gone_to_with_it(servo: Servo) -> None:
     told(servo, write(1, 116, 1000, 4))
     assert servo.driven_to() == LIMP
-    horns[0] = 2100  # moved by hand
+    servo.position = 2100  # moved by hand
     assert of(told(servo, read(1, 132, 4))) == 2100
     told(servo, write(1, 64, 1, 1))
     assert servo.driven_to() == 1000  # a leap, for whoever does not set the goal first
@@ -169,7 +163,9 @@ def test_limits_in_the_eeprom_bound_the_goal(servo: Servo) -> None:
     assert told(servo, write(1, 116, 3001, 4)) == bytes((LIMIT,))
 
 
-def test_an_overload_switches_the_torque_off_until_a_reboot(servo: Servo) -> None:
+def test_an_overload_switches_the_torque_off_until_a_reboot(
+    servo: Servo, clock: InstantClock
+) -> None:
     told(servo, write(1, 64, 1, 1))
     servo.fail(OVERLOAD)
     assert servo.driven_to() == LIMP
@@ -178,10 +174,13 @@ def test_an_overload_switches_the_torque_off_until_a_reboot(servo: Servo) -> Non
     assert told(servo, write(1, 64, 1, 1)) == bytes((ALERT | 1,))
     assert servo["torque"] == 0
     told(servo, Packet(1, Instruction.REBOOT))
+    clock.sleep(BOOT)
     assert told(servo, write(1, 64, 1, 1)) == b"\x00"
 
 
-def test_heat_switches_the_torque_off_and_a_low_supply_only_alerts(servo: Servo) -> None:
+def test_heat_switches_the_torque_off_and_a_low_supply_only_alerts(
+    servo: Servo, clock: InstantClock
+) -> None:
     told(servo, write(1, 64, 1, 1))
     servo.volts = 59
     assert servo.driven_to() != LIMP
@@ -190,23 +189,27 @@ def test_heat_switches_the_torque_off_and_a_low_supply_only_alerts(servo: Servo)
     assert servo.driven_to() == LIMP
     assert told(servo, read(1, 70, 1)) == bytes((ALERT, 0x05))
     told(servo, Packet(1, Instruction.REBOOT))
+    clock.sleep(BOOT)
     assert told(servo, read(1, 64, 1))[0] == ALERT  # it is still hot
 
 
-def test_a_reboot_begins_anew_limp_where_it_stands(servo: Servo, horns: list[float]) -> None:
+def test_a_reboot_begins_anew_limp_where_it_stands(servo: Servo, clock: InstantClock) -> None:
     told(servo, write(1, 112, 50, 4))
     told(servo, write(1, 64, 1, 1))
     told(servo, write(1, 116, 3000, 4))
-    horns[0] = 2500
+    servo.feel(2500, 0.0)
     told(servo, Packet(1, Instruction.REBOOT))
     assert servo.driven_to() == LIMP
+    assert servo.answer(Packet(1, Instruction.PING)) is None
+    clock.sleep(BOOT)
+    assert told(servo, Packet(1, Instruction.PING))
     assert (servo["goal"], servo["profile_velocity"]) == (2500, 0)
 
 
 def test_it_may_be_set_to_begin_with_torque(servo: Servo) -> None:
     told(servo, write(1, 60, 1, 1))
     told(servo, Packet(1, Instruction.REBOOT))
-    assert servo.driven_to() == servo.where()
+    assert servo.driven_to() == servo.position
 
 
 def test_a_bus_watchdog_that_tripped_refuses_goals(servo: Servo, clock: InstantClock) -> None:
@@ -220,14 +223,11 @@ def test_a_bus_watchdog_that_tripped_refuses_goals(servo: Servo, clock: InstantC
     assert told(servo, write(1, 116, 2100, 4)) == b"\x00"
 
 
-def test_the_load_is_what_the_motor_gives_towards_its_goal(
-    servo: Servo, horns: list[float]
-) -> None:
+def test_it_says_where_it_is_and_what_it_gives(servo: Servo) -> None:
     told(servo, write(1, 64, 1, 1))
-    horns[0] -= 89  # 7.8° short: half of the most with the usual gain
-    assert of(told(servo, read(1, 126, 2))) == pytest.approx(503, abs=1)
-    horns[0] += 1000
-    assert of(told(servo, read(1, 126, 2))) == -1000
+    servo.feel(2003.4, -0.5)
+    assert of(told(servo, read(1, 132, 4))) == 2003
+    assert of(told(servo, read(1, 126, 2))) == -500
     assert of(told(servo, read(1, 144, 2))) == 120
     assert of(told(servo, read(1, 146, 1))) == 38
 
@@ -243,9 +243,7 @@ def test_the_return_level_says_what_is_answered(servo: Servo) -> None:
     assert servo["led"] == 0
 
 
-def test_several_are_written_and_read_at_once(
-    host: Host, bus: DynamixelEmulator, horns: list[float]
-) -> None:
+def test_several_are_written_and_read_at_once(host: Host, bus: DynamixelEmulator) -> None:
     host.send(sync_write(116, {1: 1000, 7: 3000}, 4))
     assert [servo["goal"] for servo in bus.servos] == [1000, 1500, 3000]
     answers = host.ask(sync_read(132, 4, (7, 1)))
@@ -313,7 +311,7 @@ def test_a_damaged_instruction_is_not_followed(host: Host, bus: DynamixelEmulato
 
 
 def test_the_makers_library_moves_and_reads_the_servos(
-    bus: DynamixelEmulator, horns: list[float]
+    bus: DynamixelEmulator, clock: InstantClock
 ) -> None:
     sdk: Any = importlib.import_module("dynamixel_sdk")
     port = sdk.PortHandler(bus.port)
@@ -336,6 +334,7 @@ def test_the_makers_library_moves_and_reads_the_servos(
         bus.inject("overload", 1)
         assert packets.read1ByteTxRx(port, 1, 70) == (OVERLOAD, 0, ALERT)
         assert packets.reboot(port, 1)[0] == 0
+        clock.sleep(BOOT)
         assert packets.read1ByteTxRx(port, 1, 70) == (0, 0, 0)
     finally:
         port.closePort()
