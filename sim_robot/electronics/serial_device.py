@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import glob
 import os
+import re
 import select
 import shutil
 import tempfile
@@ -23,6 +24,9 @@ _CHUNK: Final = 4096  # bytes read at a time
 _SYNCHRONISE_TIMEOUT: Final = 2.0  # s of real time for a device to read what was written
 _PREFIX: Final = "emulated-serial-"
 _LINK: Final = "port"
+_BAUDS: Final = {
+    getattr(termios, name): int(name[1:]) for name in dir(termios) if re.fullmatch(r"B\d+", name)
+}
 
 
 class SerialDevice(FaultSwitch, ABC):
@@ -60,6 +64,12 @@ class SerialDevice(FaultSwitch, ABC):
         self._link: _Link | None = None
         self._bytes_seen = 0
         self.replug()
+
+    @property
+    def host_baud(self) -> int:
+        """The baud rate at which the host last set the port; 0 while it is unplugged."""
+        link = self._link
+        return 0 if link is None else link.baud
 
     @abstractmethod
     def receive(self, data: bytes) -> bytes:
@@ -194,6 +204,11 @@ class _Link:
         self._wake_read, self._wake_write = os.pipe()
         self._thread = threading.Thread(target=self._run, name="emulated-serial", daemon=True)
         self._thread.start()
+
+    @property
+    def baud(self) -> int:
+        """At which the host set the line."""
+        return _BAUDS[termios.tcgetattr(self._slave)[5]]
 
     def close(self) -> int:
         """Ends the thread; returns how many bytes were still on their way."""
