@@ -68,9 +68,16 @@ class JointScale:
 
     def count(self, angle: float) -> int:
         """The driver's nearest count to an angle."""
-        swapped = sorted((value, count) for count, value in self.points)
-        exact = _interpolate(swapped, angle)
-        return min(self.counts[-1], max(self.counts[0], math.floor(exact + 0.5)))
+        return min(self.counts[-1], max(self.counts[0], math.floor(self.exact(angle) + 0.5)))
+
+    def exact(self, angle: float) -> float:
+        """The count of an angle, in fractions, also where the driver has none."""
+        return _interpolate(sorted((value, count) for count, value in self.points), angle)
+
+    @property
+    def rises(self) -> bool:
+        """Whether higher counts are larger angles."""
+        return self.points[0][1] < self.points[-1][1]
 
     @property
     def resolution(self) -> float:

@@ -1,15 +1,26 @@
 """What lies between the servo board's outputs and the joints: plugs and servos that can fail.
 
-Servos answer nothing, so no daemon can notice any of these faults by itself.
+Hobby servos answer nothing, so no daemon can notice any of these faults by itself; with servos that
+say where they are it can.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import ClassVar
+from typing import Any, ClassVar, Final, NamedTuple
 
 from sim_robot.electronics.fault_switch import FaultSwitch
+
+_PLAY: Final = 0.05
+"""A blocked servo turns by so much of its count, either way."""
+
+
+class Felt(NamedTuple):
+    """What a servo that measures finds: where it is, in counts, and its share of its torque."""
+
+    position: float
+    torque: float
 
 
 class Servos(FaultSwitch):
@@ -21,8 +32,10 @@ class Servos(FaultSwitch):
 
     FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
         {
-            "dead": "the n-th servo gets no power and goes limp",
+            "dead": "the motor of the n-th servo gets no power and goes limp",
             "jammed": "the n-th servo stays where it is when the fault begins",
+            "blocked": "the n-th servo turns only by some degrees from where it is when the fault "
+            "begins",
             "swapped": "the n-th servo and the next one have exchanged their plugs",
         }
     )
@@ -31,7 +44,7 @@ class Servos(FaultSwitch):
         super().__init__()
         self._count = count
         self._last: tuple[int, ...] = ()
-        self._jammed: int | None = None
+        self._stuck: dict[str, int] = {}  # where it was when the fault began
 
     def numbers(self, fault: str) -> Sequence[int]:
         """The servos from 1; the last has no neighbour to exchange plugs with."""
@@ -41,16 +54,45 @@ class Servos(FaultSwitch):
         """The pulses that the servos follow when the board sends ``pulses``; 0 is limp."""
         driven = list(pulses)
         faults = self.faults
-        swapped, dead, jammed = (faults.get(name) for name in ("swapped", "dead", "jammed"))
-        if swapped is not None:
-            driven[swapped - 1], driven[swapped] = driven[swapped], driven[swapped - 1]
-        if dead is not None:
-            driven[dead - 1] = 0
-        if jammed is not None:
-            if self._jammed is None:
-                self._jammed = (self._last or driven)[jammed - 1]
-            driven[jammed - 1] = self._jammed
-        else:
-            self._jammed = None
+        _swap(driven, faults)
+        self._stuck = {name: at for name, at in self._stuck.items() if name in faults}
+        for name, play in (("jammed", 0.0), ("blocked", _PLAY)):
+            if name in faults:
+                servo = faults[name] - 1
+                at = self._stuck.setdefault(name, (self._last or driven)[servo])
+                if at and driven[servo]:
+                    room = round(play * at)
+                    driven[servo] = min(max(driven[servo], at - room), at + room)
+                elif name == "jammed":
+                    driven[servo] = at
+        if "dead" in faults:
+            driven[faults["dead"] - 1] = 0
         self._last = tuple(driven)
         return self._last
+
+    def feel(self, pulses: Sequence[int], felt: Sequence[Felt]) -> list[Felt]:
+        """What servos that measure find, commanded to ``pulses``, in the order of the outputs.
+
+        Args:
+            pulses: As for ``carry``.
+            felt: What the world has at each joint; one that is held there has not the torque with
+                which its servo pushes in vain.
+        """
+        found, faults = list(felt), self.faults
+        _swap(found, faults)
+        for name in ("jammed", "blocked"):
+            servo = faults.get(name, 0) - 1
+            if servo >= 0 and pulses[servo] and abs(pulses[servo] - found[servo].position) > 1:
+                push = 1.0 if pulses[servo] > found[servo].position else -1.0
+                found[servo] = found[servo]._replace(torque=push)
+        if "dead" in faults:
+            servo = faults["dead"] - 1
+            found[servo] = found[servo]._replace(torque=0.0)
+        return found
+
+
+def _swap(outputs: list[Any], faults: Mapping[str, int]) -> None:
+    """Exchanges what is at two neighbouring outputs, where their plugs are."""
+    if "swapped" in faults:
+        first = faults["swapped"]
+        outputs[first - 1], outputs[first] = outputs[first], outputs[first - 1]

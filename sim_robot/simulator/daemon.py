@@ -135,6 +135,7 @@ def emulation(
             panel.advance()
             wiring.drive(servos.carry(boards.pulses()))
             world.advance_to(time)
+            boards.feel(lambda: servos.feel(boards.pulses(), wiring.felt()))
 
         clock = RealTimeClock(advance) if real_time else VirtualClock(advance)
         host = HostClock(clock)
@@ -147,6 +148,7 @@ def emulation(
         clock.synchronise = boards.follow(devices.servos)
         wiring.drive(boards.pulses())
         world.lay_down()
+        boards.feel(wiring.felt)
         yield Emulation(
             config=config,
             truth=truth,

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import ClassVar, Final
 
 from robot.configuration.device_tables import DistanceConfig
-from robot.configuration.joint_calibration import DrivenJoint, JointScale
+from robot.configuration.joint_calibration import DrivenJoint, JointScale, middle
 from robot.configuration.robot_config import BodyConfig, NoiseConfig, RobotConfig
 from robot.drivers.buses import Buses
 from robot.drivers.sensors.analogue import StrainGauge
@@ -19,8 +19,9 @@ from robot.host.clock import Clock
 from robot.sensing.samples import RestCriterion
 from robot.sensing.sensors import BellySensor, TouchPoint
 from sim_robot.electronics.fault_switch import FaultSwitch
+from sim_robot.electronics.servos import Felt
 from sim_robot.simulator.wiring import Wiring
-from sim_robot.world.body import Body
+from sim_robot.world.body import Body, Motor
 from sim_robot.world.sensor_noise import NoiseLevels
 from sim_robot.world.simulation import GRAVITY, SERVO_SPEED
 
@@ -75,6 +76,9 @@ class ElectronicsSet(ABC):
     def pulses(self) -> Sequence[int]:
         """The count for each joint, 0 where there are no pulses; more for outputs without one."""
 
+    def feel(self, find: Callable[[], Sequence[Felt]]) -> None:  # noqa: B027 - few servos measure
+        """Has servos that measure find where they are, in the order of ``pulses``."""
+
     def follow(self, servos: ServoBus) -> Callable[[], None]:
         """What waits, when called, until the boards have had all that their driver sent."""
         del servos
@@ -96,6 +100,7 @@ def configuration(
     accelerometer: SensorSettings,
     first_foot: int,
     full_load: float,
+    turn: float | None = None,
 ) -> RobotConfig:
     """The configuration of a simulated robot with the drivers of one set.
 
@@ -112,10 +117,21 @@ def configuration(
         accelerometer: Its driver.
         first_foot: The input of the first foot; the others follow.
         full_load: Volts at twice the body's weight on one foot, at most.
+        turn: What a servo turns over all its counts, rad, if that is known: the middle count is 0.
     """
     counts = servos.counts
     spare = int(len(counts) * _SPARE)
     ends = counts[0] + spare, counts[-1] - spare
+
+    def scale(motor: Motor) -> JointScale:
+        if turn is None:
+            return JointScale(((ends[0], motor.lower), (ends[1], motor.upper)), counts)
+        zero = middle(counts)
+        step = turn / len(counts)
+        return JointScale(
+            tuple((count, step * (count - zero)) for count in (counts[0], counts[-1])), counts
+        )
+
     sensitivity = min(VOLTS_PER_NEWTON, full_load / (2 * body.mass * GRAVITY))
     return RobotConfig(
         name=body.name[:64],
@@ -128,7 +144,7 @@ def configuration(
                 lower_limit=motor.lower,
                 upper_limit=motor.upper,
                 part_radius=motor.radius,
-                scale=JointScale(((ends[0], motor.lower), (ends[1], motor.upper)), counts),
+                scale=scale(motor),
             )
             for output, motor in zip(servos.outputs, body.motors, strict=False)
         ),

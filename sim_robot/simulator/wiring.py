@@ -20,6 +20,7 @@ from robot.configuration.robot_config import RobotConfig
 from robot.drivers.sensors.analogue import AnalogueAxes, StrainGauge
 from robot.drivers.sensors.contracts import SensorSettings
 from robot.sensing.sensors import TouchPoint
+from sim_robot.electronics.servos import Felt
 from sim_robot.world.sensor_noise import Noise
 from sim_robot.world.simulation import World
 
@@ -76,6 +77,14 @@ class Wiring:
                 for scale, count in zip(self._scales, pulses, strict=False)
             ]
         )
+
+    def felt(self) -> list[Felt]:
+        """Where each joint's servo is and what it gives, in its counts, as an encoder tells it."""
+        joints = zip(self._scales, self._world.angles(), self._world.torques(), strict=True)
+        return [
+            Felt(scale.exact(angle), torque if scale.rises else -torque)
+            for scale, angle, torque in joints
+        ]
 
     def volts(self, channel: int) -> float:
         """Volts at an analogue input; inputs with nothing on them read 0."""

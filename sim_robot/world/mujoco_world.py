@@ -52,6 +52,11 @@ class MuJoCoWorld(World):
         """Where each motor's joint is, rad."""
         return tuple(self._data.qpos[self._places].tolist())
 
+    def torques(self) -> tuple[float, ...]:
+        """What each servo gives, as a share of the most that it can."""
+        efforts = [motor.effort for motor in self._body.motors]
+        return tuple((self._data.actuator_force / efforts).tolist())
+
     def _pose(self) -> Pose:
         x, y, z = self._data.xpos[self._main].tolist()
         w, *axis = self._data.xquat[self._main].tolist()

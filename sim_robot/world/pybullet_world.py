@@ -44,6 +44,12 @@ class PyBulletWorld(World):
         states = pybullet.getJointStates(self._robot, self._motors, physicsClientId=self._client)
         return tuple(state[0] for state in states)
 
+    def torques(self) -> tuple[float, ...]:
+        """What each servo gives, as a share of the most that it can."""
+        states = pybullet.getJointStates(self._robot, self._motors, physicsClientId=self._client)
+        efforts = [motor.effort for motor in self._body.motors]
+        return tuple(state[3] / most for state, most in zip(states, efforts, strict=True))
+
     def _step(self) -> None:
         pybullet.stepSimulation(physicsClientId=self._client)
 

@@ -180,6 +180,10 @@ class World(Closable):
         """Where each motor's joint is, rad."""
 
     @abstractmethod
+    def torques(self) -> tuple[float, ...]:
+        """What each servo gives, as a share of the most that it can, signed as its angle."""
+
+    @abstractmethod
     def _build(self) -> None:
         """Builds the world, the body held or lying upright, its joints at their targets."""
 

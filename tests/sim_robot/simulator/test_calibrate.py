@@ -37,7 +37,7 @@ AT_EACH_CHANGE = {"pc104": (1000,), "pi": ()}  # tests/processes calibrates a pi
 BODY = load_body(default_body_path())
 BELIEVED = {
     "pc104": pc104_set.configure(BODY, port="nowhere", levels=NoiseLevels()),
-    "pi": pi_set.configure(BODY, NoiseLevels()),
+    "pi": pi_set.configure(BODY, NoiseLevels(), pi_set.pulse_boards(BODY)),
 }
 
 

@@ -168,6 +168,9 @@ class TippingWorld(World):
 
     def _step(self) -> None: ...
 
+    def torques(self) -> tuple[float, ...]:
+        return (0.0,) * len(self.angles())
+
     def _pose(self) -> Pose:
         half = math.radians(min(0.1 * self.steps * STEP, 5.0)) / 2
         return Pose((0.0, 0.0, 0.0), (0.0, math.sin(half), 0.0, math.cos(half)))
