@@ -204,16 +204,14 @@ class Servo:
         """The position that the motor holds, in ticks; ``LIMP`` where it has no torque."""
         now = self.now()
         self._check_itself()
-        if not self["torque"]:
-            self._trajectory = self.position
-        elif self["mode"] == POSITION_MODE:
+        if self["torque"] and self["mode"] == POSITION_MODE:
             way = self["goal"] - self._trajectory
             reach = self["profile_velocity"] * _TICKS_PER_UNIT_SECOND * (now - self._looked)
             if self["profile_velocity"] and abs(way) > reach:
                 way = reach if way > 0 else -reach
             self._trajectory += way
         self._looked = now
-        if not self._felt:
+        if self["torque"] and not self._felt:
             self.position = self._trajectory
         return max(self._trajectory, 1.0) if self["torque"] else LIMP
 
@@ -267,6 +265,9 @@ class Servo:
         changes = dict(self._changes(first, data))
         if self["hardware_error"] & self["shutdown"] and changes.get("torque"):
             raise Refused(PacketError.RESULT_FAIL)  # only a reboot helps
+        self.driven_to()
+        if changes.get("torque") and not self["torque"]:
+            self._trajectory = self.position
         self._held |= changes
 
     def _changes(self, first: int, data: bytes) -> Iterator[tuple[str, int]]:
@@ -317,7 +318,7 @@ class Servo:
             "present_pwm": round(self._load * _PWM_FULL),
             "load": round(self._load * 1000),
             "position": round(self.position),
-            "trajectory": round(self._trajectory),
+            "trajectory": round(self._trajectory if self["torque"] else self.position),
             "voltage": self.volts,
             "temperature": self.heat,
         }
@@ -362,6 +363,7 @@ class DynamixelEmulator(SerialDevice):
         self._decoder = Decoder()
         self._answers = 0
         self._twin: list[Servo] = []
+        self._find: Callable[[], Iterable[tuple[float, float]]] = tuple
         super().__init__()
 
     def connect(self, clock: Clock) -> None:
@@ -371,18 +373,21 @@ class DynamixelEmulator(SerialDevice):
             servo.power_up()
             servo.switched_on -= BOOT
 
-    def feel(self, felt: Iterable[tuple[float, float]]) -> None:
-        """What the world does to each servo: where its horn is, in ticks, and its torque."""
-        with self._changed:
-            for servo, (position, load) in zip(self.servos, felt, strict=False):
-                servo.feel(position, load)
+    def feel(self, find: Callable[[], Iterable[tuple[float, float]]]) -> None:
+        """Puts the servos into a world.
 
-    def pulses(self) -> tuple[float, ...]:
+        Args:
+            find: Where the horn of each stands, in ticks, and the share of its torque that it
+                gives; asked when a packet comes.
+        """
+        self._find = find
+
+    def pulses(self) -> tuple[int, ...]:
         """The position that each servo drives to, in ticks, or ``LIMP``."""
         with self._changed:
             silent = self._faults.get("silent")
             return tuple(
-                LIMP if number == silent else servo.driven_to()
+                LIMP if number == silent else round(servo.driven_to())
                 for number, servo in enumerate(self.servos, 1)
             )
 
@@ -409,9 +414,12 @@ class DynamixelEmulator(SerialDevice):
         """Gives bytes to every servo that listens at this baud rate; returns what they answer."""
         if self.host_baud not in {servo.baud for servo in self.servos}:
             return b""  # noise, to all of them
-        return b"".join(
-            line for packet in self._decoder.feed(data) for line in self._collided(packet)
-        )
+        packets = self._decoder.feed(data)
+        for servo, (position, load) in zip(
+            self.servos, self._find() if packets else (), strict=False
+        ):
+            servo.feel(position, load)
+        return b"".join(line for packet in packets for line in self._collided(packet))
 
     def _collided(self, packet: Packet) -> Iterator[bytes]:
         """The answers to a packet, one after another; of servos that share an id at once."""

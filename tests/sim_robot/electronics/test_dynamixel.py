@@ -36,7 +36,7 @@ def clock() -> InstantClock:
 @pytest.fixture
 def bus(clock: InstantClock) -> Iterator[DynamixelEmulator]:
     emulator = DynamixelEmulator((1, 2, 7), baud=57600)
-    emulator.feel([(2048.0, 0.0), (1500.0, 0.0), (2600.0, 0.0)])
+    emulator.feel(lambda: [(2048.0, 0.0), (1500.0, 0.0), (2600.0, 0.0)])
     emulator.connect(clock)
     yield emulator
     emulator.close()
@@ -245,7 +245,7 @@ def test_the_return_level_says_what_is_answered(servo: Servo) -> None:
 
 def test_several_are_written_and_read_at_once(host: Host, bus: DynamixelEmulator) -> None:
     host.send(sync_write(116, {1: 1000, 7: 3000}, 4))
-    assert [servo["goal"] for servo in bus.servos] == [1000, 1500, 3000]
+    assert [servo["goal"] for servo in bus.servos] == [1000, 2048, 3000]
     answers = host.ask(sync_read(132, 4, (7, 1)))
     assert [(one.id, of(one.parameters)) for one in answers] == [(7, 2600), (1, 2048)]
     answers = host.ask(Packet(BROADCAST, Instruction.PING))
@@ -274,6 +274,7 @@ def test_two_servos_of_one_id_answer_at_once(
 
 
 def test_faults_befall_single_servos(host: Host, bus: DynamixelEmulator) -> None:
+    host.send(sync_write(116, {1: 2048, 2: 1500, 7: 2600}, 4))
     host.send(sync_write(64, {1: 1, 2: 1, 7: 1}, 1))
     assert bus.pulses() == (2048, 1500, 2600)
     bus.inject("overload", 1)
