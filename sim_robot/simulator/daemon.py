@@ -20,6 +20,7 @@ from sim_robot.electronics.clock import TICK, HostClock, RealTimeClock, VirtualC
 from sim_robot.electronics.servos import Servos
 from sim_robot.faults.fault_panel import FaultPanel
 from sim_robot.simulator.electronics_set import ElectronicsSet
+from sim_robot.simulator.feetech_set import FeetechSet
 from sim_robot.simulator.pc104_set import PC104Set
 from sim_robot.simulator.pi_set import PiSet
 from sim_robot.simulator.wiring import Wiring, miscalibrated
@@ -27,7 +28,9 @@ from sim_robot.world.body import Body
 from sim_robot.world.sensor_noise import Noise, NoiseLevels
 from sim_robot.world.simulation import DEFAULT_ENGINE, World, open_world
 
-SETS: Final[Mapping[str, type[ElectronicsSet]]] = MappingProxyType({"pc104": PC104Set, "pi": PiSet})
+SETS: Final[Mapping[str, type[ElectronicsSet]]] = MappingProxyType(
+    {"pc104": PC104Set, "pi": PiSet, "feetech": FeetechSet}
+)
 """Sets of electronics, by the names that ``sim-robotd --electronics`` takes."""
 
 DEFAULT_SET: Final = "pc104"

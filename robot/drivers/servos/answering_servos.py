@@ -36,6 +36,10 @@ class Chain(Protocol):
     name: str
     repeats: int
 
+    @property
+    def bytes_written(self) -> int:
+        """Bytes handed to the line, for a clock that must know when emulated servos have them."""
+
     def set_up(self, servo: int) -> None:
         """Identifies a servo, refuses one that is not fit for use, and marks it.
 
@@ -85,6 +89,11 @@ class AnsweringServos:
     def repeats(self) -> int:
         """Queries that had to be asked again, because the answer was damaged or did not come."""
         return self._chain.repeats
+
+    @property
+    def bytes_written(self) -> int:
+        """Bytes handed to the line."""
+        return self._chain.bytes_written
 
     def set_counts(self, counts: Mapping[int, int]) -> None:
         """Sends goals, to servos that are as they were left; a limp one is held where it is first.
