@@ -179,9 +179,8 @@ def _states(device: str, states: Any) -> dict[int, ServoState]:
             "Its driver is wrong.",
         )
     for state in states.values():
-        for value in (state.position, state.load, state.voltage, state.temperature):
-            if value is not None:
-                _number(device, value)
+        measured = (state.position, state.load, state.voltage, state.temperature, state.current)
+        _numbers(device, [value for value in measured if value is not None])
     return dict(states)
 
 

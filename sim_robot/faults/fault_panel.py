@@ -27,6 +27,7 @@ from sim_robot.electronics.clock import HostClock
 from sim_robot.electronics.dmm32 import DMM32Emulator
 from sim_robot.electronics.dynamixel import DynamixelEmulator
 from sim_robot.electronics.fault_switch import FaultSwitch
+from sim_robot.electronics.feetech import FeetechEmulator
 from sim_robot.electronics.i2c_bus import I2CBus
 from sim_robot.electronics.mpu6050 import MPU6050Emulator
 from sim_robot.electronics.pca9685 import PCA9685Emulator
@@ -39,6 +40,7 @@ DEVICES: Final[Mapping[str, type[FaultSwitch]]] = MappingProxyType(
     {
         "servo_board": SV203Emulator,
         "servos": Servos,
+        "feetech": FeetechEmulator,
         "daq": DMM32Emulator,
         "pwm": PCA9685Emulator,
         "dynamixel": DynamixelEmulator,

@@ -38,7 +38,7 @@ class Chain(Protocol):
 
     @property
     def bytes_written(self) -> int:
-        """Bytes handed to the line so far."""
+        """Bytes handed to the line, for a clock that must know when emulated servos have them."""
 
     def set_up(self, servo: int) -> None:
         """Identifies a servo, refuses one that is not fit for use, and marks it.
@@ -92,7 +92,7 @@ class AnsweringServos:
 
     @property
     def bytes_written(self) -> int:
-        """Bytes handed to the line, for a clock that must know when emulated servos have them."""
+        """Bytes handed to the line."""
         return self._chain.bytes_written
 
     def set_counts(self, counts: Mapping[int, int]) -> None:

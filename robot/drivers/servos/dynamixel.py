@@ -91,6 +91,7 @@ _WIZARD: Final = "in DYNAMIXEL Wizard; nothing is written into an EEPROM here."
 # Addresses of the control table. In one reading there may be no gap.
 _EEPROM: Final = 7  # id, baud, return delay, drive mode, operating mode
 _CURRENT_LIMIT: Final = 38
+_LIMITS: Final = 48  # the highest position, then the lowest
 _STARTUP: Final = 60
 _TORQUE: Final = 64
 _RETURN_LEVEL: Final = 68
@@ -137,10 +138,17 @@ class DynamixelSettings:
 
 @dataclass(frozen=True)
 class _Known:
-    """What a servo that was set up said of itself: the most that it gives, and its delay in s."""
+    """What a servo that was set up said of itself.
+
+    Attributes:
+        most: The most of what it tells as its load.
+        delay: Before it answers, s.
+        limits: The goals that it takes.
+    """
 
     most: int
     delay: float
+    limits: tuple[int, int]
 
 
 class DynamixelChain:
@@ -177,6 +185,12 @@ class DynamixelChain:
         """Bytes handed to the line, for a clock that must know when emulated servos have them."""
         return self._line.bytes_written
 
+    def ping(self, servo: int) -> bool:
+        """Whether a servo answers, asked once; also with a damaged answer, as of two at once."""
+        found: dict[int, Packet] = {}
+        damaged = self._ask(Packet(servo, Instruction.PING), [servo], 3, found)
+        return damaged or servo in found
+
     def set_up(self, servo: int) -> None:
         """Identifies a servo, refuses one that is not fit for use, and limits its speed.
 
@@ -212,7 +226,9 @@ class DynamixelChain:
         most = _MOST_LOAD
         if model not in _TELL_LOAD:
             most = int.from_bytes(self._bytes(servo, _CURRENT_LIMIT, 2), "little")
-        self._known[servo] = _Known(max(most, 1), delay * _DELAY_UNIT)
+        limits = self._bytes(servo, _LIMITS, 8)
+        highest, lowest = (int.from_bytes(limits[at : at + 4], "little") for at in (0, 4))
+        self._known[servo] = _Known(max(most, 1), delay * _DELAY_UNIT, (lowest, highest))
         if self._fault(servo) and not self._bytes(servo, _TORQUE, 1)[0]:
             self._reboot(servo)
         for address, value, size in (
@@ -290,6 +306,7 @@ class DynamixelChain:
                 load=number(126, 2) / known.most if known else None,
                 voltage=number(144, 2) / 10,
                 temperature=number(146, 1),
+                limits=known.limits if known else None,
             ),
         )
 

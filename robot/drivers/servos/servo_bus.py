@@ -88,6 +88,8 @@ class ServoState:
         load: How hard it drives, as a share of the most that it can; positive to higher counts.
         voltage: Of its supply, V.
         temperature: °C.
+        current: That it takes, A.
+        limits: The counts between which it lets itself be driven.
     """
 
     position: float
@@ -96,6 +98,8 @@ class ServoState:
     load: float | None = None
     voltage: float | None = None
     temperature: float | None = None
+    current: float | None = None
+    limits: tuple[float, float] | None = None
 
 
 class AnsweringServoBus(ServoBus, Protocol):

@@ -24,7 +24,8 @@ from robot.configuration.robot_config import RobotConfig, apply_calibration
 from robot.drivers.servos.sv203 import COUNTS
 from robot.sensing.sensors import tilt_at_rest
 from sim_robot.command_line import _parser
-from sim_robot.simulator import dynamixel_set, pc104_set, pi_set
+from sim_robot.simulator import pc104_set, pi_set
+from sim_robot.simulator.bus_servo_sets import DynamixelSet, FeetechSet
 from sim_robot.simulator.daemon import SETS, emulation, robot_on
 from sim_robot.simulator.person import SimulatedPerson
 from sim_robot.simulator.wiring import miscalibrated
@@ -33,12 +34,13 @@ from sim_robot.world.sensor_noise import NO_NOISE, NoiseLevels
 
 LOG = logging.getLogger("test")
 SEEDS = range(1000, 1010)
-AT_EACH_CHANGE = {"pc104": (1000,), "pi": (), "dynamixel": ()}  # tests/processes calibrates a pi
+AT_EACH_CHANGE = {"pc104": (1000,)}  # tests/processes calibrates a pi
 BODY = load_body(default_body_path())
 BELIEVED = {
     "pc104": pc104_set.configure(BODY, port="nowhere", levels=NoiseLevels()),
     "pi": pi_set.configure(BODY, NoiseLevels(), pi_set.pulse_boards(BODY)),
-    "dynamixel": dynamixel_set.configure(BODY, port="nowhere", levels=NoiseLevels()),
+    "feetech": FeetechSet.configuration(BODY, port="nowhere", levels=NoiseLevels()),
+    "dynamixel": DynamixelSet.configuration(BODY, port="nowhere", levels=NoiseLevels()),
 }
 
 
@@ -126,7 +128,7 @@ def calibrated(tmp_path_factory: pytest.TempPathFactory) -> Callable[[int, str],
 
 
 def robot(seed: int, electronics: str) -> ParameterSet:
-    wanted = seed in AT_EACH_CHANGE[electronics] or "ALL_SEEDS" in os.environ
+    wanted = seed in AT_EACH_CHANGE.get(electronics, ()) or "ALL_SEEDS" in os.environ
     skip = pytest.mark.skipif(not wanted, reason="make calibration has all seeds")
     return pytest.param(seed, electronics, marks=skip)
 

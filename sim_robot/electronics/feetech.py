@@ -1,0 +1,414 @@
+"""Emulated Feetech STS3215 servos on a half-duplex serial line, at the level of bytes.
+
+Sources: Feetech, memory table of the STS and SMS series and its protocol manual; for what a written
+goal does (torque goes on, a goal beyond the limits is driven to the limit, and the register keeps
+what was written) those who measured it. Where these are silent the emulator assumes, and drivers
+should not rely on it: after a reset a servo is deaf for 0.3 s, and its goal is where it stands;
+writing to the torque switch ends an overload; a locked permanent memory takes a write until the
+next reset; packets with a wrong checksum are ignored. Not modelled: speed, acceleration, gains, the
+offset of the position, modes without a goal (the motor stands still), registered writes, and the
+load at which a servo calls itself overloaded: that is injected.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
+from itertools import zip_longest
+from types import MappingProxyType
+from typing import ClassVar, Final
+
+from robot.host.clock import Clock
+from sim_robot.electronics.fault_switch import EVERY_NTH
+from sim_robot.electronics.serial_device import SerialDevice
+from sim_robot.electronics.servos import Felt
+
+STEPS: Final = 4096
+"""Positions of a turn."""
+BAUDS: Final = (1_000_000, 500_000, 250_000, 128_000, 115_200, 76_800, 57_600, 38_400)
+"""What register 6 says, by its value."""
+LIMP: Final = 0
+BOOT: Final = 0.3
+"""Seconds after a reset in which a servo answers nothing."""
+VOLTAGE, OVERHEAT, OVERLOAD = 1 << 0, 1 << 2, 1 << 5
+"""Bits of the status."""
+
+ID, BAUD, DELAY, ANSWERS, MIN_ANGLE, MAX_ANGLE, MODE = 5, 6, 7, 8, 9, 11, 33
+HOTTEST, HIGHEST_VOLTAGE, LOWEST_VOLTAGE, MOST_TORQUE, SWITCHES_OFF = 13, 14, 15, 16, 19
+TORQUE, ACCELERATION, GOAL, SPEED, TORQUE_LIMIT, LOCK = 40, 41, 42, 46, 48, 55
+POSITION, LOAD, VOLTS, HEAT, STATUS, MOVING, CURRENT = 56, 60, 62, 63, 65, 66, 69
+SIZE: Final = 71
+PERMANENT: Final = range(5, 40)
+"""Addresses of the permanent memory (EEPROM)."""
+
+_FACTORY: Final = MappingProxyType(
+    {
+        **{0: 3, 1: 9, 3: 9, 4: 3, ID: 1, BAUD: 0, DELAY: 0, ANSWERS: 1, MAX_ANGLE: 0xFF},
+        **{MAX_ANGLE + 1: 0x0F, HOTTEST: 70, HIGHEST_VOLTAGE: 80, LOWEST_VOLTAGE: 40},
+        **{MOST_TORQUE: 0xE8, MOST_TORQUE + 1: 0x03, SWITCHES_OFF: 0x2C, 20: 0x2F, 21: 32, 22: 32},
+        **{24: 16, 26: 1, 27: 1, 34: 20, 35: 200, 36: 80},
+    }
+)
+_PING, _READ, _WRITE, _SYNC_READ, _SYNC_WRITE = 0x01, 0x02, 0x03, 0x82, 0x83
+_EVERYBODY: Final = 0xFE
+_HEADER: Final = b"\xff\xff"
+_LONGEST: Final = 250
+_WARM, _HOT = 38, 85  # °C
+_VOLTS, _DIPPED = 74, 36  # 0.1 V
+_AT_GOAL: Final = 23  # steps, 2°; a servo further away drives with all it has
+_STALL: Final = 2.4  # A
+_CURRENT_UNIT: Final = 0.0065  # A
+_OTHERS_GOAL: Final = 3000  # where the event "moved" sends a servo
+
+
+class Servo:
+    """One servo: instructions in, answers out, and where it drives its horn; no I/O, no threads.
+
+    Args:
+        number: Its ID.
+
+    Attributes:
+        memory: Its registers, by their addresses.
+        now: Its clock, s.
+        on_move: Called with goal before and after, whenever the host has it driven elsewhere.
+        permanent_writes: How often a host wrote into its permanent memory.
+        heat: °C.
+        volts: Of its supply, 0.1 V.
+        switched_on: When it was reset, s.
+    """
+
+    def __init__(self, number: int):
+        self.memory = bytearray(SIZE)
+        for address, value in _FACTORY.items():
+            self.memory[address] = value
+        self.memory[ID] = number
+        self._kept = bytes(self.memory)
+        self.now: Callable[[], float] = lambda: 0.0
+        self.on_move: Callable[[float, float], None] = lambda before, after: None
+        self.permanent_writes = 0
+        self.heat, self.volts = _WARM, _VOLTS
+        self._felt: Felt | None = None
+        self._overload = False
+        self._last: float = STEPS / 2
+        self.power_up()
+        self.switched_on = -BOOT
+
+    def power_up(self) -> None:
+        """What the supply's coming (back) does: memory begins anew, torque is off."""
+        self.memory[PERMANENT[0] : PERMANENT[-1] + 1] = self._kept[PERMANENT[0] : PERMANENT[-1] + 1]
+        self.memory[TORQUE:] = bytes(SIZE - TORQUE)
+        self.memory[TORQUE_LIMIT : TORQUE_LIMIT + 2] = self.memory[MOST_TORQUE : MOST_TORQUE + 2]
+        self.memory[LOCK] = 1
+        self._overload = False
+        self.set_word(GOAL, round(self.position))
+        self.switched_on = self.now()
+
+    @property
+    def position(self) -> float:
+        """Where its horn stands, in steps; without a world around it, where it drives it."""
+        return self._last if self._felt is None else self._felt.position
+
+    @property
+    def baud(self) -> int:
+        """At which it listens."""
+        return BAUDS[self.memory[BAUD]]
+
+    def word(self, address: int) -> int:
+        """Two registers, low first."""
+        return self.memory[address] + 256 * self.memory[address + 1]
+
+    def set_word(self, address: int, value: int) -> None:
+        """Sets two registers, low first, as its maker's program could."""
+        self.memory[address : address + 2] = value.to_bytes(2, "little")
+
+    def keep(self) -> None:
+        """Stores the permanent memory as it is, as the maker's program does when it unlocks it."""
+        self._kept = bytes(self.memory)
+
+    def feel(self, felt: Felt) -> None:
+        """What the world does to it."""
+        self._felt = felt
+
+    def overload(self) -> None:
+        """It finds itself overloaded."""
+        self._overload = True
+        self.look()
+
+    def look(self) -> None:
+        """Brings status and torque up to its condition."""
+        low, high = self.memory[LOWEST_VOLTAGE], self.memory[HIGHEST_VOLTAGE]
+        status = VOLTAGE * (not low <= self.volts <= high)
+        status |= OVERHEAT * (self.heat > self.memory[HOTTEST]) | OVERLOAD * self._overload
+        self.memory[STATUS] = status
+        if status & self.memory[SWITCHES_OFF]:
+            self.memory[TORQUE] = 0
+
+    def driven_to(self) -> float:
+        """The position that the motor drives to, in steps; ``LIMP`` where it has no torque."""
+        self.look()
+        if not self.memory[TORQUE]:
+            return LIMP
+        if not self.memory[MODE]:
+            low, high = self.word(MIN_ANGLE), self.word(MAX_ANGLE)
+            goal = self.word(GOAL)
+            self._last = min(max(goal, low), high) if high > low else goal
+        return max(self._last, 1.0)
+
+    def answer(self, instruction: int, parameters: bytes, *, asked_alone: bool) -> bytes | None:
+        """Acts on an instruction; what it answers, error first, or nothing."""
+        if self.now() - self.switched_on < BOOT:
+            return None
+        self._measure()
+        status = bytes((self.memory[STATUS],))
+        match instruction:
+            case 0x01:  # ping
+                return status
+            case 0x02 if len(parameters) == 2:  # read
+                first, count = parameters
+                found = bytes(self.memory[first : first + count])
+                return status + found.ljust(count, b"\0")
+            case 0x03 if parameters:  # write
+                self._write(parameters[0], parameters[1:])
+                if asked_alone and self.memory[ANSWERS]:
+                    return bytes((self.memory[STATUS],))
+        return None
+
+    def _write(self, first: int, data: bytes) -> None:
+        before = self.driven_to()
+        written = range(first, min(first + len(data), POSITION))
+        for address, value in zip(written, data, strict=False):
+            if address >= PERMANENT[0]:
+                self.memory[address] = value
+        self.permanent_writes += any(address in PERMANENT for address in written)
+        if GOAL in written and not self.memory[MODE]:
+            self.memory[TORQUE] = 1
+        if TORQUE in written:
+            self._overload = False
+        after = self.driven_to()
+        if GOAL in written and after != LIMP:
+            self.on_move(before or self.position, after)
+
+    def _measure(self) -> None:
+        """Brings the registers that only tell up to date."""
+        driven = self.driven_to()
+        position, torque = self._felt or Felt(driven or self._last, 0.0)
+        off = driven - position if driven else 0.0
+        load = 0.0 if not driven else torque
+        if abs(off) > _AT_GOAL:
+            load = 1.0 if off > 0 else -1.0
+        self.set_word(POSITION, round(abs(position)) | (position < 0) << 15)
+        self.set_word(LOAD, round(min(abs(load), 1.0) * 1000) | (load < 0) << 10)
+        self.memory[VOLTS], self.memory[HEAT] = self.volts, self.heat
+        self.memory[MOVING] = abs(off) > _AT_GOAL
+        drawn = min(abs(torque), 1.0) if driven else 0.0
+        self.set_word(CURRENT, round(drawn * _STALL / _CURRENT_UNIT))
+
+
+class FeetechEmulator(SerialDevice):
+    """Servos on a serial line.
+
+    Args:
+        ids: Theirs, in the order of the robot's joints.
+        baud: At which they listen, one of ``BAUDS``.
+    """
+
+    FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
+        {
+            **SerialDevice.FAULTS,
+            "silent": "servo n answers nothing and has no torque, as without its cable",
+            "garbage": "every n-th answer arrives with a bit flipped",
+            "lost": "every n-th answer is lost",
+            "twin": "another servo on the line has the ID n, too",
+            "hot": f"servo n is at {_HOT} °C: it switches its torque off",
+            "dip": f"the supply gives {_DIPPED / 10:g} V",
+        }
+    )
+    EVENTS: ClassVar[Mapping[str, str]] = MappingProxyType(
+        {
+            "reboot": "the supply of servo n dips, of all without a number: it comes back limp",
+            "overload": "servo n is overloaded, and switches its torque off",
+            "moved": f"another program on the line sends servo n to {_OTHERS_GOAL}",
+            "wheel_mode": "another program sets servo n to wheel mode, its torque off",
+        }
+    )
+    NUMBERS: ClassVar[Mapping[str, range]] = MappingProxyType(
+        {**SerialDevice.NUMBERS, "garbage": EVERY_NTH, "lost": EVERY_NTH}
+    )
+
+    def __init__(self, ids: Iterable[int] = (1,), *, baud: int = BAUDS[0]):
+        self.servos = [Servo(number) for number in ids]
+        for servo in self.servos:
+            servo.memory[BAUD] = BAUDS.index(baud)
+            servo.keep()
+        self._buffer = bytearray()
+        self._answers = 0
+        self._twin: list[Servo] = []
+        self._find: Callable[[], Iterable[Felt]] = tuple
+        super().__init__()
+
+    def connect(self, clock: Clock) -> None:
+        """Gives the servos the time of their world, in which they have been on for a while."""
+        for servo in self.servos:
+            servo.now = clock.now
+            servo.switched_on = clock.now() - BOOT
+
+    def watch_moves(self, on_move: Callable[[int, float, float], None]) -> None:
+        """Has every move that the host commands reported: servo from 1, position before, after."""
+        for number, servo in enumerate(self.servos, 1):
+            servo.on_move = partial(on_move, number)
+
+    def feel(self, find: Callable[[], Iterable[Felt]]) -> None:
+        """Puts the servos into a world.
+
+        Args:
+            find: Where the horn of each is, in steps, and the share of its torque that it gives;
+                asked when bytes come.
+        """
+        self._find = find
+
+    def pulses(self) -> tuple[int, ...]:
+        """The position that each servo drives to, in steps, or ``LIMP``."""
+        with self._changed:
+            silent = self._faults.get("silent")
+            return tuple(
+                LIMP if number == silent else round(servo.driven_to())
+                for number, servo in enumerate(self.servos, 1)
+            )
+
+    def numbers(self, fault: str) -> Sequence[int]:
+        """Of what befalls a servo, those of all of them from 1; of a reboot also 0, for all."""
+        match fault:
+            case "silent" | "twin" | "hot" | "overload" | "moved" | "wheel_mode":
+                return range(1, len(self.servos) + 1)
+            case "reboot":
+                return range(len(self.servos) + 1)
+        return super().numbers(fault)
+
+    def inject(self, fault: str, value: int = 0) -> None:
+        """Switches a fault on, or makes an event happen."""
+        super().inject(fault, value)
+        self._condition()
+
+    def mend(self, fault: str | None = None) -> None:
+        """Switches a fault off, or all of them."""
+        super().mend(fault)
+        self._condition()
+
+    def receive(self, data: bytes) -> bytes:
+        """Gives bytes to every servo that listens at this baud rate; returns what they answer."""
+        if self.host_baud not in {servo.baud for servo in self.servos}:
+            return b""  # noise, to all of them
+        for servo, felt in zip(self.servos, self._find(), strict=False):
+            servo.feel(felt)
+        self._buffer += data
+        return b"".join(answer for packet in self._packets() for answer in self._answered(*packet))
+
+    def _packets(self) -> Iterator[tuple[int, int, bytes]]:
+        """Takes the whole packets that came: ID, instruction and parameters."""
+        buffer = self._buffer
+        while (start := buffer.find(_HEADER)) >= 0:
+            del buffer[:start]
+            if len(buffer) < 4:
+                return
+            length = buffer[3]
+            if not 2 <= length <= _LONGEST or buffer[2] == 0xFF:
+                del buffer[:1]
+                continue
+            if len(buffer) < length + 4:
+                return
+            body, checksum = bytes(buffer[2 : length + 3]), buffer[length + 3]
+            if ~sum(body) & 0xFF == checksum:
+                del buffer[: length + 4]
+                yield body[0], body[2], body[3:]
+            else:
+                del buffer[:1]
+        del buffer[: max(0, len(buffer) - 1)]
+
+    def _answered(self, number: int, instruction: int, parameters: bytes) -> Iterator[bytes]:
+        """The answers to a packet, one after another; of servos that share an ID at once."""
+        if instruction == _SYNC_WRITE and len(parameters) >= 2:
+            size = parameters[1]
+            for at in range(2, len(parameters) - size, size + 1):
+                for servo in self._called(parameters[at]):
+                    data = parameters[:1] + parameters[at + 1 : at + 1 + size]
+                    servo.answer(_WRITE, data, asked_alone=False)
+            return
+        wanted: Iterable[int] = (number,)
+        alone = number != _EVERYBODY
+        if instruction == _SYNC_READ:
+            wanted, instruction, parameters = parameters[2:], _READ, parameters[:2]
+        elif not alone:
+            wanted = sorted({servo.memory[ID] for servo in self.servos})
+        for one in wanted:
+            replies = [
+                _packet(servo.memory[ID], answer)
+                for servo in self._called(one)
+                if (answer := servo.answer(instruction, parameters, asked_alone=alone)) is not None
+            ]
+            if replies:
+                # A low level wins on the line.
+                line = bytes(map(_and, zip_longest(*replies, fillvalue=0xFF)))
+                yield self._spoilt(line) if self._faults else line
+
+    def _called(self, number: int) -> list[Servo]:
+        """The servos with an ID that listen."""
+        silent = self._faults.get("silent")
+        return [
+            servo
+            for index, servo in enumerate((*self.servos, *self._twin), 1)
+            if servo.memory[ID] == number and servo.baud == self.host_baud and index != silent
+        ]
+
+    def _spoilt(self, line: bytes) -> bytes:
+        self._answers += 1
+        garbage, lost = self._faults.get("garbage"), self._faults.get("lost")
+        if lost is not None and self._answers % max(lost, 1) == 0:
+            return b""
+        if garbage is not None and self._answers % max(garbage, 1) == 0:
+            return line[:-2] + bytes((line[-2] ^ 1,)) + line[-1:]
+        return line
+
+    def _happen(self, event: str, value: int) -> None:
+        with self._changed:
+            for servo in [self.servos[value - 1]] if value else self.servos:
+                match event:
+                    case "reboot":
+                        servo.power_up()
+                    case "overload":
+                        servo.overload()
+                    case "moved":
+                        servo.set_word(GOAL, _OTHERS_GOAL)
+                        servo.memory[TORQUE] = 1
+                    case "wheel_mode":
+                        servo.memory[TORQUE], servo.memory[MODE] = 0, 1
+
+    def _condition(self) -> None:
+        """Brings the servos into the state that the faults make."""
+        with self._changed:
+            hot, twin = self._faults.get("hot"), self._faults.get("twin")
+            for number, servo in enumerate(self.servos, 1):
+                servo.heat = _HOT if number == hot else _WARM
+                servo.volts = _DIPPED if "dip" in self._faults else _VOLTS
+                servo.look()
+            self._twin.clear()
+            if twin is not None:
+                model = self.servos[twin - 1]
+                other = Servo(model.memory[ID])
+                other.memory[BAUD] = model.memory[BAUD]
+                other.memory[3] ^= 0x10
+                other.keep()
+                other.now = model.now
+                other.feel(Felt(model.position + 137, 0.0))
+                self._twin.append(other)
+
+
+def _packet(number: int, answer: bytes) -> bytes:
+    body = bytes((number, len(answer) + 1)) + answer
+    return _HEADER + body + bytes((~sum(body) & 0xFF,))
+
+
+def _and(column: Sequence[int]) -> int:
+    value = 0xFF
+    for byte in column:
+        value &= byte
+    return value

@@ -1,0 +1,128 @@
+"""Electronics with serial bus servos that answer, beside the sensors of a Raspberry Pi."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from typing import ClassVar, cast
+
+from robot.configuration.robot_config import RobotConfig
+from robot.drivers.servos.answering_servos import AnsweringServos
+from robot.drivers.servos.dynamixel import DynamixelSettings
+from robot.drivers.servos.feetech import FeetechSettings
+from robot.drivers.servos.servo_bus import ServoBus, ServoSettings
+from robot.host.clock import Clock
+from sim_robot.electronics.dynamixel import DynamixelEmulator
+from sim_robot.electronics.fault_switch import FaultSwitch
+from sim_robot.electronics.feetech import FeetechEmulator
+from sim_robot.electronics.serial_device import Follower
+from sim_robot.electronics.servos import Felt
+from sim_robot.simulator.pi_set import PiSensors, configure
+from sim_robot.simulator.wiring import Wiring
+from sim_robot.world.body import Body
+from sim_robot.world.sensor_noise import NoiseLevels
+
+STEPS_OF_A_TURN = 4096
+BAUD = 1_000_000
+
+
+class BusServoSet(PiSensors):
+    """A servo for each joint, with the ids from 1.
+
+    Attributes:
+        name: Of the servos, at the fault panel.
+    """
+
+    name: ClassVar[str]
+
+    def __init__(self, body: Body) -> None:
+        super().__init__(body)
+        self.servos = self.emulator(range(1, len(body.motors) + 1))
+
+    @staticmethod
+    @abstractmethod
+    def emulator(ids: Sequence[int]) -> FeetechEmulator | DynamixelEmulator:
+        """The servos."""
+
+    @staticmethod
+    @abstractmethod
+    def settings(port: str) -> ServoSettings:
+        """Those of their driver."""
+
+    @classmethod
+    def configuration(cls, body: Body, *, port: str, levels: NoiseLevels) -> RobotConfig:
+        """The configuration that fits this set.
+
+        Args:
+            body: The body.
+            port: The emulated servos' serial port.
+            levels: Noise, announced to clients.
+        """
+        servos = cls.settings(port)
+        turn = 2 * math.pi * len(servos.counts) / STEPS_OF_A_TURN
+        return configure(body, levels, servos, turn=turn)
+
+    @property
+    def switches(self) -> Mapping[str, FaultSwitch]:
+        """The servos with their line, and the sensors."""
+        return {self.name: self.servos, **super().switches}
+
+    def configure(self, levels: NoiseLevels) -> RobotConfig:
+        """The configuration that fits, on the emulated port."""
+        return self.configuration(self._body, port=self.servos.port, levels=levels)
+
+    def connect(self, wiring: Wiring, clock: Clock) -> None:
+        """Makes the emulators of the sensors, and gives the servos the world's time."""
+        super().connect(wiring, clock)
+        self.servos.connect(clock)
+
+    def pulses(self) -> Sequence[int]:
+        """Where each servo drives to."""
+        return self.servos.pulses()
+
+    def feel(self, find: Callable[[], Sequence[Felt]]) -> None:
+        """Tells the servos where the world has their joints."""
+        self.servos.feel(find)
+
+    def follow(self, servos: ServoBus) -> Callable[[], None]:
+        """Waits for the thread that reads the serial line."""
+        return Follower(self.servos, cast(AnsweringServos, servos))
+
+    def close(self) -> None:
+        """Removes the serial port."""
+        self.servos.close()
+
+
+class FeetechSet(BusServoSet):
+    """STS servos."""
+
+    name = "feetech"
+    summary = "Feetech STS servos on a serial line, the sensors of pi on I²C"
+
+    @staticmethod
+    def emulator(ids: Sequence[int]) -> FeetechEmulator:
+        """STS3215."""
+        return FeetechEmulator(ids, baud=BAUD)
+
+    @staticmethod
+    def settings(port: str) -> FeetechSettings:
+        """At 1 Mbaud."""
+        return FeetechSettings(port=port, baud=BAUD)
+
+
+class DynamixelSet(BusServoSet):
+    """X servos."""
+
+    name = "dynamixel"
+    summary = "DYNAMIXEL X servos on a serial line, the sensors of pi on I²C"
+
+    @staticmethod
+    def emulator(ids: Sequence[int]) -> DynamixelEmulator:
+        """XL430-W250."""
+        return DynamixelEmulator(ids, baud=BAUD)
+
+    @staticmethod
+    def settings(port: str) -> DynamixelSettings:
+        """At 1 Mbaud."""
+        return DynamixelSettings(port=port, baud=BAUD)
