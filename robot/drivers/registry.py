@@ -33,6 +33,7 @@ OURS: Final = MappingProxyType(
                 "sv203": "robot.drivers.servos.sv203:SV203Settings",
                 "pca9685": "robot.drivers.servos.pca9685:PCA9685Settings",
                 "feetech": "robot.drivers.servos.feetech:FeetechSettings",
+                "dynamixel": "robot.drivers.servos.dynamixel:DynamixelSettings",
             }
         ),
         SENSORS: MappingProxyType(

@@ -25,6 +25,7 @@ from robot.errors import CommandError
 from sim_robot.electronics.ads1115 import ADS1115Emulator
 from sim_robot.electronics.clock import HostClock
 from sim_robot.electronics.dmm32 import DMM32Emulator
+from sim_robot.electronics.dynamixel import DynamixelEmulator
 from sim_robot.electronics.fault_switch import FaultSwitch
 from sim_robot.electronics.feetech import FeetechEmulator
 from sim_robot.electronics.i2c_bus import I2CBus
@@ -42,6 +43,7 @@ DEVICES: Final[Mapping[str, type[FaultSwitch]]] = MappingProxyType(
         "feetech": FeetechEmulator,
         "daq": DMM32Emulator,
         "pwm": PCA9685Emulator,
+        "dynamixel": DynamixelEmulator,
         "adc": ADS1115Emulator,
         "accelerometer": MPU6050Emulator,
         "distance": VL6180XEmulator,

@@ -19,6 +19,7 @@ from robot.service.devices import Devices, open_devices
 from sim_robot.electronics.clock import TICK, HostClock, RealTimeClock, VirtualClock
 from sim_robot.electronics.servos import Servos
 from sim_robot.faults.fault_panel import FaultPanel
+from sim_robot.simulator.dynamixel_set import DynamixelSet
 from sim_robot.simulator.electronics_set import ElectronicsSet
 from sim_robot.simulator.feetech_set import FeetechSet
 from sim_robot.simulator.pc104_set import PC104Set
@@ -29,7 +30,7 @@ from sim_robot.world.sensor_noise import Noise, NoiseLevels
 from sim_robot.world.simulation import DEFAULT_ENGINE, World, open_world
 
 SETS: Final[Mapping[str, type[ElectronicsSet]]] = MappingProxyType(
-    {"pc104": PC104Set, "pi": PiSet, "feetech": FeetechSet}
+    {"pc104": PC104Set, "pi": PiSet, "feetech": FeetechSet, "dynamixel": DynamixelSet}
 )
 """Sets of electronics, by the names that ``sim-robotd --electronics`` takes."""
 

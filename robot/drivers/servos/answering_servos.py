@@ -94,7 +94,7 @@ class AnsweringServos:
 
     @property
     def bytes_written(self) -> int:
-        """Bytes handed to the line."""
+        """Bytes handed to the line, for a clock that must know when emulated servos have them."""
         return self._chain.bytes_written
 
     def set_counts(self, counts: Mapping[int, int]) -> None:

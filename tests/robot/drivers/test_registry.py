@@ -62,8 +62,8 @@ def test_a_name_that_two_distributions_offer_is_refused(site: Path) -> None:
     [
         (
             "none",
-            "must be one of broken, double, leaving, left, nameless, pca9685, sound, sv203, "
-            "unwritten, not 'none'",
+            "must be one of broken, double, dynamixel, feetech, leaving, left, nameless, pca9685, "
+            "sound, sv203, unwritten, not 'none'",
         ),
         (
             "broken",

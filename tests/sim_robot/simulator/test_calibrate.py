@@ -24,7 +24,7 @@ from robot.configuration.robot_config import RobotConfig, apply_calibration
 from robot.drivers.servos.sv203 import COUNTS
 from robot.sensing.sensors import tilt_at_rest
 from sim_robot.command_line import _parser
-from sim_robot.simulator import pc104_set, pi_set
+from sim_robot.simulator import dynamixel_set, feetech_set, pc104_set, pi_set
 from sim_robot.simulator.daemon import SETS, emulation, robot_on
 from sim_robot.simulator.person import SimulatedPerson
 from sim_robot.simulator.wiring import miscalibrated
@@ -33,11 +33,14 @@ from sim_robot.world.sensor_noise import NO_NOISE, NoiseLevels
 
 LOG = logging.getLogger("test")
 SEEDS = range(1000, 1010)
-AT_EACH_CHANGE = {"pc104": (1000,), "pi": ()}  # tests/processes calibrates a pi
+# tests/processes calibrates a pi
+AT_EACH_CHANGE = {"pc104": (1000,), "pi": (), "feetech": (), "dynamixel": ()}
 BODY = load_body(default_body_path())
 BELIEVED = {
     "pc104": pc104_set.configure(BODY, port="nowhere", levels=NoiseLevels()),
     "pi": pi_set.configure(BODY, NoiseLevels(), pi_set.pulse_boards(BODY)),
+    "feetech": feetech_set.configure(BODY, port="nowhere", levels=NoiseLevels()),
+    "dynamixel": dynamixel_set.configure(BODY, port="nowhere", levels=NoiseLevels()),
 }
 
 

@@ -1,0 +1,394 @@
+"""ROBOTIS DYNAMIXEL servos of the X series, on a half-duplex serial line (protocol 2.0).
+
+A count is a position of the servo's encoder, 4096 to a turn. Everything that decides how a servo
+moves on its own lies in its EEPROM, which is never written here: a servo that is not in position
+mode, or whose torque goes on by itself, is refused with what to change in DYNAMIXEL Wizard.
+
+What is written, besides goals and torque, is volatile: no acceleration, and a profile velocity a
+little above the fastest that joints are moved at. So whoever commands a goal far away, that joint
+does not fly there. A reset sets it to 0, and by that a servo that restarted is known.
+
+A servo that switched its torque off, because it is overloaded or hot, needs a reboot before it
+takes torque again. It is rebooted when it is set up, limp as it is, and refused if it complains
+again. One that complains with its torque on is not: it would let go of what it holds.
+
+Source: ROBOTIS e-Manual, XL430-W250, XL330-M288 and DYNAMIXEL Protocol 2.0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import ClassVar, Final
+
+import serial
+
+from robot.drivers.buses import Buses
+from robot.drivers.links.device_files import readers
+from robot.drivers.links.serial_line import SerialLine
+from robot.drivers.servos.answering_servos import AnsweringServos, Registers
+from robot.drivers.servos.dynamixel_packets import (
+    ALERT,
+    OVERHEAD,
+    Decoder,
+    Instruction,
+    Packet,
+    PacketError,
+    encode,
+    read,
+    sync_read,
+    sync_write,
+    write,
+)
+from robot.drivers.servos.servo_bus import ServoState
+from robot.errors import DeviceDataError, DeviceError, DeviceTimeoutError
+from robot.host.clock import Clock
+from robot.toml_sections import Section
+
+NAME: Final = "DYNAMIXEL"
+BAUDS: Final = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000)
+COUNTS: Final = range(1, 4096)
+"""Positions of a turn; 0 means limp here, and is left out."""
+OUTPUTS: Final = range(1, 253)
+"""The ids that a servo can have, and that joints name."""
+TOP_SPEED: Final = 55
+"""The profile velocity: 75°/s."""
+
+MODELS: Final = MappingProxyType(
+    {
+        **{30: "MX-28", 311: "MX-64", 321: "MX-106"},  # with their firmware for protocol 2.0
+        **{1000: "XH430-W350", 1001: "XD430-T350", 1010: "XH430-W210", 1011: "XD430-T210"},
+        **{1020: "XM430-W350", 1030: "XM430-W210", 1040: "XH430-V350", 1050: "XH430-V210"},
+        **{1060: "XL430-W250", 1070: "XC430-W150", 1080: "XC430-W240", 1090: "2XL430-W250"},
+        **{1100: "XH540-W270", 1101: "XD540-T270", 1110: "XH540-W150", 1111: "XD540-T150"},
+        **{1120: "XM540-W270", 1130: "XM540-W150", 1140: "XH540-V270", 1150: "XH540-V150"},
+        **{1160: "2XC430-W250", 1170: "XW540-T260", 1180: "XW540-T140", 1190: "XL330-M077"},
+        **{1200: "XL330-M288", 1210: "XC330-T181", 1220: "XC330-T288", 1230: "XC330-M181"},
+        **{1240: "XC330-M288", 1270: "XW430-T333", 1310: "XW540-H260"},
+    }
+)
+"""The models with this control table, by their numbers."""
+
+_TELL_LOAD: Final = frozenset((30, 1060, 1070, 1080, 1090, 1160))
+_MOST_LOAD: Final = 1000  # others tell their current instead, and its limit
+_FAULTS: Final = MappingProxyType(
+    {
+        0x01: "a supply out of its limits",
+        0x04: "overheating",
+        0x08: "a failure of its encoder",
+        0x10: "an electrical shock",
+        0x20: "an overload",
+    }
+)
+_MODES: Final = MappingProxyType(
+    {0: "current", 1: "velocity (wheel)", 4: "multi-turn", 5: "current-based", 16: "PWM"}
+)
+_POSITION_MODE: Final = 3
+_WIZARD: Final = "in DYNAMIXEL Wizard; nothing is written into an EEPROM here."
+
+# Addresses of the control table. In one reading there may be no gap.
+_EEPROM: Final = 7  # id, baud, return delay, drive mode, operating mode
+_CURRENT_LIMIT: Final = 38
+_STARTUP: Final = 60
+_TORQUE: Final = 64
+_RETURN_LEVEL: Final = 68
+_HARDWARE_ERROR: Final = 70
+_WATCHDOG: Final = 98
+_ACCELERATION: Final = 108
+_VELOCITY: Final = 112
+_GOAL: Final = 116
+_STATE: Final = _VELOCITY
+_STATE_END: Final = 147
+
+_ATTEMPTS: Final = 3  # of a query; a sound line needs one, and the doctor counts the others
+_DELAY_UNIT: Final = 2e-6  # s
+_USUAL_DELAY: Final = 250
+_REBOOT: Final = 0.5  # s; the manual gives no time
+_REBOOTS: Final = 4  # times that
+
+
+@dataclass(frozen=True, kw_only=True)
+class DynamixelSettings:
+    """The serial line to the servos; their outputs are their ids."""
+
+    name: ClassVar = NAME
+    counts: ClassVar = COUNTS
+    outputs: ClassVar = OUTPUTS
+    per_update: ClassVar = len(OUTPUTS)
+    reads_back: ClassVar = True
+    port: str = field(repr=False)  # a re-plugged adapter may have another name
+    baud: int
+
+    @classmethod
+    def read(cls, table: Section) -> DynamixelSettings:
+        """``port`` and ``baud``."""
+        return cls(port=table.text("port"), baud=table.one_of("baud", BAUDS, 57600))
+
+    def open(self, buses: Buses) -> AnsweringServos:
+        """Opens the line; a servo is first heard of at its first query."""
+        chain = DynamixelChain(lambda: buses.open_serial(self.port, self.baud), clock=buses.clock)
+        return AnsweringServos(chain, outputs=OUTPUTS, counts=COUNTS)
+
+    def __str__(self) -> str:
+        return f"{self.port}, {self.baud} baud"
+
+
+@dataclass(frozen=True)
+class _Known:
+    """What a servo that was set up said of itself: the most that it gives, and its delay in s."""
+
+    most: int
+    delay: float
+
+
+class DynamixelChain:
+    """The servos of one line, as ``AnsweringServos`` uses them.
+
+    Args:
+        open_port: Opens the line, which this object closes.
+        clock: Paces the packets.
+        reply_timeout: Longest wait for an answer, s.
+
+    Attributes:
+        name: What they are called in sentences.
+        repeats: Queries that had to be asked again, because an answer was damaged or did not come.
+    """
+
+    name = NAME
+
+    def __init__(
+        self,
+        open_port: Callable[[], serial.Serial],
+        *,
+        clock: Clock,
+        reply_timeout: float = 0.2,
+    ):
+        self.repeats = 0
+        self._clock = clock
+        self._decoder = Decoder()
+        self._known: dict[int, _Known] = {}
+        self._reply_timeout = reply_timeout
+        self._line = SerialLine(open_port, clock=clock, reply_timeout=reply_timeout)
+
+    @property
+    def bytes_written(self) -> int:
+        """Bytes handed to the line, for a clock that must know when emulated servos have them."""
+        return self._line.bytes_written
+
+    def set_up(self, servo: int) -> None:
+        """Identifies a servo, refuses one that is not fit for use, and limits its speed.
+
+        Raises:
+            DeviceError: It does not answer, is no X servo, is set up for something else or failed.
+        """
+        model = int.from_bytes(self._one(servo, Packet(servo, Instruction.PING), 3)[:2], "little")
+        if model not in MODELS:
+            raise self._unfit(
+                servo, f"is a model {model}, whose registers are not known", "Use an X servo."
+            )
+        self._line.write(encode(sync_write(_RETURN_LEVEL, {servo: 2}, 1)))
+        _, _, delay, drive, mode = self._bytes(servo, _EEPROM, 5)
+        if mode != _POSITION_MODE:
+            raise self._unfit(
+                servo,
+                f"is in {_MODES.get(mode, f'the unknown operating mode {mode}')} mode, not in "
+                "position mode",
+                f"Set its Operating Mode to 3 {_WIZARD}",
+            )
+        if drive & ~1:  # which only turns it round
+            raise self._unfit(
+                servo,
+                f"has Drive Mode {drive}: a profile by time, or torque that goes on with a goal",
+                f"Set its Drive Mode to 0 or 1 {_WIZARD}",
+            )
+        if self._bytes(servo, _STARTUP, 1)[0]:
+            raise self._unfit(
+                servo,
+                "switches its torque on, or restores its memory, by itself after a reset",
+                f"Set its Startup Configuration to 0 {_WIZARD}",
+            )
+        most = _MOST_LOAD
+        if model not in _TELL_LOAD:
+            most = int.from_bytes(self._bytes(servo, _CURRENT_LIMIT, 2), "little")
+        self._known[servo] = _Known(max(most, 1), delay * _DELAY_UNIT)
+        if self._fault(servo) and not self._bytes(servo, _TORQUE, 1)[0]:
+            self._reboot(servo)
+        for address, value, size in (
+            (_WATCHDOG, 0, 1),
+            (_ACCELERATION, 0, 4),
+            (_VELOCITY, TOP_SPEED, 4),
+        ):
+            self._one(servo, write(servo, address, value, size), 0)
+
+    def read(self, servos: Sequence[int]) -> dict[int, Registers]:
+        """Goal, speed and state of some servos, in two queries for all of them.
+
+        Raises:
+            DeviceTimeoutError: One does not answer.
+            DeviceDataError: What one answers is damaged, or a refusal.
+            DeviceMissingError: The line failed.
+        """
+        state = self._all(servos, _STATE, _STATE_END - _STATE)
+        torque = self._all(servos, _TORQUE, 1)
+        return {
+            servo: self._registers(servo, state[servo].parameters, torque[servo].parameters)
+            for servo in servos
+        }
+
+    def send(self, goals: Mapping[int, int]) -> None:
+        """Writes goals, in one packet.
+
+        Raises:
+            DeviceError: The line failed.
+        """
+        self._line.write(encode(sync_write(_GOAL, goals, 4)))
+
+    def switch(self, servos: Sequence[int], *, on: bool) -> None:
+        """Switches torque, in one packet.
+
+        Raises:
+            DeviceError: The line failed.
+        """
+        self._line.write(encode(sync_write(_TORQUE, dict.fromkeys(servos, int(on)), 1)))
+
+    def seconds_for(self, servos: int) -> float:
+        """How long reading and sending to so many servos takes, s."""
+        state = 1 + _STATE_END - _STATE
+        sent = 3 * len(encode(sync_read(0, 0, ()))) + servos * (1 + 1 + 5)
+        delay = max((known.delay for known in self._known.values()), default=_USUAL_DELAY * 2e-6)
+        answers = servos * (2 * OVERHEAD + state)
+        return self._line.seconds_for(sent + answers) + 2 * servos * delay
+
+    def reopen(self) -> None:
+        """Closes the line and opens it anew.
+
+        Raises:
+            DeviceMissingError: It cannot be opened.
+        """
+        self._line.close()
+        self._line.open()
+
+    def close(self) -> None:
+        """Closes the line; the servos hold their goals."""
+        self._line.close()
+
+    def _registers(self, servo: int, state: bytes, torque: bytes) -> Registers:
+        def number(address: int, size: int) -> int:
+            start = 1 + address - _STATE  # behind the error
+            return int.from_bytes(state[start : start + size], "little", signed=True)
+
+        known = self._known.get(servo)
+        return Registers(
+            goal=number(_GOAL, 4),
+            marked=number(_VELOCITY, 4) == TOP_SPEED,
+            state=ServoState(
+                position=number(132, 4),
+                driven=bool(torque[1]),
+                fault=self._fault(servo) if (state[0] | torque[0]) & ALERT else "",
+                load=number(126, 2) / known.most if known else None,
+                voltage=number(144, 2) / 10,
+                temperature=number(146, 1),
+            ),
+        )
+
+    def _fault(self, servo: int) -> str:
+        """What a servo complains of, in words; empty if it does not."""
+        (bits,) = self._bytes(servo, _HARDWARE_ERROR, 1)
+        words = [words for bit, words in _FAULTS.items() if bits & bit]
+        return " and ".join(words) or (f"the hardware error {bits}" if bits else "")
+
+    def _reboot(self, servo: int) -> None:
+        self._one(servo, Packet(servo, Instruction.REBOOT), 0)
+        for _ in range(_REBOOTS):
+            self._clock.sleep(_REBOOT)
+            with suppress(DeviceTimeoutError):
+                again = self._fault(servo)
+                break
+        else:
+            again = self._fault(servo)
+        if again:
+            raise self._unfit(
+                servo,
+                f"reports {again}, also after a reboot, and has its torque off",
+                "Relieve it, let it cool for 20 minutes and check its supply.",
+            )
+
+    def _bytes(self, servo: int, address: int, size: int) -> bytes:
+        return self._one(servo, read(servo, address, size), size)
+
+    def _one(self, servo: int, packet: Packet, size: int) -> bytes:
+        """What one servo answers, without its error."""
+        return self._query(lambda _: packet, [servo], size)[servo].parameters[1:]
+
+    def _all(self, servos: Sequence[int], address: int, size: int) -> dict[int, Packet]:
+        return self._query(lambda missing: sync_read(address, size, missing), servos, size)
+
+    def _query(
+        self, question: Callable[[Sequence[int]], Packet], servos: Iterable[int], size: int
+    ) -> dict[int, Packet]:
+        """Asks, and asks again those whose sound answer did not come."""
+        answers: dict[int, Packet] = {}
+        wanted = list(servos)
+        damaged = False
+        for attempt in range(_ATTEMPTS):
+            missing = [servo for servo in wanted if servo not in answers]
+            if not missing:
+                break
+            self.repeats += attempt > 0
+            damaged = self._ask(question(missing), missing, size, answers)
+        for servo in wanted:
+            if servo not in answers:
+                raise self._unanswered(servo, damaged)
+            error = answers[servo].parameters[0] & ~ALERT
+            if error or len(answers[servo].parameters) != 1 + size:
+                said = PacketError(error).name if error in list(PacketError) else f"error {error}"
+                raise self._unfit(
+                    servo,
+                    f"refused {question([servo])}: {said.lower().replace('_', ' ')}",
+                    "Check that its firmware is current.",
+                )
+        return answers
+
+    def _ask(
+        self, packet: Packet, servos: Sequence[int], size: int, answers: dict[int, Packet]
+    ) -> bool:
+        """Asks once; adds the answers that come, and returns whether something else did."""
+        self._line.clear()
+        self._decoder.clear()
+        before = self._decoder.damaged
+        self._line.write(encode(packet))
+        missing = set(servos)
+        most = len(missing) * (OVERHEAD + size)
+        received = 0
+        while missing and not (received >= most and self._decoder.damaged > before):
+            wanted = max(1, len(missing) * (OVERHEAD + size) - self._decoder.pending)
+            data = self._line.read(wanted)
+            received += len(data)
+            for answer in self._decoder.feed(data):
+                if answer.instruction == Instruction.STATUS and answer.id in missing:
+                    answers[answer.id] = answer
+                    missing.remove(answer.id)
+                    known = self._known.get(answer.id)
+                    self._clock.charge(known.delay if known else _USUAL_DELAY * _DELAY_UNIT)
+            if len(data) < wanted:
+                break
+        return self._decoder.damaged > before or bool(self._decoder.pending)
+
+    def _unanswered(self, servo: int, damaged: bool) -> DeviceError:
+        who = readers(self._line.port)
+        if damaged:
+            return DeviceDataError(
+                f"What servo {servo} ({self.name}) answers is damaged: two servos have this id, or "
+                "the line is bad.",
+                f"Connect them to {self._line.port} one by one; check cable and ground, and {who}",
+            )
+        return DeviceTimeoutError(
+            f"Servo {servo} ({self.name}) does not answer within {self._reply_timeout:g} s.",
+            "Check its id and baud rate (robotd scan lists who answers), its cable and the "
+            "servos' supply, and " + who,
+        )
+
+    def _unfit(self, servo: int, what: str, advice: str) -> DeviceDataError:
+        return DeviceDataError(f"Servo {servo} ({self.name}) {what}.", advice)

@@ -1,0 +1,193 @@
+"""Packets of the DYNAMIXEL protocol 2.0: bytes on the line ↔ instructions and their answers.
+
+    FF FF FD 00  id  length (2 bytes, low first)  instruction  parameters…  CRC (2, low first)
+
+*length* counts what follows it. The header never stands inside a packet: after FF FF FD in what the
+instruction and its parameters are made of, a further FD is stuffed in, which counts for length and
+CRC and is taken out again when the CRC was found right. An answer (status) is a packet with
+instruction 0x55, whose first parameter is the error.
+
+Source: ROBOTIS e-Manual, DYNAMIXEL Protocol 2.0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Final
+
+HEADER: Final = b"\xff\xff\xfd\x00"
+BROADCAST: Final = 0xFE
+"""The id to which every servo listens."""
+IDS: Final = range(253)
+OVERHEAD: Final = 11
+"""Bytes of a status packet without parameters; an instruction packet has one fewer."""
+LONGEST: Final = 1024
+"""Bytes of a packet; a length beyond is a damaged one."""
+
+_BEFORE_INSTRUCTION: Final = len(HEADER) + 3
+_CRC_BYTES: Final = 2
+_STUFFED: Final = b"\xff\xff\xfd"
+_POLYNOMIAL: Final = 0x8005
+
+
+class Instruction(IntEnum):
+    """What a packet asks for."""
+
+    PING = 0x01
+    READ = 0x02
+    WRITE = 0x03
+    REBOOT = 0x08
+    STATUS = 0x55
+    SYNC_READ = 0x82
+    SYNC_WRITE = 0x83
+
+
+class PacketError(IntEnum):
+    """Why a servo did not do what a packet asked for."""
+
+    RESULT_FAIL = 0x01
+    INSTRUCTION = 0x02
+    CRC = 0x03
+    DATA_RANGE = 0x04
+    DATA_LENGTH = 0x05
+    DATA_LIMIT = 0x06
+    ACCESS = 0x07
+
+
+ALERT: Final = 0x80
+"""Bit of a status packet's error: the servo has a hardware error, whatever it was asked."""
+
+
+@dataclass(frozen=True)
+class Packet:
+    """One packet, without what only its way over the line needs.
+
+    Attributes:
+        id: Of the servo that is asked, or that answers; ``BROADCAST`` is all of them.
+        instruction: An ``Instruction``, or another one byte that a servo does not know.
+        parameters: What belongs to it.
+    """
+
+    id: int
+    instruction: int
+    parameters: bytes = b""
+
+
+def _crc_of_byte(byte: int) -> int:
+    crc = byte << 8
+    for _ in range(8):
+        crc = (crc << 1) ^ (_POLYNOMIAL if crc & 0x8000 else 0)
+    return crc & 0xFFFF
+
+
+_CRC_TABLE: Final = tuple(map(_crc_of_byte, range(256)))
+
+
+def crc16(data: Iterable[int]) -> int:
+    """The CRC of bytes: polynomial 0x8005, high bit first, from 0."""
+    crc = 0
+    for byte in data:
+        crc = (crc << 8 & 0xFFFF) ^ _CRC_TABLE[crc >> 8 ^ byte]
+    return crc
+
+
+def encode(packet: Packet) -> bytes:
+    """A packet as it goes over the line."""
+    body = bytes((packet.instruction,)) + packet.parameters
+    body = body.replace(_STUFFED, _STUFFED + b"\xfd")
+    length = len(body) + _CRC_BYTES
+    whole = HEADER + bytes((packet.id,)) + length.to_bytes(2, "little") + body
+    return whole + crc16(whole).to_bytes(2, "little")
+
+
+class Decoder:
+    """Finds packets in bytes as they come, whatever stands between them.
+
+    Attributes:
+        damaged: Packets whose length or CRC was wrong.
+    """
+
+    def __init__(self) -> None:
+        self.damaged = 0
+        self._buffer = bytearray()
+
+    @property
+    def pending(self) -> int:
+        """Bytes that may be the beginning of a packet."""
+        return len(self._buffer)
+
+    def feed(self, data: bytes) -> list[Packet]:
+        """Takes bytes; returns the packets that are complete with them."""
+        self._buffer += data
+        packets = []
+        while (found := self._next()) is not None:
+            packets += found
+        return packets
+
+    def clear(self) -> None:
+        """Forgets a packet that has begun."""
+        self._buffer.clear()
+
+    def _next(self) -> list[Packet] | None:
+        """The packet at the front, or none for a damaged one; ``None``: more bytes are needed."""
+        buffer = self._buffer
+        start = buffer.find(HEADER)
+        if start < 0:  # what it ends with may be the beginning of a header
+            del buffer[: max(0, len(buffer) - len(HEADER) + 1)]
+            return None
+        del buffer[:start]
+        if len(buffer) < _BEFORE_INSTRUCTION:
+            return None
+        length = int.from_bytes(buffer[_BEFORE_INSTRUCTION - 2 : _BEFORE_INSTRUCTION], "little")
+        end = _BEFORE_INSTRUCTION + length
+        if length <= _CRC_BYTES or end > LONGEST or buffer.find(HEADER, len(HEADER), end - 1) > 0:
+            return self._damaged()  # its last byte may end a header: the CRC is not stuffed
+        if len(buffer) < end:
+            return None
+        body_end = end - _CRC_BYTES
+        if crc16(buffer[:body_end]) != int.from_bytes(buffer[body_end:end], "little"):
+            return self._damaged()
+        body = bytes(buffer[_BEFORE_INSTRUCTION:body_end]).replace(_STUFFED + b"\xfd", _STUFFED)
+        found = Packet(buffer[len(HEADER)], body[0], body[1:])
+        del buffer[:end]
+        return [found]
+
+    def _damaged(self) -> list[Packet]:
+        """Goes on behind this header, to another one that stands within the supposed length."""
+        self.damaged += 1
+        del self._buffer[: len(HEADER)]
+        return []
+
+
+def write(servo: int, address: int, value: int, size: int) -> Packet:
+    """Writes a number of ``size`` bytes at an address of one servo, or of all (``BROADCAST``)."""
+    return Packet(servo, Instruction.WRITE, _word(address) + _number(value, size))
+
+
+def read(servo: int, address: int, size: int) -> Packet:
+    """Asks one servo for the bytes from an address."""
+    return Packet(servo, Instruction.READ, _word(address) + _word(size))
+
+
+def sync_write(address: int, values: Mapping[int, int], size: int) -> Packet:
+    """Writes a number of ``size`` bytes at the same address of several servos; none answers."""
+    parts = (bytes((servo,)) + _number(value, size) for servo, value in values.items())
+    head = _word(address) + _word(size)
+    return Packet(BROADCAST, Instruction.SYNC_WRITE, head + b"".join(parts))
+
+
+def sync_read(address: int, size: int, servos: Iterable[int]) -> Packet:
+    """Asks several servos for the bytes from the same address; each answers, in this order."""
+    return Packet(
+        BROADCAST, Instruction.SYNC_READ, _word(address) + _word(size) + bytes(tuple(servos))
+    )
+
+
+def _word(value: int) -> bytes:
+    return value.to_bytes(2, "little")
+
+
+def _number(value: int, size: int) -> bytes:
+    return value.to_bytes(size, "little", signed=value < 0)
