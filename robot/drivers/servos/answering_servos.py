@@ -83,16 +83,18 @@ class AnsweringServos:
         self._known = outputs
         self._counts = counts
         self._held: dict[int, int] = {}  # what servos that were set up should hold, 0 limp
+        self._before: dict[int, int] = {}  # and before the last goal, which may have been lost
+        self._lost = 0
         self.name = chain.name
 
     @property
     def repeats(self) -> int:
-        """Queries that had to be asked again, because the answer was damaged or did not come."""
-        return self._chain.repeats
+        """Packets that had to be sent again, because they or what answers them, did not come."""
+        return self._chain.repeats + self._lost
 
     @property
     def bytes_written(self) -> int:
-        """Bytes handed to the line."""
+        """Bytes handed to the line, for a clock that must know when emulated servos have them."""
         return self._chain.bytes_written
 
     def set_counts(self, counts: Mapping[int, int]) -> None:
@@ -108,6 +110,7 @@ class AnsweringServos:
         if not all(output in self._held for output in counts):
             raise CommandError("read the servos' counts before moving them")
         found = self._sound(list(self._held))
+        counts = self._lost_goals(found) | dict(counts)
         limp = {
             output: self._nearest(found[output].state.position)
             for output in counts
@@ -117,6 +120,7 @@ class AnsweringServos:
             self._held |= limp  # if this fails half-way, some are driven
             self._chain.send(limp)
             self._chain.switch(list(limp), on=True)
+        self._before |= {output: found[output].goal for output in counts} | limp
         self._held |= counts
         self._chain.send(counts)
 
@@ -236,6 +240,24 @@ class AnsweringServos:
                 self.forget()
                 raise DeviceDataError(f"{self._called([output])} {reason}.", _SUPPLY)
         return found
+
+    def _lost_goals(self, found: Mapping[int, Registers]) -> dict[int, int]:
+        """Goals that did not arrive, which nobody acknowledges; refuses one that nobody sent."""
+        lost = {}
+        for output, registers in found.items():
+            held = self._held[output]
+            if not held or registers.goal == held:
+                continue
+            if registers.goal != self._before.get(output):
+                self.forget()
+                raise DeviceDataError(
+                    f"{self._called([output])} has the goal {registers.goal}, not {held}: another "
+                    "program wrote to it.",
+                    "Check that nothing else drives the servos.",
+                )
+            lost[output] = held
+        self._lost += bool(lost)
+        return lost
 
     def _refuse_faulty(self, output: int, registers: Registers) -> None:
         fault, driven = registers.state.fault, registers.state.driven

@@ -266,6 +266,9 @@ class FeetechChain:
         self._line.clear()
         self._line.write(packet)
         raw = self._line.read(count * (_OVERHEAD + size))
+        if (echo := raw.find(packet)) >= 0:  # some adapters give back what was sent
+            echoed = echo + len(packet)
+            raw = raw[echoed:] + self._line.read(echoed)
         self._clock.charge(count * self._delay)
         answers: dict[int, bytes] = {}
         rest = b""
