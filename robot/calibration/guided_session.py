@@ -11,7 +11,7 @@ from collections.abc import Callable, Collection, Iterator
 from functools import partial
 from typing import Any, Final, Protocol
 
-from robot.calibration.joints import Mover, calibrate_joint, help_text, measure_oscillators
+from robot.calibration.joints import HELP, Mover, calibrate_joint, measure_oscillators
 from robot.calibration.questions import Questions, Terminal
 from robot.calibration.sensors import AccelerometerSession, DistanceSession, GaugeSession
 from robot.configuration.calibration_file import (
@@ -159,7 +159,7 @@ class GuidedSession:
                 self._devices.servos,
                 self._dialogue,
             )
-            self._dialogue.say(JOINTS + help_text(self._config.servos.counts))
+            self._dialogue.say(JOINTS + HELP)
             self._dialogue.choose("on the stand: Enter", "")
         for joint in wanted:
             make = partial(Mover, self._devices.servos, joint, self._clock)

@@ -35,7 +35,8 @@ from robot.errors import AbandonedError, DeviceDataError
 from robot.host.clock import Clock
 
 HELP: Final = """
-  u 5, d 5      five steps up or down; at most 20, and 5 without a number; {step}
+  u 5, d 5      five steps up or down; at most 20, and 5 without a number; a step is one count, or
+                as many as make 0.7°
   -12.5         the angle that you measure now, in degrees; 0 is the planar pose, + is upward
   lower, upper  the joint may go no further down, or up, than here
   drop          forgets the last angle
@@ -46,21 +47,15 @@ HELP: Final = """
 
 MAX_STEP: Final = 20  # steps in one move: 14°, which a person can follow and stop
 PACE: Final = 0.03  # s between counts besides the serial line's own: about 13° a second
-_STEPS: Final = 255  # at least, on the way through all counts of a driver
+_STEP: Final = math.radians(0.7)
 _MIN_APART: Final = 10  # steps between two measured angles
 _ZERO_TOLERANCE: Final = 1.5  # degrees; two steps
 _WELL_BEYOND: Final = 30  # steps that a scale may be extrapolated by without a word: 21°
 
 
-def step_of(counts: range) -> int:
-    """The counts that a joint moves at once: about 0.7°, whatever the driver's resolution."""
-    return max(1, len(counts) // _STEPS)
-
-
-def help_text(counts: range) -> str:
-    """What can be answered while a joint is measured."""
-    step = step_of(counts)
-    return HELP.format(step="a step is one count" if step == 1 else f"a step is {step} counts")
+def step_of(scale: JointScale) -> int:
+    """The counts that a joint moves at once: one, or 0.7° by what is known of it, if that is more."""
+    return max(1, int(_STEP / scale.resolution))
 
 
 class Mover:
@@ -78,7 +73,7 @@ class Mover:
     def __init__(self, servos: ServoBus, joint: DrivenJoint, clock: Clock):
         self._servos = servos
         self._output = joint.output
-        self._step = step_of(joint.scale.counts)
+        self._step = step_of(joint.scale)
         self._clock = clock
         self.count = servos.read_counts([self._output])[self._output]
 
@@ -177,7 +172,7 @@ class _Measuring:
         self._mover = mover
         self._dialogue = dialogue
         self._counts = joint.scale.counts
-        self._step = step_of(self._counts)
+        self._step = step_of(joint.scale)
         self._points: list[tuple[int, float]] = []  # count, degrees
         self._limits: dict[str, int] = {}
 
@@ -205,7 +200,7 @@ class _Measuring:
             count, angle = self._points.pop()
             self._dialogue.say(f"{angle:g}° at count {count} is forgotten.")
         else:
-            self._dialogue.say(help_text(self._counts))
+            self._dialogue.say(HELP)
 
     def finish(self) -> JointCalibration | None:
         """Checks the table, goes to its zero, and lets a person look at it."""
@@ -247,7 +242,7 @@ class _Measuring:
             self._dialogue.say(f"It moved to count {self._mover.count}: measure once more.")
             return
         others = [point for point in self._points if point[0] != count]
-        reason = _objection([*others, (count, angle)], self._counts)
+        reason = _objection([*others, (count, angle)], self._counts, _MIN_APART * self._step)
         if reason is not None:
             self._dialogue.say(f"{angle:g}° at count {count} is not taken: {reason}")
             return
@@ -292,9 +287,8 @@ class _Measuring:
             )
 
 
-def _objection(points: Sequence[tuple[int, float]], counts: range) -> str | None:
-    """What is wrong with a table of counts and degrees, or ``None``."""
-    apart = _MIN_APART * step_of(counts)
+def _objection(points: Sequence[tuple[int, float]], counts: range, apart: int) -> str | None:
+    """What is wrong with a table of counts and degrees, or ``None``; ``apart`` is in counts."""
     least, most = slopes(counts)
     usual = USUAL_SPAN / (len(counts) - 1)
     rising: set[bool] = set()
