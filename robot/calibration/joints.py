@@ -54,7 +54,7 @@ _WELL_BEYOND: Final = 30  # steps that a scale may be extrapolated by without a 
 
 
 def step_of(scale: JointScale) -> int:
-    """The counts that a joint moves at once: one, or 0.7° by what is known of it, if that is more."""
+    """The counts that a joint moves at once: one, or what makes 0.7° by what is known of it."""
     return max(1, int(_STEP / scale.resolution))
 
 
