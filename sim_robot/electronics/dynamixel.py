@@ -11,11 +11,10 @@ injected.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from itertools import zip_longest
 from types import MappingProxyType
-from typing import ClassVar, Final
+from typing import Final
 
 from robot.drivers.servos.dynamixel_packets import (
     ALERT,
@@ -26,30 +25,20 @@ from robot.drivers.servos.dynamixel_packets import (
     PacketError,
     encode,
 )
-from robot.host.clock import Clock
-from sim_robot.electronics.fault_switch import EVERY_NTH
-from sim_robot.electronics.serial_device import SerialDevice
+from sim_robot.electronics.bus_servos import LIMP, STEPS, BusServo, BusServos
 
-TICKS: Final = 4096
-"""Positions of a turn."""
 MODEL: Final = 1060
 FIRMWARE: Final = 47
 BAUDS: Final = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000)
 """What register 8 says, by its value."""
-LIMP: Final = 0
-BOOT: Final = 0.3
-"""Seconds after a reset in which a servo answers nothing."""
 POSITION_MODE: Final = 3
 OVERLOAD, SHOCK, OVERHEATED, VOLTAGE = 0x20, 0x10, 0x04, 0x01
 """Bits of the hardware error status, and of what switches the torque off."""
 
-_TICKS_PER_UNIT_SECOND: Final = 0.229 / 60 * TICKS  # of a velocity register, 0.229 rev/min a unit
+_STEPS_PER_UNIT_SECOND: Final = 0.229 / 60 * STEPS  # of a velocity register, 0.229 rev/min a unit
 _WATCHDOG_UNIT: Final = 0.02  # s
 _TRIPPED: Final = 0xFF
 _PWM_FULL: Final = 885
-_WARM, _HOT = 38, 85  # °C
-_VOLTS, _DIPPED = 120, 55  # 0.1 V
-_OTHERS_GOAL: Final = 3000  # where the event "moved" sends a servo
 
 
 @dataclass(frozen=True)
@@ -88,8 +77,8 @@ REGISTERS: Final[Mapping[str, Register]] = MappingProxyType(
         "voltage_min": Register(34, 2, 60, (60, 140)),
         "pwm_limit": Register(36, 2, _PWM_FULL, (0, _PWM_FULL)),
         "velocity_limit": Register(44, 4, 265, (0, 1023)),
-        "position_max": Register(48, 4, TICKS - 1, (0, TICKS - 1)),
-        "position_min": Register(52, 4, 0, (0, TICKS - 1)),
+        "position_max": Register(48, 4, STEPS - 1, (0, STEPS - 1)),
+        "position_min": Register(52, 4, 0, (0, STEPS - 1)),
         "startup": Register(60, 1, 0, (0, 3)),
         "shutdown": Register(63, 1, OVERLOAD | SHOCK | OVERHEATED, (0, 63)),
         "torque": Register(64, 1, 0, (0, 1)),
@@ -138,33 +127,24 @@ class Refused(Exception):  # noqa: N818 - an answer
         self.error = error
 
 
-class Servo:
-    """One servo: packets in, packets out, and where it drives its horn; no I/O, no threads.
-
-    Without a world around it, its horn is wherever the motor drives it.
+class Servo(BusServo):
+    """One servo: packets in, packets out.
 
     Args:
         number: Its id.
-        now: Its own clock, s.
-
-    Attributes:
-        now: As given; may be replaced.
-        position: Where its horn stands, in ticks.
-        heat: Its temperature, °C.
-        volts: Its supply, 0.1 V.
-        switched_on: When its supply came, or it was rebooted, on its clock, s.
+        now: Its clock, s.
     """
 
+    USUAL = 120
+    DIPPED = 55
+
     def __init__(self, number: int, now: Callable[[], float] = lambda: 0.0):
+        super().__init__()
         self.now = now
-        self.position = TICKS / 2
-        self._load = 0.0
-        self._felt = False
         self._held = {name: register.initial for name, register in REGISTERS.items()}
         self._held["id"] = number
-        self.heat, self.volts = _WARM, _VOLTS
         self.power_up()
-        self.switched_on -= BOOT
+        self.warm_up()
 
     def power_up(self) -> None:
         """What the supply's coming (back) and a reboot do: RAM begins anew, torque is off."""
@@ -175,7 +155,12 @@ class Servo:
         self._trajectory = self.position
         self._held["goal"] = round(self.position)
         self._held["torque"] = self["startup"] & 1
-        self._check_itself()
+        self.look()
+
+    @property
+    def number(self) -> int:
+        """Its id."""
+        return self["id"]
 
     @property
     def baud(self) -> int:
@@ -190,37 +175,51 @@ class Servo:
         """Sets a register, as its maker's program could."""
         self._held[name] = value
 
-    def feel(self, position: float, load: float) -> None:
-        """What the world does to it: where its horn is, in ticks, and the share of its torque."""
-        self.position, self._load, self._felt = position, load, True
-
     def fail(self, bit: int) -> None:
         """A hardware error: it is remembered, and switches the torque off where it shall."""
         self._held["hardware_error"] |= bit
         if bit & self["shutdown"]:
             self._held["torque"] = 0
 
+    def overload(self) -> None:
+        """It finds itself overloaded."""
+        self.fail(OVERLOAD)
+
+    def send_to(self, position: int) -> None:
+        """Another program moves it."""
+        self._held["goal"] = position
+
+    def set_wheel(self, on: bool) -> None:
+        """Another program makes a wheel of it, and a joint again, its torque off."""
+        self._held |= {"torque": 0, "mode": 1 if on else POSITION_MODE}
+
+    def twin(self) -> Servo:
+        """Another one of its id, switched on a moment before."""
+        other = Servo(self["id"], self.now)
+        other._held |= {"baud": self["baud"]}
+        other.position = self.position
+        other.switched_on = self.switched_on - 0.137
+        return other
+
     def driven_to(self) -> float:
-        """The position that the motor holds, in ticks; ``LIMP`` where it has no torque."""
+        """The position that the motor drives to; ``LIMP`` where it has no torque."""
         now = self.now()
-        self._check_itself()
+        self.look()
         if self["torque"] and self["mode"] == POSITION_MODE:
             way = self["goal"] - self._trajectory
-            reach = self["profile_velocity"] * _TICKS_PER_UNIT_SECOND * (now - self._looked)
+            reach = self["profile_velocity"] * _STEPS_PER_UNIT_SECOND * (now - self._looked)
             if self["profile_velocity"] and abs(way) > reach:
                 way = reach if way > 0 else -reach
             self._trajectory += way
         self._looked = now
-        if self["torque"] and not self._felt:
-            self.position = self._trajectory
-        return max(self._trajectory, 1.0) if self["torque"] else LIMP
+        return self._drives(self._trajectory) if self["torque"] else LIMP
 
     def answer(self, packet: Packet) -> Packet | None:
         """Acts on a packet for this servo alone, and answers if it shall."""
-        if self.now() - self.switched_on < BOOT:
+        if self.deaf:
             return None
         self._heard_something()
-        self._check_itself()
+        self.look()
         error, data = 0, b""
         try:
             data = self._do(packet)
@@ -266,9 +265,13 @@ class Servo:
         if self["hardware_error"] & self["shutdown"] and changes.get("torque"):
             raise Refused(PacketError.RESULT_FAIL)  # only a reboot helps
         self.driven_to()
+        before = self["goal"]
         if changes.get("torque") and not self["torque"]:
+            before = round(self.position)
             self._trajectory = self.position
         self._held |= changes
+        if self["torque"] and self["goal"] != before:
+            self.on_move(before, self["goal"])
 
     def _changes(self, first: int, data: bytes) -> Iterator[tuple[str, int]]:
         at = first
@@ -301,7 +304,8 @@ class Servo:
             self._held["watchdog"] = _TRIPPED
         self._heard = now
 
-    def _check_itself(self) -> None:
+    def look(self) -> None:
+        """Compares heat and supply with what it shall bear."""
         if self.heat > self["temperature_limit"]:
             self.fail(OVERHEATED)
         if not self["voltage_min"] <= self.volts <= self["voltage_max"]:
@@ -315,8 +319,8 @@ class Servo:
             "tick": int((self.now() - self.switched_on) * 1000) % 32768,
             "moving": int(on_its_way),
             "moving_status": 2 * on_its_way,
-            "present_pwm": round(self._load * _PWM_FULL),
-            "load": round(self._load * 1000),
+            "present_pwm": round(self.torque * _PWM_FULL),
+            "load": round(self.torque * 1000),
             "position": round(self.position),
             "trajectory": round(self._trajectory if self["torque"] else self.position),
             "voltage": self.volts,
@@ -324,7 +328,7 @@ class Servo:
         }
 
 
-class DynamixelEmulator(SerialDevice):
+class DynamixelEmulator(BusServos[Servo]):
     """Servos on a serial line.
 
     Args:
@@ -332,175 +336,35 @@ class DynamixelEmulator(SerialDevice):
         baud: At which they listen, one of ``BAUDS``.
     """
 
-    FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
-        {
-            **SerialDevice.FAULTS,
-            "silent": "servo n answers nothing and has no torque, as without its cable",
-            "garbage": "every n-th answer arrives with a bit flipped",
-            "lost": "every n-th answer is lost",
-            "twin": "another servo on the line has the id n, too",
-            "hot": f"servo n is at {_HOT} °C: it switches its torque off",
-            "dip": f"the supply gives {_DIPPED / 10:g} V",
-        }
-    )
-    EVENTS: ClassVar[Mapping[str, str]] = MappingProxyType(
-        {
-            "reboot": "the supply of servo n dips, of all without a number: it comes back limp",
-            "overload": "servo n is overloaded, and switches its torque off",
-            "moved": f"another program on the line sends servo n to {_OTHERS_GOAL}",
-            "velocity_mode": "another program sets servo n to velocity mode, its torque off",
-        }
-    )
-    NUMBERS: ClassVar[Mapping[str, range]] = MappingProxyType(
-        {**SerialDevice.NUMBERS, "garbage": EVERY_NTH, "lost": EVERY_NTH}
-    )
-
     def __init__(self, ids: Iterable[int] = (1,), *, baud: int = 1_000_000):
-        self.servos = [Servo(number) for number in ids]
+        self._decoder = Decoder()
+        super().__init__(map(Servo, ids))
         for servo in self.servos:
             servo["baud"] = BAUDS.index(baud)
-            servo.power_up()
-        self._decoder = Decoder()
-        self._answers = 0
-        self._twin: list[Servo] = []
-        self._find: Callable[[], Iterable[tuple[float, float]]] = tuple
-        super().__init__()
 
-    def connect(self, clock: Clock) -> None:
-        """Gives the servos the time of their world, in which they have been on for a while."""
-        for servo in self.servos:
-            servo.now = clock.now
-            servo.power_up()
-            servo.switched_on -= BOOT
-
-    def feel(self, find: Callable[[], Iterable[tuple[float, float]]]) -> None:
-        """Puts the servos into a world.
-
-        Args:
-            find: Where the horn of each stands, in ticks, and the share of its torque that it
-                gives; asked when a packet comes.
-        """
-        self._find = find
-
-    def pulses(self) -> tuple[int, ...]:
-        """The position that each servo drives to, in ticks, or ``LIMP``."""
-        with self._changed:
-            silent = self._faults.get("silent")
-            return tuple(
-                LIMP if number == silent else round(servo.driven_to())
-                for number, servo in enumerate(self.servos, 1)
-            )
-
-    def numbers(self, fault: str) -> Sequence[int]:
-        """Of what befalls a servo, those of all of them from 1; of a reboot also 0, for all."""
-        match fault:
-            case "silent" | "twin" | "hot" | "overload" | "moved" | "velocity_mode":
-                return range(1, len(self.servos) + 1)
-            case "reboot":
-                return range(len(self.servos) + 1)
-        return super().numbers(fault)
-
-    def inject(self, fault: str, value: int = 0) -> None:
-        """Switches a fault on, or makes an event happen."""
-        super().inject(fault, value)
-        self._feel()
-
-    def mend(self, fault: str | None = None) -> None:
-        """Switches a fault off, or all of them."""
-        super().mend(fault)
-        self._feel()
-
-    def receive(self, data: bytes) -> bytes:
-        """Gives bytes to every servo that listens at this baud rate; returns what they answer."""
-        if self.host_baud not in {servo.baud for servo in self.servos}:
-            return b""  # noise, to all of them
-        packets = self._decoder.feed(data)
-        for servo, (position, load) in zip(
-            self.servos, self._find() if packets else (), strict=False
-        ):
-            servo.feel(position, load)
-        return b"".join(line for packet in packets for line in self._collided(packet))
-
-    def _collided(self, packet: Packet) -> Iterator[bytes]:
-        """The answers to a packet, one after another; of servos that share an id at once."""
-        if packet.instruction == Instruction.SYNC_WRITE:
-            self._sync_write(packet.parameters)
-            return
-        ids: Iterable[int] = (packet.id,)
-        if packet.instruction == Instruction.SYNC_READ:
-            ids = packet.parameters[4:]
-            packet = Packet(0, Instruction.READ, packet.parameters[:4])
-        elif packet.id == BROADCAST:
-            ids = sorted({servo["id"] for servo in self.servos})
-        for number in ids:
-            answers = [servo.answer(packet) for servo in self._called(number)]
-            lines = [encode(answer) for answer in answers if answer is not None]
-            if lines:
-                # A low level wins on the line.
-                line = bytes(map(_and, zip_longest(*lines, fillvalue=0xFF)))
-                yield self._spoilt(line) if self._faults else line
+    def answers(self, data: bytes) -> Iterator[bytes]:
+        """Acts on the packets that are complete."""
+        for packet in self._decoder.feed(data):
+            parameters = packet.parameters
+            if packet.instruction == Instruction.SYNC_WRITE:
+                self._sync_write(parameters)
+                continue
+            ids: Iterable[int] = (packet.id,)
+            if packet.instruction == Instruction.SYNC_READ:
+                ids, packet = parameters[4:], Packet(0, Instruction.READ, parameters[:4])  # noqa: PLW2901
+            elif packet.id == BROADCAST:
+                ids = sorted({servo.number for servo in self.servos})
+            for number in ids:
+                answers = [servo.answer(packet) for servo in self.called(number)]
+                yield self.at_once([encode(one) for one in answers if one is not None])
 
     def _sync_write(self, parameters: bytes) -> None:
         size = _word(parameters[2:]) if len(parameters) >= 4 else 0
         for at in range(4, len(parameters), size + 1):
-            number, data = parameters[at], parameters[at + 1 : at + 1 + size]
-            for servo in self._called(number):
+            data = parameters[at + 1 : at + 1 + size]
+            for servo in self.called(parameters[at]):
                 servo.answer(Packet(BROADCAST, Instruction.WRITE, parameters[:2] + data))
-
-    def _called(self, number: int) -> list[Servo]:
-        """The servos with an id that listen."""
-        silent = self._faults.get("silent")
-        return [
-            servo
-            for index, servo in enumerate((*self.servos, *self._twin), 1)
-            if servo["id"] == number and servo.baud == self.host_baud and index != silent
-        ]
-
-    def _spoilt(self, line: bytes) -> bytes:
-        self._answers += 1
-        garbage, lost = self._faults.get("garbage"), self._faults.get("lost")
-        if lost is not None and self._answers % max(lost, 1) == 0:
-            return b""
-        if garbage is not None and self._answers % max(garbage, 1) == 0:
-            return line[:-3] + bytes((line[-3] ^ 1,)) + line[-2:]
-        return line
-
-    def _happen(self, event: str, value: int) -> None:
-        with self._changed:
-            for servo in [self.servos[value - 1]] if value else self.servos:
-                match event:
-                    case "reboot":
-                        servo.power_up()
-                    case "overload":
-                        servo.fail(OVERLOAD)
-                    case "moved":
-                        servo["goal"] = _OTHERS_GOAL
-                    case "velocity_mode":
-                        servo["torque"], servo["mode"] = 0, 1
-
-    def _feel(self) -> None:
-        """Brings the servos into the state that the faults make."""
-        with self._changed:
-            hot, twin = self._faults.get("hot"), self._faults.get("twin")
-            for number, servo in enumerate(self.servos, 1):
-                servo.heat = _HOT if number == hot else _WARM
-                servo.volts = _DIPPED if "dip" in self._faults else _VOLTS
-            self._twin.clear()
-            if twin is not None:
-                model = self.servos[twin - 1]
-                other = Servo(model["id"], model.now)
-                other["baud"] = model["baud"]
-                other.position = model.position
-                other.switched_on -= 0.137
-                self._twin.append(other)
 
 
 def _word(data: bytes) -> int:
     return int.from_bytes(data[:2], "little")
-
-
-def _and(column: Sequence[int]) -> int:
-    value = 0xFF
-    for byte in column:
-        value &= byte
-    return value

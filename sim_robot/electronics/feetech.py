@@ -12,24 +12,15 @@ load at which a servo calls itself overloaded: that is injected.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from functools import partial
-from itertools import zip_longest
+from collections.abc import Iterable, Iterator
 from types import MappingProxyType
-from typing import ClassVar, Final
+from typing import Final
 
-from robot.host.clock import Clock
-from sim_robot.electronics.fault_switch import EVERY_NTH
-from sim_robot.electronics.serial_device import SerialDevice
+from sim_robot.electronics.bus_servos import LIMP, STEPS, BusServo, BusServos
 from sim_robot.electronics.servos import Felt
 
-STEPS: Final = 4096
-"""Positions of a turn."""
 BAUDS: Final = (1_000_000, 500_000, 250_000, 128_000, 115_200, 76_800, 57_600, 38_400)
 """What register 6 says, by its value."""
-LIMP: Final = 0
-BOOT: Final = 0.3
-"""Seconds after a reset in which a servo answers nothing."""
 VOLTAGE, OVERHEAT, OVERLOAD = 1 << 0, 1 << 2, 1 << 5
 """Bits of the status."""
 
@@ -53,45 +44,37 @@ _PING, _READ, _WRITE, _SYNC_READ, _SYNC_WRITE = 0x01, 0x02, 0x03, 0x82, 0x83
 _EVERYBODY: Final = 0xFE
 _HEADER: Final = b"\xff\xff"
 _LONGEST: Final = 250
-_WARM, _HOT = 38, 85  # °C
-_VOLTS, _DIPPED = 74, 36  # 0.1 V
 _AT_GOAL: Final = 23  # steps, 2°; a servo further away drives with all it has
 _STALL: Final = 2.4  # A
 _CURRENT_UNIT: Final = 0.0065  # A
-_OTHERS_GOAL: Final = 3000  # where the event "moved" sends a servo
 
 
-class Servo:
-    """One servo: instructions in, answers out, and where it drives its horn; no I/O, no threads.
+class Servo(BusServo):
+    """One servo: instructions in, answers out.
 
     Args:
         number: Its ID.
 
     Attributes:
         memory: Its registers, by their addresses.
-        now: Its clock, s.
-        on_move: Called with goal before and after, whenever the host has it driven elsewhere.
         permanent_writes: How often a host wrote into its permanent memory.
-        heat: °C.
-        volts: Of its supply, 0.1 V.
-        switched_on: When it was reset, s.
     """
 
+    USUAL = 74
+    DIPPED = 36
+
     def __init__(self, number: int):
+        super().__init__()
         self.memory = bytearray(SIZE)
         for address, value in _FACTORY.items():
             self.memory[address] = value
         self.memory[ID] = number
         self._kept = bytes(self.memory)
-        self.now: Callable[[], float] = lambda: 0.0
-        self.on_move: Callable[[float, float], None] = lambda before, after: None
         self.permanent_writes = 0
-        self.heat, self.volts = _WARM, _VOLTS
-        self._felt: Felt | None = None
         self._overload = False
         self._last: float = STEPS / 2
         self.power_up()
-        self.switched_on = -BOOT
+        self.warm_up()
 
     def power_up(self) -> None:
         """What the supply's coming (back) does: memory begins anew, torque is off."""
@@ -104,9 +87,9 @@ class Servo:
         self.switched_on = self.now()
 
     @property
-    def position(self) -> float:
-        """Where its horn stands, in steps; without a world around it, where it drives it."""
-        return self._last if self._felt is None else self._felt.position
+    def number(self) -> int:
+        """Its ID."""
+        return self.memory[ID]
 
     @property
     def baud(self) -> int:
@@ -125,14 +108,29 @@ class Servo:
         """Stores the permanent memory as it is, as the maker's program does when it unlocks it."""
         self._kept = bytes(self.memory)
 
-    def feel(self, felt: Felt) -> None:
-        """What the world does to it."""
-        self._felt = felt
-
     def overload(self) -> None:
         """It finds itself overloaded."""
         self._overload = True
         self.look()
+
+    def send_to(self, position: int) -> None:
+        """Another program moves it."""
+        self.set_word(GOAL, position)
+        self.memory[TORQUE] = 1
+
+    def set_wheel(self, on: bool) -> None:
+        """Another program makes a wheel of it, and a joint again, its torque off."""
+        self.memory[TORQUE], self.memory[MODE] = 0, int(on)
+
+    def twin(self) -> Servo:
+        """Another one of its ID, and of another model."""
+        other = Servo(self.number)
+        other.memory[BAUD] = self.memory[BAUD]
+        other.memory[3] ^= 0x10
+        other.keep()
+        other.now = self.now
+        other.feel(Felt(self.position + 137, 0.0))
+        return other
 
     def look(self) -> None:
         """Brings status and torque up to its condition."""
@@ -152,11 +150,11 @@ class Servo:
             low, high = self.word(MIN_ANGLE), self.word(MAX_ANGLE)
             goal = self.word(GOAL)
             self._last = min(max(goal, low), high) if high > low else goal
-        return max(self._last, 1.0)
+        return self._drives(self._last)
 
     def answer(self, instruction: int, parameters: bytes, *, asked_alone: bool) -> bytes | None:
         """Acts on an instruction; what it answers, error first, or nothing."""
-        if self.now() - self.switched_on < BOOT:
+        if self.deaf:
             return None
         self._measure()
         status = bytes((self.memory[STATUS],))
@@ -191,7 +189,7 @@ class Servo:
     def _measure(self) -> None:
         """Brings the registers that only tell up to date."""
         driven = self.driven_to()
-        position, torque = self._felt or Felt(driven or self._last, 0.0)
+        position, torque = self.position, self.torque
         off = driven - position if driven else 0.0
         load = 0.0 if not driven else torque
         if abs(off) > _AT_GOAL:
@@ -204,7 +202,7 @@ class Servo:
         self.set_word(CURRENT, round(drawn * _STALL / _CURRENT_UNIT))
 
 
-class FeetechEmulator(SerialDevice):
+class FeetechEmulator(BusServos[Servo]):
     """Servos on a serial line.
 
     Args:
@@ -212,96 +210,18 @@ class FeetechEmulator(SerialDevice):
         baud: At which they listen, one of ``BAUDS``.
     """
 
-    FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
-        {
-            **SerialDevice.FAULTS,
-            "silent": "servo n answers nothing and has no torque, as without its cable",
-            "garbage": "every n-th answer arrives with a bit flipped",
-            "lost": "every n-th answer is lost",
-            "twin": "another servo on the line has the ID n, too",
-            "hot": f"servo n is at {_HOT} °C: it switches its torque off",
-            "dip": f"the supply gives {_DIPPED / 10:g} V",
-        }
-    )
-    EVENTS: ClassVar[Mapping[str, str]] = MappingProxyType(
-        {
-            "reboot": "the supply of servo n dips, of all without a number: it comes back limp",
-            "overload": "servo n is overloaded, and switches its torque off",
-            "moved": f"another program on the line sends servo n to {_OTHERS_GOAL}",
-            "wheel_mode": "another program sets servo n to wheel mode, its torque off",
-        }
-    )
-    NUMBERS: ClassVar[Mapping[str, range]] = MappingProxyType(
-        {**SerialDevice.NUMBERS, "garbage": EVERY_NTH, "lost": EVERY_NTH}
-    )
-
     def __init__(self, ids: Iterable[int] = (1,), *, baud: int = BAUDS[0]):
-        self.servos = [Servo(number) for number in ids]
+        self._buffer = bytearray()
+        super().__init__(map(Servo, ids))
         for servo in self.servos:
             servo.memory[BAUD] = BAUDS.index(baud)
             servo.keep()
-        self._buffer = bytearray()
-        self._answers = 0
-        self._twin: list[Servo] = []
-        self._find: Callable[[], Iterable[Felt]] = tuple
-        super().__init__()
 
-    def connect(self, clock: Clock) -> None:
-        """Gives the servos the time of their world, in which they have been on for a while."""
-        for servo in self.servos:
-            servo.now = clock.now
-            servo.switched_on = clock.now() - BOOT
-
-    def watch_moves(self, on_move: Callable[[int, float, float], None]) -> None:
-        """Has every move that the host commands reported: servo from 1, position before, after."""
-        for number, servo in enumerate(self.servos, 1):
-            servo.on_move = partial(on_move, number)
-
-    def feel(self, find: Callable[[], Iterable[Felt]]) -> None:
-        """Puts the servos into a world.
-
-        Args:
-            find: Where the horn of each is, in steps, and the share of its torque that it gives;
-                asked when bytes come.
-        """
-        self._find = find
-
-    def pulses(self) -> tuple[int, ...]:
-        """The position that each servo drives to, in steps, or ``LIMP``."""
-        with self._changed:
-            silent = self._faults.get("silent")
-            return tuple(
-                LIMP if number == silent else round(servo.driven_to())
-                for number, servo in enumerate(self.servos, 1)
-            )
-
-    def numbers(self, fault: str) -> Sequence[int]:
-        """Of what befalls a servo, those of all of them from 1; of a reboot also 0, for all."""
-        match fault:
-            case "silent" | "twin" | "hot" | "overload" | "moved" | "wheel_mode":
-                return range(1, len(self.servos) + 1)
-            case "reboot":
-                return range(len(self.servos) + 1)
-        return super().numbers(fault)
-
-    def inject(self, fault: str, value: int = 0) -> None:
-        """Switches a fault on, or makes an event happen."""
-        super().inject(fault, value)
-        self._condition()
-
-    def mend(self, fault: str | None = None) -> None:
-        """Switches a fault off, or all of them."""
-        super().mend(fault)
-        self._condition()
-
-    def receive(self, data: bytes) -> bytes:
-        """Gives bytes to every servo that listens at this baud rate; returns what they answer."""
-        if self.host_baud not in {servo.baud for servo in self.servos}:
-            return b""  # noise, to all of them
-        for servo, felt in zip(self.servos, self._find(), strict=False):
-            servo.feel(felt)
+    def answers(self, data: bytes) -> Iterator[bytes]:
+        """Acts on the packets that are complete."""
         self._buffer += data
-        return b"".join(answer for packet in self._packets() for answer in self._answered(*packet))
+        for packet in self._packets():
+            yield from self._answered(*packet)
 
     def _packets(self) -> Iterator[tuple[int, int, bytes]]:
         """Takes the whole packets that came: ID, instruction and parameters."""
@@ -329,7 +249,7 @@ class FeetechEmulator(SerialDevice):
         if instruction == _SYNC_WRITE and len(parameters) >= 2:
             size = parameters[1]
             for at in range(2, len(parameters) - size, size + 1):
-                for servo in self._called(parameters[at]):
+                for servo in self.called(parameters[at]):
                     data = parameters[:1] + parameters[at + 1 : at + 1 + size]
                     servo.answer(_WRITE, data, asked_alone=False)
             return
@@ -338,77 +258,16 @@ class FeetechEmulator(SerialDevice):
         if instruction == _SYNC_READ:
             wanted, instruction, parameters = parameters[2:], _READ, parameters[:2]
         elif not alone:
-            wanted = sorted({servo.memory[ID] for servo in self.servos})
+            wanted = sorted({servo.number for servo in self.servos})
         for one in wanted:
             replies = [
                 _packet(servo.memory[ID], answer)
-                for servo in self._called(one)
+                for servo in self.called(one)
                 if (answer := servo.answer(instruction, parameters, asked_alone=alone)) is not None
             ]
-            if replies:
-                # A low level wins on the line.
-                line = bytes(map(_and, zip_longest(*replies, fillvalue=0xFF)))
-                yield self._spoilt(line) if self._faults else line
-
-    def _called(self, number: int) -> list[Servo]:
-        """The servos with an ID that listen."""
-        silent = self._faults.get("silent")
-        return [
-            servo
-            for index, servo in enumerate((*self.servos, *self._twin), 1)
-            if servo.memory[ID] == number and servo.baud == self.host_baud and index != silent
-        ]
-
-    def _spoilt(self, line: bytes) -> bytes:
-        self._answers += 1
-        garbage, lost = self._faults.get("garbage"), self._faults.get("lost")
-        if lost is not None and self._answers % max(lost, 1) == 0:
-            return b""
-        if garbage is not None and self._answers % max(garbage, 1) == 0:
-            return line[:-2] + bytes((line[-2] ^ 1,)) + line[-1:]
-        return line
-
-    def _happen(self, event: str, value: int) -> None:
-        with self._changed:
-            for servo in [self.servos[value - 1]] if value else self.servos:
-                match event:
-                    case "reboot":
-                        servo.power_up()
-                    case "overload":
-                        servo.overload()
-                    case "moved":
-                        servo.set_word(GOAL, _OTHERS_GOAL)
-                        servo.memory[TORQUE] = 1
-                    case "wheel_mode":
-                        servo.memory[TORQUE], servo.memory[MODE] = 0, 1
-
-    def _condition(self) -> None:
-        """Brings the servos into the state that the faults make."""
-        with self._changed:
-            hot, twin = self._faults.get("hot"), self._faults.get("twin")
-            for number, servo in enumerate(self.servos, 1):
-                servo.heat = _HOT if number == hot else _WARM
-                servo.volts = _DIPPED if "dip" in self._faults else _VOLTS
-                servo.look()
-            self._twin.clear()
-            if twin is not None:
-                model = self.servos[twin - 1]
-                other = Servo(model.memory[ID])
-                other.memory[BAUD] = model.memory[BAUD]
-                other.memory[3] ^= 0x10
-                other.keep()
-                other.now = model.now
-                other.feel(Felt(model.position + 137, 0.0))
-                self._twin.append(other)
+            yield self.at_once(replies)
 
 
 def _packet(number: int, answer: bytes) -> bytes:
     body = bytes((number, len(answer) + 1)) + answer
     return _HEADER + body + bytes((~sum(body) & 0xFF,))
-
-
-def _and(column: Sequence[int]) -> int:
-    value = 0xFF
-    for byte in column:
-        value &= byte
-    return value

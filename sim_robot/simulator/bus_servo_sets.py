@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from typing import ClassVar, cast
+from typing import Any, ClassVar, Final, cast
 
 from robot.configuration.robot_config import RobotConfig
 from robot.drivers.servos.answering_servos import AnsweringServos
@@ -13,6 +13,7 @@ from robot.drivers.servos.dynamixel import DynamixelSettings
 from robot.drivers.servos.feetech import FeetechSettings
 from robot.drivers.servos.servo_bus import ServoBus, ServoSettings
 from robot.host.clock import Clock
+from sim_robot.electronics.bus_servos import STEPS, BusServos
 from sim_robot.electronics.dynamixel import DynamixelEmulator
 from sim_robot.electronics.fault_switch import FaultSwitch
 from sim_robot.electronics.feetech import FeetechEmulator
@@ -23,8 +24,7 @@ from sim_robot.simulator.wiring import Wiring
 from sim_robot.world.body import Body
 from sim_robot.world.sensor_noise import NoiseLevels
 
-STEPS_OF_A_TURN = 4096
-BAUD = 1_000_000
+BAUD: Final = 1_000_000
 
 
 class BusServoSet(PiSensors):
@@ -42,7 +42,7 @@ class BusServoSet(PiSensors):
 
     @staticmethod
     @abstractmethod
-    def emulator(ids: Sequence[int]) -> FeetechEmulator | DynamixelEmulator:
+    def emulator(ids: Sequence[int]) -> BusServos[Any]:
         """The servos."""
 
     @staticmethod
@@ -60,7 +60,7 @@ class BusServoSet(PiSensors):
             levels: Noise, announced to clients.
         """
         servos = cls.settings(port)
-        turn = 2 * math.pi * len(servos.counts) / STEPS_OF_A_TURN
+        turn = 2 * math.pi * len(servos.counts) / STEPS
         return configure(body, levels, servos, turn=turn)
 
     @property

@@ -10,7 +10,8 @@ does not fly there. A reset sets it to 0, and by that a servo that restarted is 
 
 A servo that switched its torque off, because it is overloaded or hot, needs a reboot before it
 takes torque again. It is rebooted when it is set up, limp as it is, and refused if it complains
-again. One that complains with its torque on is not: it would let go of what it holds.
+again. One that complains with its torque on is not: it would let go of what it holds. Of a supply
+that dipped it goes on complaining for good; what its supply gives now is then believed instead.
 
 Source: ROBOTIS e-Manual, XL430-W250, XL330-M288 and DYNAMIXEL Protocol 2.0.
 """
@@ -18,7 +19,6 @@ Source: ROBOTIS e-Manual, XL430-W250, XL330-M288 and DYNAMIXEL Protocol 2.0.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import ClassVar, Final
@@ -73,9 +73,10 @@ MODELS: Final = MappingProxyType(
 
 _TELL_LOAD: Final = frozenset((30, 1060, 1070, 1080, 1090, 1160))
 _MOST_LOAD: Final = 1000  # others tell their current instead, and its limit
+_SUPPLY: Final = 0x01
 _FAULTS: Final = MappingProxyType(
     {
-        0x01: "a supply out of its limits",
+        _SUPPLY: "a supply out of its limits",
         0x04: "overheating",
         0x08: "a failure of its encoder",
         0x10: "an electrical shock",
@@ -90,6 +91,7 @@ _WIZARD: Final = "in DYNAMIXEL Wizard; nothing is written into an EEPROM here."
 
 # Addresses of the control table. In one reading there may be no gap.
 _EEPROM: Final = 7  # id, baud, return delay, drive mode, operating mode
+_VOLTS_LIMITS: Final = 32  # the highest, then the lowest
 _CURRENT_LIMIT: Final = 38
 _LIMITS: Final = 48  # the highest position, then the lowest
 _STARTUP: Final = 60
@@ -100,6 +102,10 @@ _WATCHDOG: Final = 98
 _ACCELERATION: Final = 108
 _VELOCITY: Final = 112
 _GOAL: Final = 116
+_LOAD: Final = 126
+_POSITION: Final = 132
+_VOLTS: Final = 144
+_TEMPERATURE: Final = 146
 _STATE: Final = _VELOCITY
 _STATE_END: Final = 147
 
@@ -144,11 +150,13 @@ class _Known:
         most: The most of what it tells as its load.
         delay: Before it answers, s.
         limits: The goals that it takes.
+        volts: What its supply may give, 0.1 V.
     """
 
     most: int
     delay: float
     limits: tuple[int, int]
+    volts: tuple[int, int]
 
 
 class DynamixelChain:
@@ -187,7 +195,7 @@ class DynamixelChain:
 
     def ping(self, servo: int) -> bool:
         """Whether a servo answers, asked once; also with a damaged answer, as of two at once."""
-        found: dict[int, Packet] = {}
+        found: dict[int, bytes] = {}
         damaged = self._ask(Packet(servo, Instruction.PING), [servo], 3, found)
         return damaged or servo in found
 
@@ -228,8 +236,13 @@ class DynamixelChain:
             most = int.from_bytes(self._bytes(servo, _CURRENT_LIMIT, 2), "little")
         limits = self._bytes(servo, _LIMITS, 8)
         highest, lowest = (int.from_bytes(limits[at : at + 4], "little") for at in (0, 4))
-        self._known[servo] = _Known(max(most, 1), delay * _DELAY_UNIT, (lowest, highest))
-        if self._fault(servo) and not self._bytes(servo, _TORQUE, 1)[0]:
+        volts = self._bytes(servo, _VOLTS_LIMITS, 4)
+        most_volts, least_volts = (int.from_bytes(volts[at : at + 2], "little") for at in (0, 2))
+        self._known[servo] = _Known(
+            max(most, 1), delay * _DELAY_UNIT, (lowest, highest), (least_volts, most_volts)
+        )
+        (error,), (torque,) = (self._bytes(servo, at, 1) for at in (_HARDWARE_ERROR, _TORQUE))
+        if error and not torque:
             self._reboot(servo)
         for address, value, size in (
             (_WATCHDOG, 0, 1),
@@ -248,10 +261,9 @@ class DynamixelChain:
         """
         state = self._all(servos, _STATE, _STATE_END - _STATE)
         torque = self._all(servos, _TORQUE, 1)
-        return {
-            servo: self._registers(servo, state[servo].parameters, torque[servo].parameters)
-            for servo in servos
-        }
+        alerted = [n for n in servos if (state[n][0] | torque[n][0]) & ALERT]
+        errors = dict.fromkeys(servos, b"\0\0") | self._all(alerted, _HARDWARE_ERROR, 1)
+        return {n: self._registers(n, state[n][1:], torque[n][1], errors[n][1]) for n in servos}
 
     def send(self, goals: Mapping[int, int]) -> None:
         """Writes goals, in one packet.
@@ -290,45 +302,39 @@ class DynamixelChain:
         """Closes the line; the servos hold their goals."""
         self._line.close()
 
-    def _registers(self, servo: int, state: bytes, torque: bytes) -> Registers:
+    def _registers(self, servo: int, state: bytes, torque: int, error: int) -> Registers:
         def number(address: int, size: int) -> int:
-            start = 1 + address - _STATE  # behind the error
+            start = address - _STATE
             return int.from_bytes(state[start : start + size], "little", signed=True)
 
-        known = self._known.get(servo)
+        known, volts = self._known.get(servo), number(_VOLTS, 2)
+        if known and torque and known.volts[0] <= volts <= known.volts[1]:
+            error &= ~_SUPPLY  # a dip that is over, and for which nothing was switched off
         return Registers(
             goal=number(_GOAL, 4),
             marked=number(_VELOCITY, 4) == TOP_SPEED,
             state=ServoState(
-                position=number(132, 4),
-                driven=bool(torque[1]),
-                fault=self._fault(servo) if (state[0] | torque[0]) & ALERT else "",
-                load=number(126, 2) / known.most if known else None,
-                voltage=number(144, 2) / 10,
-                temperature=number(146, 1),
+                position=number(_POSITION, 4),
+                driven=bool(torque),
+                fault=_in_words(error),
+                load=number(_LOAD, 2) / known.most if known else None,
+                voltage=volts / 10,
+                temperature=number(_TEMPERATURE, 1),
                 limits=known.limits if known else None,
             ),
         )
-
-    def _fault(self, servo: int) -> str:
-        """What a servo complains of, in words; empty if it does not."""
-        (bits,) = self._bytes(servo, _HARDWARE_ERROR, 1)
-        words = [words for bit, words in _FAULTS.items() if bits & bit]
-        return " and ".join(words) or (f"the hardware error {bits}" if bits else "")
 
     def _reboot(self, servo: int) -> None:
         self._one(servo, Packet(servo, Instruction.REBOOT), 0)
         for _ in range(_REBOOTS):
             self._clock.sleep(_REBOOT)
-            with suppress(DeviceTimeoutError):
-                again = self._fault(servo)
+            if self.ping(servo):
                 break
-        else:
-            again = self._fault(servo)
+        (again,) = self._bytes(servo, _HARDWARE_ERROR, 1)
         if again:
             raise self._unfit(
                 servo,
-                f"reports {again}, also after a reboot, and has its torque off",
+                f"reports {_in_words(again)}, also after a reboot, and has its torque off",
                 "Relieve it, let it cool for 20 minutes and check its supply.",
             )
 
@@ -337,16 +343,16 @@ class DynamixelChain:
 
     def _one(self, servo: int, packet: Packet, size: int) -> bytes:
         """What one servo answers, without its error."""
-        return self._query(lambda _: packet, [servo], size)[servo].parameters[1:]
+        return self._query(lambda _: packet, [servo], size)[servo][1:]
 
-    def _all(self, servos: Sequence[int], address: int, size: int) -> dict[int, Packet]:
+    def _all(self, servos: Sequence[int], address: int, size: int) -> dict[int, bytes]:
         return self._query(lambda missing: sync_read(address, size, missing), servos, size)
 
     def _query(
         self, question: Callable[[Sequence[int]], Packet], servos: Iterable[int], size: int
-    ) -> dict[int, Packet]:
-        """Asks, and asks again those whose sound answer did not come."""
-        answers: dict[int, Packet] = {}
+    ) -> dict[int, bytes]:
+        """Asks, and asks again those whose sound answer did not come; the error comes first."""
+        answers: dict[int, bytes] = {}
         wanted = list(servos)
         damaged = False
         for attempt in range(_ATTEMPTS):
@@ -358,8 +364,8 @@ class DynamixelChain:
         for servo in wanted:
             if servo not in answers:
                 raise self._unanswered(servo, damaged)
-            error = answers[servo].parameters[0] & ~ALERT
-            if error or len(answers[servo].parameters) != 1 + size:
+            error = answers[servo][0] & ~ALERT
+            if error or len(answers[servo]) != 1 + size:
                 said = PacketError(error).name if error in list(PacketError) else f"error {error}"
                 raise self._unfit(
                     servo,
@@ -369,7 +375,7 @@ class DynamixelChain:
         return answers
 
     def _ask(
-        self, packet: Packet, servos: Sequence[int], size: int, answers: dict[int, Packet]
+        self, packet: Packet, servos: Sequence[int], size: int, answers: dict[int, bytes]
     ) -> bool:
         """Asks once; adds the answers that come, and returns whether something else did."""
         self._line.clear()
@@ -384,8 +390,9 @@ class DynamixelChain:
             data = self._line.read(wanted)
             received += len(data)
             for answer in self._decoder.feed(data):
-                if answer.instruction == Instruction.STATUS and answer.id in missing:
-                    answers[answer.id] = answer
+                status = answer.instruction == Instruction.STATUS
+                if status and answer.id in missing and answer.parameters:
+                    answers[answer.id] = answer.parameters
                     missing.remove(answer.id)
                     known = self._known.get(answer.id)
                     self._clock.charge(known.delay if known else _USUAL_DELAY * _DELAY_UNIT)
@@ -409,3 +416,9 @@ class DynamixelChain:
 
     def _unfit(self, servo: int, what: str, advice: str) -> DeviceDataError:
         return DeviceDataError(f"Servo {servo} ({self.name}) {what}.", advice)
+
+
+def _in_words(error: int) -> str:
+    """A hardware error; empty for none."""
+    words = [words for bit, words in _FAULTS.items() if error & bit]
+    return " and ".join(words) or (f"the hardware error {error}" if error else "")

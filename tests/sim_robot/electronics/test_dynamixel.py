@@ -21,7 +21,9 @@ from robot.drivers.servos.dynamixel_packets import (
     write,
 )
 from robot.errors import CommandError
-from sim_robot.electronics.dynamixel import BOOT, LIMP, OVERLOAD, DynamixelEmulator, Servo
+from sim_robot.electronics.bus_servos import BOOT, LIMP
+from sim_robot.electronics.dynamixel import OVERLOAD, DynamixelEmulator, Servo
+from sim_robot.electronics.servos import Felt
 from tests.robot.clocks import InstantClock
 
 ACCESS, LENGTH, RANGE, LIMIT = 7, 5, 4, 6
@@ -36,7 +38,7 @@ def clock() -> InstantClock:
 @pytest.fixture
 def bus(clock: InstantClock) -> Iterator[DynamixelEmulator]:
     emulator = DynamixelEmulator((1, 2, 7), baud=57600)
-    emulator.feel(lambda: [(2048.0, 0.0), (1500.0, 0.0), (2600.0, 0.0)])
+    emulator.feel(lambda: [Felt(2048.0, 0.0), Felt(1500.0, 0.0), Felt(2600.0, 0.0)])
     emulator.connect(clock)
     yield emulator
     emulator.close()
@@ -197,7 +199,7 @@ def test_a_reboot_begins_anew_limp_where_it_stands(servo: Servo, clock: InstantC
     told(servo, write(1, 112, 50, 4))
     told(servo, write(1, 64, 1, 1))
     told(servo, write(1, 116, 3000, 4))
-    servo.feel(2500, 0.0)
+    servo.feel(Felt(2500, 0.0))
     told(servo, Packet(1, Instruction.REBOOT))
     assert servo.driven_to() == LIMP
     assert servo.answer(Packet(1, Instruction.PING)) is None
@@ -225,7 +227,7 @@ def test_a_bus_watchdog_that_tripped_refuses_goals(servo: Servo, clock: InstantC
 
 def test_it_says_where_it_is_and_what_it_gives(servo: Servo) -> None:
     told(servo, write(1, 64, 1, 1))
-    servo.feel(2003.4, -0.5)
+    servo.feel(Felt(2003.4, -0.5))
     assert of(told(servo, read(1, 132, 4))) == 2003
     assert of(told(servo, read(1, 126, 2))) == -500
     assert of(told(servo, read(1, 144, 2))) == 120

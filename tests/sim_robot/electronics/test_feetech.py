@@ -10,7 +10,8 @@ import pytest
 import serial
 
 from sim_robot.electronics import feetech
-from sim_robot.electronics.feetech import BOOT, LIMP, FeetechEmulator, Servo
+from sim_robot.electronics.bus_servos import BOOT, LIMP
+from sim_robot.electronics.feetech import FeetechEmulator, Servo
 from sim_robot.electronics.servos import Felt
 from tests.robot.clocks import InstantClock
 

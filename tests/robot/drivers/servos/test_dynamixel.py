@@ -16,7 +16,9 @@ from robot.errors import (
     DeviceMissingError,
     DeviceTimeoutError,
 )
-from sim_robot.electronics.dynamixel import EEPROM, LIMP, REGISTERS, DynamixelEmulator
+from sim_robot.electronics.bus_servos import LIMP
+from sim_robot.electronics.dynamixel import EEPROM, REGISTERS, DynamixelEmulator
+from sim_robot.electronics.servos import Felt
 from tests.robot.clocks import InstantClock
 
 IDS = (1, 2, 7)
@@ -161,14 +163,18 @@ def test_a_servo_that_complains_and_holds_is_not_let_go(
     bus.inject("dip")
     with pytest.raises(DeviceDataError, match="reports a supply out of its limits"):
         driven.verify({1: 2048})
-    bus.mend()
     driven.forget()
-    with pytest.raises(DeviceDataError, match="a supply out of its limits"):
+    with pytest.raises(DeviceDataError, match="reports a supply"):
         driven.read_counts(IDS)
     assert bus.pulses() == STAND
-    driven.release(IDS)
+    bus.mend()
     driven.forget()
-    assert driven.read_counts(IDS) == {1: 0, 2: 0, 7: 0}
+    assert driven.read_counts(IDS) == {1: 2048, 2: 1500, 7: 2600}
+    bus.servos[0]["hardware_error"] |= 0x10  # as if its Shutdown did not say to let go for that
+    driven.forget()
+    with pytest.raises(DeviceDataError, match=r"Servo 1 .* reports an electrical shock\."):
+        driven.read_counts(IDS)
+    assert bus.pulses() == STAND
 
 
 def wrong_mode(bus: DynamixelEmulator) -> None:
@@ -271,5 +277,5 @@ def test_an_update_takes_as_long_as_its_bytes_and_the_return_delays(
 def test_a_current_is_a_share_of_its_limit(bus: DynamixelEmulator, servos: AnsweringServos) -> None:
     assert MODELS[bus.servos[0]["model"]] == "XL430-W250"
     servos.read_counts(IDS)
-    bus.servos[0].feel(2048.0, -0.25)
+    bus.servos[0].feel(Felt(2048.0, -0.25))
     assert servos.read_states([1])[1].load == -0.25

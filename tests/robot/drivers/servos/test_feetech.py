@@ -17,7 +17,8 @@ from robot.errors import (
     DeviceTimeoutError,
 )
 from sim_robot.electronics import feetech
-from sim_robot.electronics.feetech import LIMP, FeetechEmulator
+from sim_robot.electronics.bus_servos import LIMP
+from sim_robot.electronics.feetech import FeetechEmulator
 from sim_robot.electronics.servos import Felt
 from tests.robot.clocks import InstantClock
 

@@ -1,0 +1,275 @@
+"""Emulated serial bus servos: what is the same for every family of them.
+
+A family brings its servo (``BusServo``) and its packets (``BusServos.answers``). Servos are told
+where the world has their horns; without one, a horn is wherever its motor drives it.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
+from itertools import zip_longest
+from types import MappingProxyType
+from typing import ClassVar, Final, Generic, TypeVar
+
+from robot.host.clock import Clock
+from sim_robot.electronics.fault_switch import EVERY_NTH
+from sim_robot.electronics.serial_device import SerialDevice
+from sim_robot.electronics.servos import Felt
+
+STEPS: Final = 4096
+"""Positions of a turn."""
+LIMP: Final = 0
+BOOT: Final = 0.3
+"""Seconds after a reset in which a servo answers nothing; a guess."""
+
+_WARM, _HOT = 38, 85  # °C
+_OTHERS_GOAL: Final = 3000  # where the event "moved" sends a servo
+
+
+class BusServo(ABC):
+    """One servo; no I/O, no threads.
+
+    Attributes:
+        USUAL: What the supply gives, 0.1 V.
+        DIPPED: What it gives when it dips, 0.1 V.
+        now: Its clock, s.
+        on_move: Called with position before and after, whenever the host has it driven elsewhere.
+        position: Where its horn stands, in steps.
+        torque: The share that it gives of its torque.
+        heat: Its temperature, °C.
+        volts: Its supply, 0.1 V.
+        switched_on: When it was reset, s.
+    """
+
+    USUAL: ClassVar[int]
+    DIPPED: ClassVar[int]
+
+    def __init__(self) -> None:
+        self.now: Callable[[], float] = lambda: 0.0
+        self.on_move: Callable[[float, float], None] = lambda before, after: None
+        self.position = STEPS / 2
+        self.torque = 0.0
+        self.heat, self.volts = _WARM, self.USUAL
+        self.switched_on = -BOOT
+        self._felt = False
+
+    @property
+    @abstractmethod
+    def number(self) -> int:
+        """Its id."""
+
+    @property
+    @abstractmethod
+    def baud(self) -> int:
+        """At which it listens."""
+
+    @property
+    def deaf(self) -> bool:
+        """Whether it has not yet come up after a reset."""
+        return self.now() - self.switched_on < BOOT
+
+    def feel(self, felt: Felt) -> None:
+        """What the world does to it."""
+        self.position, self.torque = felt
+        self._felt = True
+
+    def warm_up(self) -> None:
+        """It has been on for a while."""
+        self.switched_on = self.now() - BOOT
+
+    @abstractmethod
+    def power_up(self) -> None:
+        """What the supply's coming (back) does."""
+
+    @abstractmethod
+    def look(self) -> None:
+        """Brings its own state up to heat and supply."""
+
+    @abstractmethod
+    def overload(self) -> None:
+        """It finds itself overloaded."""
+
+    @abstractmethod
+    def send_to(self, position: int) -> None:
+        """Another program moves it."""
+
+    @abstractmethod
+    def set_wheel(self, on: bool) -> None:
+        """Another program makes a wheel of it, and a joint again, its torque off."""
+
+    @abstractmethod
+    def driven_to(self) -> float:
+        """The position that its motor drives to, in steps; ``LIMP`` where it has no torque."""
+
+    @abstractmethod
+    def twin(self) -> BusServo:
+        """Another one of its id, elsewhere."""
+
+    def _drives(self, to: float) -> float:
+        if not self._felt:
+            self.position = to
+        return max(to, 1.0)
+
+
+S = TypeVar("S", bound=BusServo)
+
+
+class BusServos(SerialDevice, Generic[S]):
+    """Servos on a serial line.
+
+    Args:
+        servos: In the order of the robot's joints.
+
+    Attributes:
+        servos: As given.
+    """
+
+    FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
+        {
+            **SerialDevice.FAULTS,
+            "silent": "servo n answers nothing and has no torque, as without its cable",
+            "garbage": "every n-th answer arrives with a bit flipped",
+            "lost": "every n-th answer is lost",
+            "twin": "another servo on the line has the id n, too",
+            "hot": f"servo n is at {_HOT} °C: it switches its torque off",
+            "dip": "the supply gives less than the servos are set to bear",
+            "wheel_mode": "another program makes a wheel of servo n, its torque off",
+        }
+    )
+    EVENTS: ClassVar[Mapping[str, str]] = MappingProxyType(
+        {
+            "reboot": "the supply of servo n dips, of all without a number: it comes back limp",
+            "overload": "servo n is overloaded, and switches its torque off",
+            "moved": f"another program on the line sends servo n to {_OTHERS_GOAL}",
+        }
+    )
+    NUMBERS: ClassVar[Mapping[str, range]] = MappingProxyType(
+        {**SerialDevice.NUMBERS, "garbage": EVERY_NTH, "lost": EVERY_NTH}
+    )
+
+    def __init__(self, servos: Iterable[S]):
+        self.servos = list(servos)
+        self._answers = 0
+        self._twin: list[S] = []
+        self._wheel: S | None = None
+        self._find: Callable[[], Iterable[Felt]] = tuple
+        super().__init__()
+
+    @abstractmethod
+    def answers(self, data: bytes) -> Iterator[bytes]:
+        """Acts on bytes from the host; the packets that come back, one after another."""
+
+    def connect(self, clock: Clock) -> None:
+        """Gives the servos the time of their world, in which they have been on for a while."""
+        for servo in self.servos:
+            servo.now = clock.now
+            servo.warm_up()
+
+    def watch_moves(self, on_move: Callable[[int, float, float], None]) -> None:
+        """Has every move that the host commands reported: servo from 1, position before, after."""
+        for number, servo in enumerate(self.servos, 1):
+            servo.on_move = partial(on_move, number)
+
+    def feel(self, find: Callable[[], Iterable[Felt]]) -> None:
+        """Puts the servos into a world.
+
+        Args:
+            find: Where the horn of each is, in steps, and the share of its torque that it gives;
+                asked when bytes come.
+        """
+        self._find = find
+
+    def pulses(self) -> tuple[int, ...]:
+        """The position that each servo drives to, in steps, or ``LIMP``."""
+        with self._changed:
+            silent = self._faults.get("silent")
+            return tuple(
+                LIMP if number == silent else round(servo.driven_to())
+                for number, servo in enumerate(self.servos, 1)
+            )
+
+    def numbers(self, fault: str) -> Sequence[int]:
+        """Of what befalls a servo, those of all of them from 1; of a reboot also 0, for all."""
+        match fault:
+            case "silent" | "twin" | "hot" | "wheel_mode" | "overload" | "moved":
+                return range(1, len(self.servos) + 1)
+            case "reboot":
+                return range(len(self.servos) + 1)
+        return super().numbers(fault)
+
+    def inject(self, fault: str, value: int = 0) -> None:
+        """Switches a fault on, or makes an event happen."""
+        super().inject(fault, value)
+        self._condition()
+
+    def mend(self, fault: str | None = None) -> None:
+        """Switches a fault off, or all of them."""
+        super().mend(fault)
+        self._condition()
+
+    def receive(self, data: bytes) -> bytes:
+        """Gives bytes to every servo that listens at this baud rate; returns what they answer."""
+        if self.host_baud not in {servo.baud for servo in self.servos}:
+            return b""  # noise, to all of them
+        for servo, felt in zip(self.servos, self._find(), strict=False):
+            servo.feel(felt)
+        return b"".join(self.answers(data))
+
+    def called(self, number: int) -> list[S]:
+        """The servos with an id that listen."""
+        silent = self._faults.get("silent")
+        return [
+            servo
+            for index, servo in enumerate((*self.servos, *self._twin), 1)
+            if servo.number == number and servo.baud == self.host_baud and index != silent
+        ]
+
+    def at_once(self, answers: Sequence[bytes]) -> bytes:
+        """What comes of packets that several servos send at the same time; a low level wins."""
+        line = bytes(map(_and, zip_longest(*answers, fillvalue=0xFF)))
+        return self._spoilt(line) if line and self._faults else line
+
+    def _spoilt(self, line: bytes) -> bytes:
+        self._answers += 1
+        garbage, lost = self._faults.get("garbage"), self._faults.get("lost")
+        if lost is not None and self._answers % max(lost, 1) == 0:
+            return b""
+        if garbage is not None and self._answers % max(garbage, 1) == 0:
+            return line[:-1] + bytes((line[-1] ^ 1,))
+        return line
+
+    def _happen(self, event: str, value: int) -> None:
+        with self._changed:
+            for servo in [self.servos[value - 1]] if value else self.servos:
+                match event:
+                    case "reboot":
+                        servo.power_up()
+                    case "overload":
+                        servo.overload()
+                    case "moved":
+                        servo.send_to(_OTHERS_GOAL)
+
+    def _condition(self) -> None:
+        """Brings the servos into the state that the faults make."""
+        with self._changed:
+            hot, twin, wheel = (self._faults.get(name) for name in ("hot", "twin", "wheel_mode"))
+            for number, servo in enumerate(self.servos, 1):
+                servo.heat = _HOT if number == hot else _WARM
+                servo.volts = servo.DIPPED if "dip" in self._faults else servo.USUAL
+                servo.look()
+            self._twin = [] if twin is None else [self.servos[twin - 1].twin()]  # type: ignore[list-item]
+            if wheel is None and self._wheel is not None:
+                self._wheel.set_wheel(False)
+                self._wheel = None
+            elif wheel is not None and self._wheel is None:
+                self._wheel = self.servos[wheel - 1]
+                self._wheel.set_wheel(True)
+
+
+def _and(column: Sequence[int]) -> int:
+    value = 0xFF
+    for byte in column:
+        value &= byte
+    return value
