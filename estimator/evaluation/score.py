@@ -173,7 +173,7 @@ def _error(
 def _margins(
     body: Morphology, seen: Sequence[Observation], physics: ArrayPhysics
 ) -> tuple[float, ...]:
-    margins = physics.path_margins([(body, np.array(item.angles)) for item in seen])
+    margins = physics.path_margins([(body, np.array(item.taken)) for item in seen])
     return tuple(np.degrees(margins).tolist())
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
+from itertools import zip_longest
 from typing import Annotated, Any
 
 import numpy as np
@@ -31,6 +32,8 @@ class Observation(BaseModel):
         clearance_saturated: The ground lay beyond the sensor's range.
         settled: Whether the robot came to rest before it was read.
         saturated_joints: Names of joints that stood at the end of what they can reach.
+        measured: Where each joint was, rad; empty where no servo says so.
+        off_target: Joints away from the angle commanded, each with what that is like.
         sequence: The robot's number of this observation, where a daemon counted.
         robot_time: Robot clock at the end of sampling, s, where a daemon took it.
     """
@@ -44,8 +47,18 @@ class Observation(BaseModel):
     clearance_saturated: bool = False
     settled: bool = True
     saturated_joints: tuple[str, ...] = ()
+    measured: tuple[Reading | None, ...] = ()
+    off_target: dict[str, str] = {}
     sequence: int | None = None
     robot_time: Reading | None = None
+
+    @property
+    def taken(self) -> Program:
+        """The angles that the joints took: as measured, where they are; else as commanded, rad."""
+        return tuple(
+            angle if measured is None else measured
+            for angle, measured in zip_longest(self.angles, self.measured)
+        )
 
     @classmethod
     def from_wire(cls, reply: messages.ObservationReply, capabilities: Capabilities) -> Observation:
@@ -61,6 +74,10 @@ class Observation(BaseModel):
             clearance_saturated=reply.clearance_saturated,
             settled=reply.settled,
             saturated_joints=reply.saturated_joints,
+            measured=()
+            if reply.measured is None
+            else tuple(reply.measured.get(joint.name) for joint in capabilities.joints),
+            off_target=dict(reply.off_target or {}),
             sequence=reply.sequence,
             robot_time=reply.robot_time,
         )

@@ -53,6 +53,11 @@ def impossible_reading(observation: Observation, robot: Capabilities) -> str | N
                 f"an angle of {_degrees(angle)} of joint {joint.name}, which reaches "
                 f"{_degrees(joint.lower)} to {_degrees(joint.upper)}"
             )
+    for joint, measured in zip(robot.joints, observation.measured, strict=False):
+        if (joint.measured_noise is None) != (measured is None):
+            return f"{'no' if measured is None else 'a'} measured angle of joint {joint.name}"
+        if measured is not None and abs(measured) > 2 * math.pi:
+            return f"a measured angle of {_degrees(measured)} of joint {joint.name}"
     for modality in MODALITIES.values():
         wrong = modality.wrong_reading(observation, robot.sensor(modality.name))
         if wrong is not None:

@@ -45,7 +45,7 @@ def predict(store: RunStore, bodies: Sequence[Morphology]) -> list[list[Observat
         return [[] for _ in bodies]
     posterior = store.settings.keeps_samples
     name = store.settings.physics if posterior else store.settings.reference
-    pairs = [(body, np.array(item.angles)) for body in bodies for item in seen]
+    pairs = [(body, np.array(item.taken)) for body in bodies for item in seen]
     with closing(in_this_process(name, store.world)) as physics:
         readings = physics.read(pairs)
     rows = [observation_of(readings, row, pair[1].tolist()) for row, pair in enumerate(pairs)]
@@ -55,7 +55,7 @@ def predict(store: RunStore, bodies: Sequence[Morphology]) -> list[list[Observat
 def _predicted(observation: Observation, item: PredictedInteraction) -> Observation:
     """An interaction as a posterior's best body predicts it."""
     return Observation(
-        angles=observation.angles, touch=item.touch, tilt=item.tilt, clearance=item.clearance
+        angles=observation.taken, touch=item.touch, tilt=item.tilt, clearance=item.clearance
     )
 
 

@@ -217,4 +217,13 @@ def _warnings(legs: Sequence[LegResult], observations: Sequence[Observation]) ->
     at_end = sorted({name for item in observations for name in item.saturated_joints})
     if at_end:
         warnings.append(f"At the end of what they can reach stood, at times: {', '.join(at_end)}.")
+    off = {name: kind for item in observations for name, kind in item.off_target.items()}
+    for name, kind in off.items():  # each as it was last called: the robot knows most by then
+        where = [
+            str(number) for number, item in enumerate(observations, 1) if name in item.off_target
+        ]
+        warnings.append(
+            f"The joint {name} is {kind}: it was not where it was sent in interaction "
+            f"{', '.join(where)}."
+        )
     return tuple(warnings)

@@ -25,13 +25,18 @@ _not_negative = partial(field_checks.number, least=0.0)
 
 @dataclass(frozen=True, kw_only=True)
 class Joint(Record):
-    """A driven joint: reachable limits in rad, top speed in rad/s, resolution in rad."""
+    """A driven joint: reachable limits in rad, top speed in rad/s, resolution in rad.
+
+    ``measured_noise`` is the root mean square error of its measured angle in one observation, rad;
+    ``None``: nothing measures it.
+    """
 
     name: str = checked(_name)
     lower: float = checked(field_checks.number)
     upper: float = checked(field_checks.number)
     speed: float = checked(_positive)
     resolution: float = checked(_not_negative)
+    measured_noise: float | None = checked_optional(_not_negative)
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -231,6 +231,9 @@ class ObservationReply(Reply):
         monotonic: The robot computer's monotonic clock at the same moment, s.
         angles: The angles actually commanded after quantisation and clamping, rad.
         saturated_joints: Joints that stand at the end of their reachable range.
+        measured: Where joints that measure it were, rad; ``None`` where none does.
+        off_target: Those of them that came to rest away from the angle commanded, each with what
+            that is like, for people; ``None`` where none does.
         touch: One bit per touch sensor, or ``None`` without touch sensors.
         tilt: Left/right and forward/back tilt, rad (left side up and nose up are positive).
         clearance: Belly to ground along the belly's normal, m.
@@ -247,6 +250,10 @@ class ObservationReply(Reply):
     monotonic: float = checked(field_checks.number)
     angles: Mapping[str, float] = checked(_angles)
     saturated_joints: tuple[str, ...] = checked(partial(field_checks.items, check=_name))
+    measured: Mapping[str, float] | None = checked_optional(_angles)
+    off_target: Mapping[str, str] | None = checked_optional(
+        partial(field_checks.mapping, check=_name)
+    )
     touch: tuple[bool, ...] | None = checked_optional(
         partial(field_checks.items, check=field_checks.boolean)
     )

@@ -56,10 +56,14 @@ class BodyConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class NoiseConfig:
-    """Root mean square errors of one observation, as ``hello`` announces them (rad, m)."""
+    """Root mean square errors of one observation, as ``hello`` announces them (rad, m).
+
+    ``joint`` is that of a measured angle, where servos say where they are: backlash, mostly.
+    """
 
     tilt: float
     clearance: float
+    joint: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -332,6 +336,7 @@ def read_config(path: Path) -> tuple[RobotConfig, Path | None]:
             noise=NoiseConfig(
                 tilt=math.radians(noise.number_or_zero("tilt_deg", 0.01, 10)),
                 clearance=noise.number_or_zero("clearance_mm", 0.01, 50) / 1000,
+                joint=math.radians(noise.number("joint_deg", 0.01, 10, 0.5)),
             ),
         )
     except ConfigError as error:

@@ -31,6 +31,7 @@ from protocol.wire.capabilities import Capabilities
 from protocol.wire.messages import Ok, Perform, RobotRequest, State
 from robot.control.interaction import MotorProgramRunner
 from robot.control.jobs import NEWS, OFF, STOPPED, Job, JobQueue, Outbox, ended_by, refused
+from robot.control.joint_watch import told
 from robot.control.watched_thread import WatchedThread
 from robot.errors import DeviceError, DriverError
 from robot.host.service_manager import ServiceManager
@@ -281,7 +282,10 @@ class Controller:
                 return job.error(measured)
             self._sequence += 1
             sequence = self._sequence
-        return job.observation(measured, sequence, self._interaction.angles())
+            angles = self._interaction.angles()
+            if measured.off_target:
+                self._reason = told(measured.off_target, measured.measured or {}, angles)
+        return job.observation(measured, sequence, angles)
 
     def _report(self, job: Job, phase: str, fraction: float) -> None:
         self._check(job)

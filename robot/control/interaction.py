@@ -23,6 +23,7 @@ from protocol.rules.transitions import Event
 from protocol.wire.messages import State
 from robot.configuration.joint_calibration import DrivenJoint
 from robot.configuration.robot_config import RobotConfig
+from robot.control.joint_watch import JointWatch
 from robot.control.motion import Slew
 from robot.drivers.servos.servo_bus import ServoBus, answering
 from robot.errors import DeviceDataError
@@ -84,6 +85,8 @@ class MotorProgramRunner:
         self._joints = config.joints
         self._rest = config.settling
         self._servos = servos
+        self._answering = answering(servos)
+        self._watch = JointWatch(self._joints)
         self._sensing = sensing
         self._clock = clock
         self._revive = revive
@@ -125,6 +128,8 @@ class MotorProgramRunner:
         if self._operator is None or not self._operator.lays_down:
             flat = self._average(lambda _: report("settling", 1.0))
             self._check_flat(flat, settled=settled)
+        if self._answering is not None:
+            self._watch.begin(self._answering.read_states(self._outputs))
         self._slew(targets, "moving", report)
         return self._observe(report)
 
@@ -193,13 +198,24 @@ class MotorProgramRunner:
         """Waits for rest, averages, and makes sure that the board had its commands all along."""
         settled, settle_time = self._settle(report)
         self._verify(partial(report, "settling", 1.0))
-        reading = self._average(partial(report, "sampling"))
+        reading = self._measured(self._average(partial(report, "sampling")))
         self._verify(partial(report, "sampling", 1.0))
         return replace(
             reading,
             saturated_joints=self._saturated(),
             settled=settled,
             settle_time=settle_time,
+        )
+
+    def _measured(self, reading: Reading) -> Reading:
+        """A reading with the angles of the joints, if they are measured."""
+        if self._answering is None:
+            return reading
+        states = self._answering.read_states(self._outputs)
+        return replace(
+            reading,
+            measured=self._watch.angles(states),
+            off_target=self._watch.off_target(self.angles(), states) or None,
         )
 
     def _saturated(self) -> tuple[str, ...]:
@@ -235,13 +251,12 @@ class MotorProgramRunner:
         If it does not, it is sent its last commanded count, to which it returns at its servo's own
         speed; one that was limp when the daemon started returns to zero.
         """
-        servos = answering(self._servos)
-        if servos is not None:
+        if self._answering is not None:
             self._counts = {
                 output: min(max(round(state.position), self._known[0]), self._known[-1])
                 if not state.driven
                 else self._counts[output]
-                for output, state in servos.read_states(self._outputs).items()
+                for output, state in self._answering.read_states(self._outputs).items()
             }
         self._counts = {
             joint.output: self._counts[joint.output] or joint.scale.count(0.0)

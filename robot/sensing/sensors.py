@@ -9,7 +9,7 @@ belly on the ground: a distance that contradicts the tilt is refused.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, Protocol, TypeAlias
 
@@ -61,6 +61,8 @@ class Reading:
         settled: Whether the robot came to rest before the first.
         settle_time: Seconds that was waited for.
         saturated_joints: The joints that were commanded to an end of their range.
+        measured: Where the joints were, rad, if their servos say so.
+        off_target: Those that were not where they were sent, each with what that is like.
     """
 
     tilt: tuple[float, float] | None = None
@@ -72,6 +74,8 @@ class Reading:
     settled: bool = False
     settle_time: float = 0.0
     saturated_joints: tuple[str, ...] = ()
+    measured: Mapping[str, float] | None = None
+    off_target: Mapping[str, str] | None = None
 
 
 def ignore(fraction: float) -> None:

@@ -17,7 +17,7 @@ from protocol.wire.capabilities import Capabilities, Joint, Sensor
 from robot.configuration.robot_config import RobotConfig
 from robot.control.controller import Controller
 from robot.control.interaction import MotorProgramRunner, Operator
-from robot.drivers.servos.servo_bus import ServoBus
+from robot.drivers.servos.servo_bus import ServoBus, answering
 from robot.errors import DeviceTimeoutError
 from robot.host.clock import Clock, SteadyClock
 from robot.host.service_manager import ServiceManager
@@ -65,7 +65,7 @@ def build_controller(
         config,
         servos=devices.servos,
         sensing=sensing,
-        capabilities=describe(config),
+        capabilities=describe(config, measured=answering(devices.servos) is not None),
         clock=steady,
         revive=partial(revive, config, devices),
         operator=operator,
@@ -109,8 +109,13 @@ def assemble(
     )
 
 
-def describe(config: RobotConfig) -> Capabilities:
-    """What ``hello`` tells about a robot; the server adds where it publishes telemetry."""
+def describe(config: RobotConfig, *, measured: bool = False) -> Capabilities:
+    """What ``hello`` tells about a robot; the server adds where it publishes telemetry.
+
+    Args:
+        config: What is connected where.
+        measured: Whether the servos say where they are.
+    """
     rate = config.settling.rate
     sensors = [
         Sensor(modality="tilt", unit="rad", count=2, noise=config.noise.tilt, rate=rate),
@@ -145,6 +150,7 @@ def describe(config: RobotConfig) -> Capabilities:
                 upper=joint.reachable[1],
                 speed=config.speed,
                 resolution=joint.scale.resolution,
+                measured_noise=config.noise.joint if measured else None,
             )
             for joint in config.joints
         ),

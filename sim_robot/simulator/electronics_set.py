@@ -36,6 +36,9 @@ REACH: Final = 0.2
 REACH_MM: Final = int(1000 * (REACH + RECESS))
 """The largest distance from the sensor that is measured, mm."""
 
+ENCODER: Final = math.radians(0.05)
+"""Error of a measured angle, rad: an emulated encoder of 4096 steps has neither noise nor play."""
+
 _SPARE: Final = 2 / 255
 """Share of the counts beyond each limit of a joint."""
 
@@ -172,5 +175,6 @@ def configuration(
         noise=NoiseConfig(
             tilt=levels.announced * math.radians(levels.tilt_deg),
             clearance=levels.announced * levels.clearance_mm / 1000,
+            joint=ENCODER,
         ),
     )

@@ -161,7 +161,7 @@ class _Targets:
     def of(
         cls, observations: Sequence[Observation], modalities: Sequence[str], objective: Objective
     ) -> _Targets:
-        programs = np.array([item.angles for item in observations], dtype=float)
+        programs = np.array([item.taken for item in observations], dtype=float)
         return cls(observations, programs, modalities, objective)
 
     def worst_first(self, read: _Reader, count: int) -> Rows:

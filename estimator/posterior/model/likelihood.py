@@ -90,11 +90,17 @@ class Noise:
 
     @classmethod
     def announced(cls, capabilities: Capabilities) -> Noise:
-        """What a robot says of its sensors, with what a model itself cannot know."""
+        """What a robot says of its sensors, with what a model itself cannot know.
+
+        A joint that is not where its servo measures it leans the body by as much at most, and lifts
+        it by that times half its size.
+        """
         tilt, clearance = (capabilities.sensor(name) for name in ("tilt", "clearance"))
+        joint = max(joint.measured_noise or 0.0 for joint in capabilities.joints)
+        lift = joint * max(capabilities.base_size) / 2
         return cls(
-            tilt=math.hypot(tilt.noise if tilt else 0.0, MODEL_TILT),
-            clearance=math.hypot(clearance.noise if clearance else 0.0, MODEL_CLEARANCE),
+            tilt=math.hypot(tilt.noise if tilt else 0.0, MODEL_TILT, joint),
+            clearance=math.hypot(clearance.noise if clearance else 0.0, MODEL_CLEARANCE, lift),
         )
 
     def widened(self, factors: Array) -> Noise:

@@ -309,7 +309,7 @@ class SensorData:
     ) -> SensorData:
         """Collects the readings of the modalities that count."""
         return cls(
-            programs=np.array([item.angles for item in observations], dtype=float),
+            programs=np.array([item.taken for item in observations], dtype=float),
             observed={
                 name: density.observed(observations, counts=name in modalities)
                 for name, density in DENSITIES.items()

@@ -14,6 +14,7 @@ from protocol.conformance.registry import Need, check
 from protocol.conformance.robot_under_test import RobotUnderTest
 from protocol.errors import BodyschemaError, RemoteProtocolError
 from protocol.sockets.zmq_sockets import Endpoint, connected
+from protocol.text import brief
 from protocol.transport.telemetry import TOPIC
 from protocol.wire.capabilities import Capabilities
 from protocol.wire.codec import decode
@@ -104,6 +105,20 @@ def sequences_grow(robot: RobotUnderTest) -> None:
         status["sequence"] >= sequences[-1],
         f"status says {status['sequence']} after observation {sequences[-1]}.",
     )
+
+
+@check("7.10")
+def measured_angles(robot: RobotUnderTest) -> None:
+    """The joints that are announced as measured are measured, and no others."""
+    capabilities, (felt,) = _reads(robot)
+    announced = {j.name for j in capabilities.joints if j.measured_noise is not None}
+    measured, off = felt.get("measured"), felt.get("off_target")
+    expect(
+        (measured or {}).keys() == announced and (measured is None) == (not announced),
+        f"measured is {brief(repr(measured))}, and announced {', '.join(announced) or 'nothing'}.",
+    )
+    stray = sorted((off or {}).keys() - announced)
+    expect(not stray and off != {}, f"off_target names {', '.join(stray) or 'nothing'} unmeasured.")
 
 
 @check("9.1")

@@ -216,6 +216,14 @@ FAULTS: dict[str, tuple[str, Fault]] = {
             replies("observation", lambda f: f | {"saturated_joints": [*f["angles"]]}), move=True
         ),
     ),
+    "measures what it did not announce": (
+        "7.10",
+        replies("observation", lambda f: f | {"measured": {"hip_left": 0.0}}),
+    ),
+    "is off target unmeasured": (
+        "7.10",
+        replies("observation", lambda f: f | {"off_target": {"hip_left": "jammed"}}),
+    ),
     "repeats a sequence": ("7.8", replies("observation", lambda f: f | {"sequence": 1})),
     "has errors that can be retried": ("8.1", replies("error", _turned)),
     "makes up codes": ("8.1", replies("error", lambda f: f | {"code": "oops"})),

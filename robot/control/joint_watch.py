@@ -1,0 +1,104 @@
+"""Joints whose servos say where they are: which are not where they were sent, and why.
+
+A servo that pushes and takes no current has a dead motor; a joint that does not turn at all is
+jammed. One that stops on its way is blocked, or too weak for the load on it: after one movement
+nobody can tell which. A block is always at the same angle; where a joint sags depends on the load.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+from robot.configuration.joint_calibration import DrivenJoint
+from robot.drivers.servos.servo_bus import ServoState
+
+OFF: Final = math.radians(3)
+"""A joint at rest further from its command is off; backlash and a regulator's droop are less."""
+
+DEAD: Final = "dead"
+JAMMED: Final = "jammed"
+STOPPED: Final = "blocked or too weak"
+BLOCKED: Final = "blocked"
+SAGGING: Final = "sagging"
+
+_PUSHES: Final = 0.5  # share of a servo's drive
+_NO_CURRENT: Final = 0.05  # A
+_STILL: Final = math.radians(1)
+_SAME: Final = math.radians(1.5)  # a stop is always at the same angle, within that
+
+
+class JointWatch:
+    """Remembers where joints came to a stop.
+
+    Args:
+        joints: The driven joints.
+    """
+
+    def __init__(self, joints: Sequence[DrivenJoint]):
+        self._joints = joints
+        self._start: dict[str, float] = {}
+        self._stops: dict[str, list[float]] = {}
+
+    def angles(self, states: Mapping[int, ServoState]) -> dict[str, float]:
+        """Where the joints are, rad."""
+        return {
+            joint.name: joint.scale.angle(states[joint.output].position) for joint in self._joints
+        }
+
+    def begin(self, states: Mapping[int, ServoState]) -> None:
+        """A movement begins from here."""
+        self._start = self.angles(states)
+
+    def off_target(
+        self, commanded: Mapping[str, float], states: Mapping[int, ServoState]
+    ) -> dict[str, str]:
+        """The joints at rest that are not where they were sent, each with what that is like.
+
+        Args:
+            commanded: By joint, rad; none for a limp one.
+            states: By output.
+        """
+        found = {}
+        here = self.angles(states)
+        for joint in self._joints:
+            target = commanded.get(joint.name)
+            if target is not None:
+                kind = self._kind(joint, target, here[joint.name], states[joint.output])
+                if kind:
+                    found[joint.name] = kind
+        return found
+
+    def _kind(self, joint: DrivenJoint, target: float, here: float, state: ServoState) -> str:
+        stops = self._stops.setdefault(joint.name, [])
+        side = math.copysign(1.0, target - here)
+        if abs(target - here) <= OFF:
+            # It went where it had been stopped: that was no block.
+            if any(abs(stop) < abs(here) - _SAME and stop * here > 0 for stop in stops):
+                stops[:] = [math.inf]
+            return ""
+        pushes = state.load is not None and abs(state.load) >= _PUSHES
+        if pushes and state.current is not None and state.current < _NO_CURRENT:
+            return DEAD
+        start = self._start.get(joint.name, here)
+        if abs(here - start) < _STILL and (target - start) * side > OFF:
+            return JAMMED
+        others = [stop for stop in stops if not math.isclose(stop, here, abs_tol=_SAME)]
+        again = len(others) < len(stops)
+        stops.append(here)
+        if others:
+            return SAGGING
+        return BLOCKED if again else STOPPED
+
+
+def told(
+    off: Mapping[str, str], measured: Mapping[str, float], commanded: Mapping[str, float]
+) -> str:
+    """A sentence that names the joints, for people; empty if there are none."""
+    names = [
+        f"{name} is {kind}: at {math.degrees(measured[name]):.1f}° instead of "
+        f"{math.degrees(commanded[name]):.1f}°"
+        for name, kind in off.items()
+    ]
+    return f"{'; '.join(names)}." if names else ""
