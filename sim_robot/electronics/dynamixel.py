@@ -1,6 +1,6 @@
-"""Emulated DYNAMIXEL X servos (XL430-W250) on a half-duplex serial line, at the level of bytes.
+"""Emulated DYNAMIXEL X servos (XL330-M288) on a half-duplex serial line, at the level of bytes.
 
-Source: ROBOTIS e-Manual, XL430-W250 and DYNAMIXEL Protocol 2.0. Where these are silent the emulator
+Source: ROBOTIS e-Manual, XL330-M288 and DYNAMIXEL Protocol 2.0. Where these are silent the emulator
 assumes, and drivers should not rely on it: a write that touches anything it must not changes
 nothing; after a reset a servo is deaf for 0.3 s, and its goal is where it stands; one that switched
 its torque off answers *result fail* when it is told to switch it on. Not modelled:
@@ -27,8 +27,8 @@ from robot.drivers.servos.dynamixel_packets import (
 )
 from sim_robot.electronics.bus_servos import LIMP, STEPS, BusServo, BusServos
 
-MODEL: Final = 1060
-FIRMWARE: Final = 47
+MODEL: Final = 1200
+FIRMWARE: Final = 52
 BAUDS: Final = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000)
 """What register 8 says, by its value."""
 POSITION_MODE: Final = 3
@@ -39,6 +39,8 @@ _STEPS_PER_UNIT_SECOND: Final = 0.229 / 60 * STEPS  # of a velocity register, 0.
 _WATCHDOG_UNIT: Final = 0.02  # s
 _TRIPPED: Final = 0xFF
 _PWM_FULL: Final = 885
+_P_GAIN: Final = 400 / 128  # PWM units a step
+_STALL_CURRENT: Final = 1470  # mA at 5 V
 
 
 @dataclass(frozen=True)
@@ -64,23 +66,25 @@ REGISTERS: Final[Mapping[str, Register]] = MappingProxyType(
         "information": Register(2, 4),
         "firmware": Register(6, 1, FIRMWARE),
         "id": Register(7, 1, 1, (0, 252)),
-        "baud": Register(8, 1, 1, (0, 7)),
+        "baud": Register(8, 1, 1, (0, 6)),
         "return_delay": Register(9, 1, 250, (0, 254)),
         "drive_mode": Register(10, 1, 0, (0, 13)),
         "mode": Register(11, 1, POSITION_MODE, (0, 16)),
         "shadow_id": Register(12, 1, 255, (0, 255)),
-        "protocol": Register(13, 1, 2, (1, 2)),
+        "protocol": Register(13, 1, 2, (2, 22)),
         "homing": Register(20, 4, 0, (-1_044_479, 1_044_479)),
         "moving_threshold": Register(24, 4, 10, (0, 1023)),
-        "temperature_limit": Register(31, 1, 72, (0, 100)),
-        "voltage_max": Register(32, 2, 140, (60, 140)),
-        "voltage_min": Register(34, 2, 60, (60, 140)),
+        "temperature_limit": Register(31, 1, 70, (0, 100)),
+        "voltage_max": Register(32, 2, 70, (31, 70)),
+        "voltage_min": Register(34, 2, 35, (31, 70)),
         "pwm_limit": Register(36, 2, _PWM_FULL, (0, _PWM_FULL)),
-        "velocity_limit": Register(44, 4, 265, (0, 1023)),
+        "current_limit": Register(38, 2, 1750, (0, 1750)),
+        "velocity_limit": Register(44, 4, 445, (0, 2047)),
         "position_max": Register(48, 4, STEPS - 1, (0, STEPS - 1)),
         "position_min": Register(52, 4, 0, (0, STEPS - 1)),
         "startup": Register(60, 1, 0, (0, 3)),
-        "shutdown": Register(63, 1, OVERLOAD | SHOCK | OVERHEATED, (0, 63)),
+        "pwm_slope": Register(62, 1, 140, (1, 255)),
+        "shutdown": Register(63, 1, OVERLOAD | SHOCK | OVERHEATED | VOLTAGE, (0, 63)),
         "torque": Register(64, 1, 0, (0, 1)),
         "led": Register(65, 1, 0, (0, 1)),
         "return_level": Register(68, 1, 2, (0, 2)),
@@ -95,7 +99,7 @@ REGISTERS: Final[Mapping[str, Register]] = MappingProxyType(
         "moving": Register(122, 1),
         "moving_status": Register(123, 1),
         "present_pwm": Register(124, 2),
-        "load": Register(126, 2),
+        "current": Register(126, 2),
         "velocity": Register(128, 4),
         "position": Register(132, 4),
         "velocity_trajectory": Register(136, 4),
@@ -135,8 +139,8 @@ class Servo(BusServo):
         now: Its clock, s.
     """
 
-    USUAL = 120
-    DIPPED = 55
+    USUAL = 50
+    DIPPED = 33
 
     def __init__(self, number: int, now: Callable[[], float] = lambda: 0.0):
         super().__init__()
@@ -314,13 +318,15 @@ class Servo(BusServo):
     def _measure(self) -> None:
         """Brings the registers that only tell up to date."""
         self.driven_to()
+        miss = self._trajectory - self.position
+        drive = max(-1.0, min(1.0, self.torque + _P_GAIN * miss / _PWM_FULL)) * self["torque"]
         on_its_way = bool(self["torque"]) and round(self._trajectory) != self["goal"]
         self._held |= {
             "tick": int((self.now() - self.switched_on) * 1000) % 32768,
             "moving": int(on_its_way),
             "moving_status": 2 * on_its_way,
-            "present_pwm": round(self.torque * _PWM_FULL),
-            "load": round(self.torque * 1000),
+            "present_pwm": round(drive * self["goal_pwm"]),
+            "current": round(self.torque * _STALL_CURRENT) if self["torque"] else 0,
             "position": round(self.position),
             "trajectory": round(self._trajectory if self["torque"] else self.position),
             "voltage": self.volts,

@@ -71,8 +71,10 @@ MODELS: Final = MappingProxyType(
 )
 """The models with this control table, by their numbers."""
 
-_TELL_LOAD: Final = frozenset((30, 1060, 1070, 1080, 1090, 1160))
-_MOST_LOAD: Final = 1000  # others tell their current instead, and its limit
+_SAY_NO_CURRENT: Final = frozenset((30, 1060, 1070, 1080, 1090, 1160))
+_CURRENT_UNITS: Final = MappingProxyType(  # A; of the models that are not here 2.69 mA
+    dict.fromkeys(range(1190, 1241), 1e-3) | dict.fromkeys((311, 321), 3.36e-3)
+)
 _SUPPLY: Final = 0x01
 _FAULTS: Final = MappingProxyType(
     {
@@ -91,8 +93,7 @@ _WIZARD: Final = "in DYNAMIXEL Wizard; nothing is written into an EEPROM here."
 
 # Addresses of the control table. In one reading there may be no gap.
 _EEPROM: Final = 7  # id, baud, return delay, drive mode, operating mode
-_VOLTS_LIMITS: Final = 32  # the highest, then the lowest
-_CURRENT_LIMIT: Final = 38
+_DRIVE_LIMITS: Final = 32  # the highest voltage, the lowest, the most PWM
 _LIMITS: Final = 48  # the highest position, then the lowest
 _STARTUP: Final = 60
 _TORQUE: Final = 64
@@ -102,7 +103,8 @@ _WATCHDOG: Final = 98
 _ACCELERATION: Final = 108
 _VELOCITY: Final = 112
 _GOAL: Final = 116
-_LOAD: Final = 126
+_PWM: Final = 124
+_CURRENT: Final = 126
 _POSITION: Final = 132
 _VOLTS: Final = 144
 _TEMPERATURE: Final = 146
@@ -142,18 +144,20 @@ class DynamixelSettings:
         return f"{self.port}, {self.baud} baud"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class _Known:
     """What a servo that was set up said of itself.
 
     Attributes:
-        most: The most of what it tells as its load.
+        most: The most drive that it gives: its PWM limit.
+        unit: Of the current that it tells, A; 0 where it tells none.
         delay: Before it answers, s.
         limits: The goals that it takes.
         volts: What its supply may give, 0.1 V.
     """
 
     most: int
+    unit: float
     delay: float
     limits: tuple[int, int]
     volts: tuple[int, int]
@@ -231,15 +235,18 @@ class DynamixelChain:
                 "switches its torque on, or restores its memory, by itself after a reset",
                 f"Set its Startup Configuration to 0 {_WIZARD}",
             )
-        most = _MOST_LOAD
-        if model not in _TELL_LOAD:
-            most = int.from_bytes(self._bytes(servo, _CURRENT_LIMIT, 2), "little")
         limits = self._bytes(servo, _LIMITS, 8)
         highest, lowest = (int.from_bytes(limits[at : at + 4], "little") for at in (0, 4))
-        volts = self._bytes(servo, _VOLTS_LIMITS, 4)
-        most_volts, least_volts = (int.from_bytes(volts[at : at + 2], "little") for at in (0, 2))
+        table = self._bytes(servo, _DRIVE_LIMITS, 6)
+        most_volts, least_volts, most = (
+            int.from_bytes(table[at : at + 2], "little") for at in (0, 2, 4)
+        )
         self._known[servo] = _Known(
-            max(most, 1), delay * _DELAY_UNIT, (lowest, highest), (least_volts, most_volts)
+            most=max(most, 1),
+            unit=0.0 if model in _SAY_NO_CURRENT else _CURRENT_UNITS.get(model, 2.69e-3),
+            delay=delay * _DELAY_UNIT,
+            limits=(lowest, highest),
+            volts=(least_volts, most_volts),
         )
         (error,), (torque,) = (self._bytes(servo, at, 1) for at in (_HARDWARE_ERROR, _TORQUE))
         if error and not torque:
@@ -317,9 +324,10 @@ class DynamixelChain:
                 position=number(_POSITION, 4),
                 driven=bool(torque),
                 fault=_in_words(error),
-                load=number(_LOAD, 2) / known.most if known else None,
+                load=number(_PWM, 2) / known.most if known else None,
                 voltage=volts / 10,
                 temperature=number(_TEMPERATURE, 1),
+                current=abs(number(_CURRENT, 2)) * known.unit if known and known.unit else None,
                 limits=known.limits if known else None,
             ),
         )

@@ -93,14 +93,14 @@ def host(bus: DynamixelEmulator) -> Iterator[Host]:
 
 def test_as_it_leaves_the_factory() -> None:
     servo = Servo(1)
-    facts = {"model": 1060, "mode": 3, "return_delay": 250, "shutdown": 52, "torque": 0}
-    facts |= {"position_min": 0, "position_max": 4095, "velocity_limit": 265, "return_level": 2}
+    facts = {"model": 1200, "mode": 3, "return_delay": 250, "shutdown": 53, "torque": 0}
+    facts |= {"position_min": 0, "position_max": 4095, "velocity_limit": 445, "return_level": 2}
     assert {name: servo[name] for name in facts} == facts
     assert servo.baud == 57600
 
 
 def test_a_ping_tells_model_and_firmware(servo: Servo) -> None:
-    assert told(servo, Packet(1, Instruction.PING)) == b"\x00\x24\x04\x2f"
+    assert told(servo, Packet(1, Instruction.PING)) == b"\x00\xb0\x04\x34"
 
 
 def test_position_mode_has_4096_steps_a_turn_and_steps_without_a_profile(servo: Servo) -> None:
@@ -180,14 +180,15 @@ def test_an_overload_switches_the_torque_off_until_a_reboot(
     assert told(servo, write(1, 64, 1, 1)) == b"\x00"
 
 
-def test_heat_switches_the_torque_off_and_a_low_supply_only_alerts(
+def test_heat_and_a_low_supply_switch_the_torque_off_unless_shutdown_says_otherwise(
     servo: Servo, clock: InstantClock
 ) -> None:
+    servo["shutdown"] = 0x34
     told(servo, write(1, 64, 1, 1))
-    servo.volts = 59
+    servo.volts = 34
     assert servo.driven_to() != LIMP
     assert told(servo, read(1, 70, 1)) == bytes((ALERT, 0x01))
-    servo.heat = 73
+    servo.heat = 71
     assert servo.driven_to() == LIMP
     assert told(servo, read(1, 70, 1)) == bytes((ALERT, 0x05))
     told(servo, Packet(1, Instruction.REBOOT))
@@ -225,12 +226,19 @@ def test_a_bus_watchdog_that_tripped_refuses_goals(servo: Servo, clock: InstantC
     assert told(servo, write(1, 116, 2100, 4)) == b"\x00"
 
 
-def test_it_says_where_it_is_and_what_it_gives(servo: Servo) -> None:
+def test_it_says_where_it_is_how_it_drives_and_what_it_takes(servo: Servo) -> None:
     told(servo, write(1, 64, 1, 1))
-    servo.feel(Felt(2003.4, -0.5))
+    servo.feel(Felt(2003.4, 0.25))
     assert of(told(servo, read(1, 132, 4))) == 2003
-    assert of(told(servo, read(1, 126, 2))) == -500
-    assert of(told(servo, read(1, 144, 2))) == 120
+    drive = 0.25 * 885 + 400 / 128 * (
+        2048 - 2003.4
+    )  # and what it misses, by its gain
+    assert of(told(servo, read(1, 124, 2))) == pytest.approx(drive, abs=1)
+    assert of(told(servo, read(1, 126, 2))) == pytest.approx(0.25 * 1470, abs=1)
+    servo.feel(Felt(1500, 0.0))
+    assert of(told(servo, read(1, 124, 2))) == 885
+    assert of(told(servo, read(1, 126, 2))) == 0  # as of a dead motor
+    assert of(told(servo, read(1, 144, 2))) == 50
     assert of(told(servo, read(1, 146, 1))) == 38
 
 
@@ -321,7 +329,7 @@ def test_the_makers_library_moves_and_reads_the_servos(
     packets = sdk.PacketHandler(2.0)
     assert port.setBaudRate(57600)
     try:
-        assert packets.ping(port, 2) == (1060, 0, 0)
+        assert packets.ping(port, 2) == (1200, 0, 0)
         assert packets.write4ByteTxRx(port, 1, 116, 5000) == (0, LIMIT)
         assert packets.write1ByteTxRx(port, 1, 64, 1) == (0, 0)
         assert packets.write1ByteTxRx(port, 1, 11, 1) == (0, ACCESS)

@@ -56,7 +56,7 @@ def test_servos_without_torque_are_limp_and_say_where_they_are(servos: Answering
     states = servos.read_states(IDS)
     assert [states[n].position for n in IDS] == list(STAND)
     assert not any(state.driven or state.fault for state in states.values())
-    assert (states[1].voltage, states[1].temperature, states[1].load) == (12.0, 38, 0.0)
+    assert (states[1].voltage, states[1].temperature, states[1].load) == (5.0, 38, 0.0)
 
 
 def test_torque_goes_on_where_a_servo_stands_and_it_goes_on_slowly(
@@ -160,6 +160,8 @@ def test_a_servo_that_gives_up_is_a_fault_and_rebooted_when_that_is_over(
 def test_a_servo_that_complains_and_holds_is_not_let_go(
     bus: DynamixelEmulator, driven: AnsweringServos
 ) -> None:
+    for servo in bus.servos:
+        servo["shutdown"] = 0x34  # as some models leave the factory: it does not let go for a dip
     bus.inject("dip")
     with pytest.raises(DeviceDataError, match="reports a supply out of its limits"):
         driven.verify({1: 2048})
@@ -274,8 +276,18 @@ def test_an_update_takes_as_long_as_its_bytes_and_the_return_delays(
     bus.close()
 
 
-def test_a_current_is_a_share_of_its_limit(bus: DynamixelEmulator, servos: AnsweringServos) -> None:
-    assert MODELS[bus.servos[0]["model"]] == "XL430-W250"
-    servos.read_counts(IDS)
+@pytest.mark.parametrize(
+    ("model", "amperes"), [("XL330-M288", 0.3675), ("XM430-W350", 0.9886), ("XL430-W250", None)]
+)
+def test_current_has_the_unit_of_its_model(
+    bus: DynamixelEmulator, driven: AnsweringServos, model: str, amperes: float | None
+) -> None:
+    (number,) = (number for number, name in MODELS.items() if name == model)
+    bus.servos[0]["model"] = number
+    driven.forget()
+    driven.read_counts(IDS)
     bus.servos[0].feel(Felt(2048.0, -0.25))
-    assert servos.read_states([1])[1].load == -0.25
+    state = driven.read_states([1])[1]
+    assert state.load == pytest.approx(-0.25, abs=0.01)
+    assert state.current == (None if amperes is None else pytest.approx(amperes, abs=0.002))
+    assert state.limits == (0, 4095)
