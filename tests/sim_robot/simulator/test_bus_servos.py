@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -11,10 +12,13 @@ import pytest
 
 from protocol.wire.messages import ErrorReply, Hold, ObservationReply, Relax
 from robot.control.controller import Controller
+from robot.errors import CommandError
+from robot.trial.session import Trial
 from sim_robot.faults.fault_panel import FaultSpec
-from sim_robot.simulator.daemon import Emulation, emulation, robot_on
+from sim_robot.simulator.daemon import Emulation, emulation, robot_on, switch_on
 from sim_robot.world.body import default_body_path, load_body
 from sim_robot.world.sensor_noise import NO_NOISE
+from tests.robot.trial.person import Person
 from tests.sim_robot.simulator.requests import Requests
 
 BODY = load_body(default_body_path())
@@ -114,3 +118,40 @@ def test_a_servo_that_lets_go_in_mid_motion_spoils_the_observation(
         assert reply.code == "fault"
         assert "2" in reply.message
         assert controller.snapshot().state == "fault"
+
+
+def test_a_joint_is_let_go_moved_by_hand_and_held_where_it_is() -> None:
+    with emulation(
+        BODY, seed=0, levels=NO_NOISE, real_time=False, log=LOG, electronics="feetech"
+    ) as parts:
+        switch_on(parts, LOG)
+        parts.devices.close()
+        parts.world.hold(1.0)
+        hanging: list[float] = []
+        person = Person(
+            parts.clock,
+            [
+                *("g", 0.5, "g", 1.0, "down", 0.5),
+                lambda: hanging.append(parts.world.angles()[0]),
+                *("h", 1.0, "right", 1.0, "down", "left", 0.5),
+            ],
+        )
+        Trial(parts.config, parts.buses, person, by_hand=True).run()
+        assert math.degrees(hanging[0]) < -60  # as gravity moves it, in the place of a hand
+        held, other, *_ = map(math.degrees, parts.world.angles())
+        assert held == pytest.approx(math.degrees(hanging[0]) + 1, abs=0.5)
+        assert other == pytest.approx(-1, abs=0.2)
+        texts = "\n".join(person.seen)
+        assert "Support hip_left, then g again lets it go." in texts
+        assert "hip_left is limp: h holds it where it is." in texts
+        shown = re.findall(r"hip_left +limp is (.*)°  ", texts)
+        assert float(shown[-1]) < -60
+
+
+def test_servos_that_answer_nothing_are_not_moved_by_hand() -> None:
+    with emulation(
+        BODY, seed=0, levels=NO_NOISE, real_time=False, log=LOG, electronics="pi"
+    ) as parts:
+        parts.devices.close()
+        with pytest.raises(CommandError, match="do not say where they are"):
+            Trial(parts.config, parts.buses, Person(parts.clock, []), by_hand=True).run()
