@@ -230,9 +230,7 @@ def test_it_says_where_it_is_how_it_drives_and_what_it_takes(servo: Servo) -> No
     told(servo, write(1, 64, 1, 1))
     servo.feel(Felt(2003.4, 0.25))
     assert of(told(servo, read(1, 132, 4))) == 2003
-    drive = 0.25 * 885 + 400 / 128 * (
-        2048 - 2003.4
-    )  # and what it misses, by its gain
+    drive = 0.25 * 885 + 400 / 128 * (2048 - 2003.4)  # and what it misses, by its gain
     assert of(told(servo, read(1, 124, 2))) == pytest.approx(drive, abs=1)
     assert of(told(servo, read(1, 126, 2))) == pytest.approx(0.25 * 1470, abs=1)
     servo.feel(Felt(1500, 0.0))
