@@ -23,6 +23,7 @@ COMMANDS: Final = MappingProxyType(
         "run": "robot.cli.run",
         "doctor": "robot.cli.doctor",
         "calibrate": "robot.cli.calibrate",
+        "scan": "robot.cli.scan",
         "try": "robot.cli.try_out",
         "drivers": "robot.cli.drivers",
         "keys": "robot.cli.keys",

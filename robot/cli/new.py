@@ -1,4 +1,4 @@
-"""``robotd new``: writes a commented ``robot.toml`` for a set of electronics."""
+"""``robotd new``: writes a commented ``robot.toml`` for a set of electronics and its servos."""
 
 from __future__ import annotations
 
@@ -49,6 +49,12 @@ SETS: Final[Mapping[str, ElectronicsSet]] = MappingProxyType(
 )
 
 
+SERVOS: Final = MappingProxyType(
+    {"feetech": "robot-feetech.toml", "dynamixel": "robot-dynamixel.toml"}
+)
+"""Bus servos, and the file whose tables take the place of those of a set of electronics."""
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares the options."""
     parser.add_argument(
@@ -57,6 +63,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=tuple(SETS),
         help="pc104: SV203 on a serial line, DMM-32 and VL6180X; pi: PCA9685, ADS1115, MPU-6050 "
         "and VL6180X on I²C",
+    )
+    parser.add_argument(
+        "--servos",
+        choices=tuple(SERVOS),
+        help="serial bus servos in the place of the set's own: feetech (STS, SMS), dynamixel (X)",
     )
     parser.add_argument("--name", default="my-robot", help="the robot's name (default %(default)s)")
     parser.add_argument("--joints", type=int, default=8, help="how many (default %(default)s)")
@@ -78,7 +89,11 @@ def run(options: argparse.Namespace) -> int:
             f"must have 1 to {MAX_NAME} characters, not {len(options.name)}.", key="--name"
         )
     text = robot_toml(
-        options.electronics, name=options.name, joints=options.joints, touch=options.touch
+        options.electronics,
+        servos=options.servos,
+        name=options.name,
+        joints=options.joints,
+        touch=options.touch,
     )
     try:
         with file.open("x", encoding="utf-8") as fresh:
@@ -97,11 +112,14 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def robot_toml(electronics: str, *, name: str, joints: int, touch: int) -> str:
+def robot_toml(
+    electronics: str, *, servos: str | None = None, name: str, joints: int, touch: int
+) -> str:
     """The text of a ``robot.toml``.
 
     Args:
         electronics: A key of ``SETS``.
+        servos: A key of ``SERVOS``, or ``None`` for the set's own.
         name: The robot's.
         joints: How many, at most ``MOST_JOINTS``; on the outputs one after another.
         touch: How many parts feel touch; they are on the inputs one after another.
@@ -109,7 +127,8 @@ def robot_toml(electronics: str, *, name: str, joints: int, touch: int) -> str:
     kind = SETS[electronics]
     counts = {"joint": joints, "touch": touch}
     example = [(_table_of(one), one) for one in _paragraphs("robot.toml")]
-    own = {_table_of(one): one for one in _paragraphs(kind.tables)} if kind.tables else {}
+    files = [file for file in (kind.tables, SERVOS.get(servos or "")) if file]
+    own = {_table_of(one): one for file in files for one in _paragraphs(file)}
     own.pop("", None)  # a comment by itself
     text: list[str] = []
     seen: set[str] = set()
@@ -123,6 +142,8 @@ def robot_toml(electronics: str, *, name: str, joints: int, touch: int) -> str:
         seen.add(table)
     whole = "\n\n".join(text) + "\n"
     for table, (line, fit) in kind.chips.items():
+        if table == "servos" and servos:
+            continue
         number = -(-counts["joint" if table == "servos" else "touch"] // fit)
         if number > 1:
             whole = re.sub(

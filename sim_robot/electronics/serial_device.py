@@ -5,9 +5,9 @@ from __future__ import annotations
 import fcntl
 import glob
 import os
-import re
 import select
 import shutil
+import sys
 import tempfile
 import termios
 import threading
@@ -24,9 +24,8 @@ _CHUNK: Final = 4096  # bytes read at a time
 _SYNCHRONISE_TIMEOUT: Final = 2.0  # s of real time for a device to read what was written
 _PREFIX: Final = "emulated-serial-"
 _LINK: Final = "port"
-_BAUDS: Final = {
-    getattr(termios, name): int(name[1:]) for name in dir(termios) if re.fullmatch(r"B\d+", name)
-}
+_TCGETS2: Final = 0x802C542A  # ioctl of struct termios2, asm-generic/ioctls.h
+_OUTPUT_SPEED: Final = 40  # where it has the baud rate, which need not be a usual one
 
 
 class SerialDevice(FaultSwitch, ABC):
@@ -208,7 +207,8 @@ class _Link:
     @property
     def baud(self) -> int:
         """At which the host set the line."""
-        return _BAUDS[termios.tcgetattr(self._slave)[5]]
+        settings = fcntl.ioctl(self._slave, _TCGETS2, bytes(_OUTPUT_SPEED + 4))
+        return int.from_bytes(settings[_OUTPUT_SPEED:], sys.byteorder)
 
     def close(self) -> int:
         """Ends the thread; returns how many bytes were still on their way."""

@@ -43,6 +43,9 @@ class Chain(Protocol):
     def bytes_written(self) -> int:
         """Bytes handed to the line, for a clock that must know when emulated servos have them."""
 
+    def ping(self, servo: int) -> bool:
+        """Whether a servo answers, asked once; also with a damaged answer, as of two at once."""
+
     def set_up(self, servo: int) -> None:
         """Identifies a servo, refuses one that is not fit for use, and marks it.
 

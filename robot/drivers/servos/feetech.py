@@ -125,7 +125,8 @@ class FeetechChain:
 
     def ping(self, servo: int) -> bool:
         """Whether a servo answers, asked once; also with a damaged answer, as of two at once."""
-        return bool(self._answers(_packet(servo, _PING), 1, 0)[1])
+        sound, damaged = self._answers(_packet(servo, _PING), 1, 0)
+        return servo in sound or bool(damaged)
 
     def set_up(self, servo: int) -> None:
         """Identifies a servo, refuses one that is not fit for use, and marks it.

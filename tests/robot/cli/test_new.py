@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from robot.cli.command_line import main
-from robot.cli.new import SETS, robot_toml
+from robot.cli.new import SERVOS, SETS, robot_toml
 from robot.configuration.robot_config import load_config
 
 EXAMPLE = resources.files("robot").joinpath("robot.toml").read_text(encoding="utf-8")
@@ -19,14 +19,15 @@ def test_the_default_is_the_documented_example_with_a_calibration_file() -> None
     assert text == EXAMPLE.replace("# [calibration]\n# file", "[calibration]\nfile")
 
 
+@pytest.mark.parametrize("servos", [None, *SERVOS])
 @pytest.mark.parametrize("electronics", SETS)
 @pytest.mark.parametrize(("joints", "touch"), [(8, 4), (1, 0), (9, 5), (17, 3), (24, 16)])
 def test_any_number_of_joints_is_a_configuration(
-    tmp_path: Path, electronics: str, joints: int, touch: int
+    tmp_path: Path, electronics: str, servos: str | None, joints: int, touch: int
 ) -> None:
     file = tmp_path / "robot.toml"
     file.write_text(
-        robot_toml(electronics, name='Ann\'s "crawler"', joints=joints, touch=touch),
+        robot_toml(electronics, servos=servos, name='Ann\'s "crawler"', joints=joints, touch=touch),
         encoding="utf-8",
     )
     config = load_config(file, uncalibrated=True)
@@ -34,6 +35,7 @@ def test_any_number_of_joints_is_a_configuration(
     assert [joint.output for joint in config.joints] == list(config.servos.outputs)[:joints]
     assert len({joint.name for joint in config.joints}) == joints
     assert len(config.touch) == touch
+    assert servos is None or config.servos.name.lower() == servos
     assert (config.daq is None) == (electronics == "pi" and not touch)
 
 

@@ -6,57 +6,22 @@ import logging
 import math
 import random
 from collections.abc import Iterator, Sequence
-from itertools import count
-from queue import SimpleQueue
 
 import pytest
 
 from bench.daemons import simulator
 from protocol import RobotClient
-from protocol.rules.robot_interface import Finished
-from protocol.wire.messages import Clear, ErrorReply, ObservationReply, Perform, Stop
-from robot.control.controller import Controller
+from protocol.wire.messages import ErrorReply, ObservationReply
 from sim_robot.simulator.daemon import SETS, emulation, robot_on
 from sim_robot.world.body import default_body_path, load_body
 from sim_robot.world.sensor_noise import NoiseLevels
+from tests.sim_robot.simulator.requests import Requests
 
 BODY = load_body(default_body_path())
-SENDER = {"client": "test", "session": "test"}
 PROGRAMS = tuple(
     {motor.name: rng.uniform(-0.5, 0.5) for motor in BODY.motors}
     for rng in map(random.Random, (1, 4))
 )
-
-
-class Requests:
-    """Sends requests to a controller, and waits for their ends."""
-
-    def __init__(self, controller: Controller) -> None:
-        self._controller = controller
-        self._numbers = count(1)
-        self._news: SimpleQueue[None] = SimpleQueue()
-        controller.set_notify(lambda: self._news.put(None))
-
-    def stop(self) -> None:
-        number = next(self._numbers)
-        self._controller.submit(number, Stop(id=number, **SENDER))
-
-    def clear(self) -> None:
-        number = next(self._numbers)
-        self._controller.submit(number, Clear(id=number, **SENDER))
-        self._end(number)
-
-    def perform(self, targets: dict[str, float]) -> object:
-        number = next(self._numbers)
-        self._controller.submit(number, Perform(id=number, targets=targets, **SENDER))
-        return self._end(number)
-
-    def _end(self, number: int) -> object:
-        while True:
-            self._news.get()
-            for event in self._controller.events():
-                if isinstance(event, Finished) and event.ticket == number:
-                    return event.reply
 
 
 def measured(

@@ -1,0 +1,74 @@
+"""``robotd scan``: which serial bus servos answer on a line, and at which baud rate."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from types import MappingProxyType
+from typing import Final, TypeAlias
+
+from robot.drivers.links.device_files import open_serial
+from robot.drivers.servos import dynamixel, feetech
+from robot.drivers.servos.answering_servos import Chain
+from robot.errors import DeviceTimeoutError
+from robot.host.clock import WallClock
+
+HELP = "list the serial bus servos that answer on a line, by baud rate"
+
+Family: TypeAlias = tuple[Callable[..., Chain], Sequence[int], Sequence[int]]
+
+FAMILIES: Final[Mapping[str, Family]] = MappingProxyType(
+    MappingProxyType(
+        {
+            "feetech": (feetech.FeetechChain, feetech.BAUDS, feetech.OUTPUTS),
+            "dynamixel": (dynamixel.DynamixelChain, dynamixel.BAUDS, dynamixel.OUTPUTS),
+        }
+    )
+)
+"""By the name of the driver: its line, the baud rates and the ids that there may be."""
+
+_PATIENCE: Final = 0.02  # s; an adapter may hold an answer back for 16 ms
+_USUAL: Final = 20
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declares the options."""
+    parser.add_argument("port", metavar="PORT", help="the serial line, such as /dev/ttyUSB0")
+    parser.add_argument("--servos", choices=tuple(FAMILIES), help="only these (default: all)")
+    parser.add_argument("--baud", type=int, help="only this baud rate (default: all)")
+    parser.add_argument(
+        "--ids",
+        type=int,
+        default=_USUAL,
+        metavar="N",
+        help="up to which id (default %(default)s; there may be 253, which takes minutes)",
+    )
+
+
+def run(options: argparse.Namespace) -> int:
+    """Asks every id at every baud rate; nothing moves, and nothing is written."""
+    found = 0
+    for name, (chain, bauds, ids) in FAMILIES.items():
+        if options.servos in (None, name):
+            for baud in bauds:
+                if options.baud in (None, baud):
+                    line = chain(
+                        partial(open_serial, options.port, baud),
+                        clock=WallClock(),
+                        reply_timeout=_PATIENCE,
+                    )
+                    try:
+                        answer = [n for n in ids if n <= options.ids and line.ping(n)]
+                    finally:
+                        line.close()
+                    found += len(answer)
+                    if answer:
+                        print(f"{name}, {baud} baud: {', '.join(map(str, answer))}", flush=True)
+    if not found:
+        raise DeviceTimeoutError(
+            f"No servo answers on {options.port}.",
+            "Check the servos' supply, the cable and the adapter; a servo's id may lie beyond "
+            f"{options.ids} (--ids).",
+        )
+    return 0

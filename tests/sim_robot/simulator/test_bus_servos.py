@@ -1,0 +1,116 @@
+"""A simulated robot whose servos say where they are: what it notices, names and never does."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+
+from protocol.wire.messages import ErrorReply, Hold, ObservationReply, Relax
+from robot.control.controller import Controller
+from sim_robot.faults.fault_panel import FaultSpec
+from sim_robot.simulator.daemon import Emulation, emulation, robot_on
+from sim_robot.world.body import default_body_path, load_body
+from sim_robot.world.sensor_noise import NO_NOISE
+from tests.sim_robot.simulator.requests import Requests
+
+BODY = load_body(default_body_path())
+LOG = logging.getLogger("test")
+UP = {motor.name: 0.35 if "hip" in motor.name else 0.0 for motor in BODY.motors}
+
+
+@contextmanager
+def robot(
+    electronics: str = "feetech",
+) -> Iterator[tuple[Emulation, Controller, Requests]]:
+    with emulation(
+        BODY, seed=0, levels=NO_NOISE, real_time=False, log=LOG, electronics=electronics
+    ) as parts:
+        controller = robot_on(parts, LOG, operator=True)
+        requests = Requests(controller)
+        controller.start()
+        try:
+            yield parts, controller, requests
+        finally:
+            controller.shut_down()
+
+
+def observed(requests: Requests, **targets: float) -> ObservationReply:
+    reply = requests.perform(UP | targets)
+    assert isinstance(reply, ObservationReply), reply
+    return reply
+
+
+@pytest.mark.parametrize("electronics", ["feetech", "dynamixel"])
+def test_an_observation_says_where_the_joints_were(electronics: str) -> None:
+    with robot(electronics) as (parts, controller, requests):
+        reply = observed(requests)
+        assert reply.measured is not None
+        truth = dict(zip(UP, parts.world.angles(), strict=True))
+        assert reply.measured == pytest.approx(truth, abs=math.radians(0.05))
+        assert reply.measured == pytest.approx(dict(reply.angles), abs=math.radians(0.2))
+        assert reply.off_target is None
+        assert controller.snapshot().reason is None
+        joint = controller.capabilities.joints[0]
+        assert joint.measured_noise == pytest.approx(math.radians(0.05))
+
+
+@pytest.mark.parametrize(
+    ("fault", "kind", "second"),
+    [
+        ("jammed", "jammed", "jammed"),
+        ("dead", "dead", "dead"),
+        ("blocked", "blocked or too weak", "blocked"),
+    ],
+)
+def test_a_joint_is_named_within_the_movement_that_shows_it(
+    fault: str, kind: str, second: str
+) -> None:
+    with robot() as (parts, controller, requests):
+        observed(requests)
+        name = parts.config.joints[1].name
+        parts.panel.order(FaultSpec.parse(f"servos.{fault}=2@{parts.panel.interactions + 1}i"))
+        reply = observed(requests, **{name: 0.4})
+        assert reply.off_target == {name: kind}
+        assert f"{name} is {kind}: at " in (controller.snapshot().reason or "")
+        assert observed(requests, **{name: 0.5}).off_target == {name: second}
+        parts.panel.mend()
+        assert observed(requests).off_target is None
+        assert controller.snapshot().reason is None
+
+
+def test_a_robot_whose_servos_answer_nothing_notices_nothing_of_it() -> None:
+    with robot("pi") as (parts, _, requests):
+        parts.panel.order(FaultSpec.parse("servos.jammed=2"))
+        reply = observed(requests)
+        assert (reply.measured, reply.off_target) == (None, None)
+
+
+def test_a_limp_robot_is_held_where_it_lies() -> None:
+    with robot() as (parts, _, requests):
+        stood = observed(requests, **{name: -0.35 for name in UP if "hip" in name}).angles
+        assert requests.ask(Relax).state == "relaxed"
+        parts.clock.sleep(2.0)
+        before = parts.world.angles()
+        assert before != pytest.approx([*stood.values()], abs=math.radians(5))  # it sank
+        assert requests.ask(Hold).state == "holding"
+        parts.clock.sleep(1.0)
+        assert parts.world.angles() == pytest.approx(before, abs=math.radians(0.2))
+
+
+@pytest.mark.parametrize("electronics", ["feetech", "dynamixel"])
+@pytest.mark.parametrize("fault", ["reboot=2", "overload=2", "silent=2", "hot=2"])
+def test_a_servo_that_lets_go_in_mid_motion_spoils_the_observation(
+    electronics: str, fault: str
+) -> None:
+    with robot(electronics) as (parts, controller, requests):
+        line = next(name for name in parts.electronics.switches if name == electronics)
+        parts.panel.order(FaultSpec.parse(f"{line}.{fault}@{parts.clock.now() + 0.3}s"))
+        reply = requests.perform(UP)
+        assert isinstance(reply, ErrorReply)
+        assert reply.code == "fault"
+        assert "2" in reply.message
+        assert controller.snapshot().state == "fault"
