@@ -36,6 +36,26 @@ EVERYWHERE = (
     "clock.jump=10",
     "clock.jump=-10",
 )
+ON_THE_BUS = (
+    "adc.nak",
+    "adc.busy",
+    "adc.railed_channel=2",
+    "adc.reset",
+    "adc.comparing",
+    "adc.nak=20",
+    "accelerometer.nak",
+    "accelerometer.stuck_axis=1",
+    "accelerometer.railed_axis=2",
+    "accelerometer.reset",
+    "accelerometer.sleep",
+    "accelerometer.reranged",
+    "accelerometer.nak=20",
+)
+OF_SERVOS = (
+    *("unplugged", "drop=43", "corrupt=47", "garbage=5", "lost=5"),
+    *("silent=2", "twin=3", "hot=5", "dip", "wheel_mode=6", "reboot", "reboot=4", "overload=4"),
+    "moved=3",
+)
 FAULTS = {
     "pc104": (
         *EVERYWHERE,
@@ -69,26 +89,20 @@ FAULTS = {
         "pwm.moved=3",
         "pwm.full_on=2",
         "pwm.all_off",
-        "adc.nak",
-        "adc.busy",
-        "adc.railed_channel=2",
-        "adc.reset",
-        "adc.comparing",
-        "adc.nak=20",
-        "accelerometer.nak",
-        "accelerometer.stuck_axis=1",
-        "accelerometer.railed_axis=2",
-        "accelerometer.reset",
-        "accelerometer.sleep",
-        "accelerometer.reranged",
-        "accelerometer.nak=20",
+        *ON_THE_BUS,
     ),
+    **{
+        family: (*EVERYWHERE, *ON_THE_BUS, *(f"{family}.{fault}" for fault in OF_SERVOS))
+        for family in ("feetech", "dynamixel")
+    },
 }
 ALTERING = frozenset(
     fault
     for faults in FAULTS.values()
     for fault in faults
-    if fault.startswith(("servo_board.brown", "servo_board.moved", "pwm."))
+    if fault.startswith(
+        ("servo_board.brown", "servo_board.moved", "pwm.", "feetech.", "dynamixel.")
+    )
     and not fault.startswith(("pwm.nak", "pwm.hang", "pwm.lost"))
 )
 """What gives servos other pulses than they were commanded to."""

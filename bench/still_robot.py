@@ -1,38 +1,46 @@
 """A robot on emulated electronics in a world that never moves: it lies flat, whatever it does.
 
-With the boards of a PC-104, or with the chips of a Pi. It needs neither numpy nor PyBullet, so it
-shows what the daemon itself costs, and lets tests drive the control loop with a clock of their own.
+With the boards of a PC-104, with the chips of a Pi, or with serial bus servos. It needs neither
+numpy nor PyBullet, so it shows what the daemon itself costs, and lets tests drive the control loop
+with a clock of their own.
 """
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field, replace
 from importlib import resources
 from pathlib import Path
-from typing import Final, cast
+from typing import Any, Final, cast
 
-from robot.configuration.joint_calibration import JointScale
+from robot.configuration.joint_calibration import DrivenJoint, JointScale
 from robot.configuration.robot_config import RobotConfig, load_config
 from robot.control.controller import Controller
 from robot.drivers.buses import Buses
 from robot.drivers.sensors.ads1115 import ADS1115Settings
 from robot.drivers.sensors.analogue import StrainGauge
 from robot.drivers.sensors.mpu6050 import MPU6050Settings
+from robot.drivers.servos.answering_servos import AnsweringServos
+from robot.drivers.servos.dynamixel import DynamixelSettings
+from robot.drivers.servos.feetech import FeetechSettings
 from robot.drivers.servos.pca9685 import PCA9685Settings
-from robot.drivers.servos.servo_bus import ServoBus
+from robot.drivers.servos.servo_bus import ServoBus, ServoSettings
 from robot.drivers.servos.sv203 import SERVOS, SV203, SV203Settings
 from robot.host.clock import Clock, WatchedClock
 from robot.host.service_manager import ServiceManager
 from robot.service.daemon import build_controller
 from robot.service.devices import Devices, open_devices
 from sim_robot.electronics.ads1115 import ADS1115Emulator
+from sim_robot.electronics.bus_servos import STEPS, BusServos
 from sim_robot.electronics.clock import HostClock
 from sim_robot.electronics.dmm32 import Dither, DMM32Emulator
+from sim_robot.electronics.dynamixel import DynamixelEmulator
 from sim_robot.electronics.fault_switch import FaultSwitch
-from sim_robot.electronics.i2c_bus import I2CBus
+from sim_robot.electronics.feetech import FeetechEmulator
+from sim_robot.electronics.i2c_bus import I2CBus, I2CDevice
 from sim_robot.electronics.mpu6050 import MPU6050Emulator
 from sim_robot.electronics.pca9685 import PCA9685Emulator
 from sim_robot.electronics.sv203 import SV203Emulator
@@ -220,6 +228,7 @@ def still_robot(
 
 
 _ENDS: Final = (106, 509)  # counts at the limits of each joint
+_TURN: Final = math.tau * (STEPS - 1) / STEPS  # over all counts of a bus servo, rad
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -231,20 +240,20 @@ class StillPi(OnElectronics):
     bus: I2CBus
 
 
-def pi_config() -> RobotConfig:
+@dataclass(frozen=True, kw_only=True)
+class StillOnServos(OnElectronics):
+    """A robot with serial bus servos, ADS1115, MPU-6050 and VL6180X, and the servos' line."""
+
+    servos: AnsweringServos
+    line: BusServos[Any]
+
+
+def pi_config(servos: ServoSettings, scale: Callable[[DrivenJoint], JointScale]) -> RobotConfig:
     """The documented robot, with the chips in the place of its boards."""
     config = example_config("")
-    servos = PCA9685Settings(bus=1, boards=(0x40,), prescale=121, widths_us=(500.0, 2500.0))
     joints = tuple(
-        replace(
-            joint,
-            output=joint.output - 1,
-            scale=JointScale(
-                tuple(zip(_ENDS, (joint.lower_limit, joint.upper_limit), strict=True)),
-                servos.counts,
-            ),
-        )
-        for joint in config.joints
+        replace(joint, output=output, scale=scale(joint))
+        for output, joint in zip(servos.outputs, config.joints, strict=False)
     )
     touch = tuple(
         replace(point, driver=StrainGauge(channel=index, tare=0.2, volts_per_newton=0.1))
@@ -261,28 +270,78 @@ def pi_config() -> RobotConfig:
 
 
 @contextmanager
-def still_pi(clock: Clock, *, housekeeping: float | None, log: logging.Logger) -> Iterator[StillPi]:
-    """Builds the robot, with its servos on in the zero pose; its control loop is not started."""
-    config = pi_config()
+def _with_pi_sensors(
+    config: RobotConfig,
+    clock: Clock,
+    name: str,
+    servos: FaultSwitch,
+    *,
+    housekeeping: float | None,
+    log: logging.Logger,
+) -> Iterator[tuple[OnElectronics, I2CBus]]:
+    """The robot, its servos on in the zero pose, and the bus with the sensors."""
     assert config.distance is not None
     world = StillWorld(volts=[0.2] * 4, distance_mm=config.distance.sensor.zero * 1000)
-    pwm = PCA9685Emulator(clock)
     adc = ADS1115Emulator(world.input, clock)
     accelerometer = MPU6050Emulator(lambda: (0.0, 0.0, 1.0), clock)
     distance = VL6180XEmulator(lambda: world.distance_mm, clock)
-    bus = I2CBus([pwm, adc, accelerometer, distance], clock)
+    sensors = {"adc": adc, "accelerometer": accelerometer, "distance": distance}
+    chips = [servos] if isinstance(servos, I2CDevice) else []
+    bus = I2CBus([*chips, adc, accelerometer, distance], clock)
     with on_electronics(
         config,
-        {
-            "pwm": pwm,
-            "adc": adc,
-            "accelerometer": accelerometer,
-            "distance": distance,
-            "i2c": bus,
-        },
+        {name: servos, **sensors, "i2c": bus},
         Buses(clock=clock, open_i2c=bus.open),
         stand=True,
         housekeeping=housekeeping,
         log=log,
     ) as robot:
+        yield robot, bus
+
+
+@contextmanager
+def still_pi(clock: Clock, *, housekeeping: float | None, log: logging.Logger) -> Iterator[StillPi]:
+    """Builds the robot, with its servos on in the zero pose; its control loop is not started."""
+    servos = PCA9685Settings(bus=1, boards=(0x40,), prescale=121, widths_us=(500.0, 2500.0))
+
+    def scale(joint: DrivenJoint) -> JointScale:
+        limits = joint.lower_limit, joint.upper_limit
+        return JointScale(tuple(zip(_ENDS, limits, strict=True)), servos.counts)
+
+    pwm = PCA9685Emulator(clock)
+    with _with_pi_sensors(
+        pi_config(servos, scale), clock, "pwm", pwm, housekeeping=housekeeping, log=log
+    ) as (robot, bus):
         yield StillPi(**vars(robot), servos=robot.devices.servos, pwm=pwm, bus=bus)
+
+
+@contextmanager
+def still_on_servos(
+    family: str, clock: Clock, *, housekeeping: float | None, log: logging.Logger
+) -> Iterator[StillOnServos]:
+    """Builds the robot on ``feetech`` or ``dynamixel`` servos, which stand in the zero pose."""
+    ids = range(1, 9)
+    settings: ServoSettings
+    line: BusServos[Any]
+    with ExitStack() as stack:
+        if family == "feetech":
+            line = stack.enter_context(closing(FeetechEmulator(ids)))
+            settings = FeetechSettings(port=line.port, baud=1_000_000)
+        else:
+            line = stack.enter_context(closing(DynamixelEmulator(ids)))
+            settings = DynamixelSettings(port=line.port, baud=1_000_000)
+        line.connect(clock)
+        counts = settings.counts
+        points = ((counts[0], -_TURN / 2), (counts[-1], _TURN / 2))
+        robot, _ = stack.enter_context(
+            _with_pi_sensors(
+                pi_config(settings, lambda joint: JointScale(points, counts)),
+                clock,
+                family,
+                line,
+                housekeeping=housekeeping,
+                log=log,
+            )
+        )
+        servos = cast(AnsweringServos, robot.devices.servos)
+        yield StillOnServos(**vars(robot), servos=servos, line=line)

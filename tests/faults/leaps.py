@@ -12,9 +12,15 @@ to sleep, wakes it, changes the length of its ticks, inverts, opens, moves or sw
 Every pulse that a command makes must be one that a servo knows, 500 to 2,500 µs, and the first one
 after a reset counts as a move from the last one before.
 
-Damaged lines are counted apart: where a digit of a position is lost on its way the board moves to
-another one, and back with the next line. That was not commanded, but it leaps. So does a servo that
-another program on the line has moved, for that board cannot be asked in mid-motion.
+Serial bus servos are reset or switch their torque off one by one, are moved by another program, do
+not answer, and lose bytes, packets and answers: their packets have a checksum, so that what is
+damaged is not followed. What another program moves between the last reading of a servo and the goal
+that follows it, which is within one update, is not counted.
+
+Damaged lines of an SV203 are counted apart: where a digit of a position is lost on its way the
+board moves to another one, and back with the next line. That was not commanded, but it leaps. So
+does a servo that another program on the line has moved, for that board cannot be asked in
+mid-motion.
 """
 
 from __future__ import annotations
@@ -30,7 +36,14 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Final, cast
 
-from bench.still_robot import StillPi, StillRobot, still_pi, still_robot
+from bench.still_robot import (
+    StillOnServos,
+    StillPi,
+    StillRobot,
+    still_on_servos,
+    still_pi,
+    still_robot,
+)
 from protocol.errors import RobotError
 from protocol.wire.messages import Clear, ErrorReply, ObservationReply
 from robot.control.interaction import LATENESS
@@ -49,6 +62,10 @@ ALTERATIONS: Final = ("brown_out", "reset", *OTHERS)
 STALL: Final = "stall"
 SOUND: Final = ("brown_out", STALL, "unplugged", "mute", "garbage", "jump")
 DAMAGING: Final = ("drop", "corrupt", "moved")
+ON_SERVOS: Final = (
+    *("reboot", "overload", "hot", "dip", "silent", "moved", STALL, "unplugged", "garbage", "lost"),
+    *("drop", "corrupt", "jump"),
+)
 ON_I2C: Final = ("reset", *OTHERS, STALL, "hang", "nak", "unheard", "adapter", "jump")
 ELSEWHERE: Final = {"jump": "clock.jump", "adapter": "i2c.unplugged"}  # not at the board
 WIDTHS: Final = (500.0, 2500.0)  # µs
@@ -115,15 +132,16 @@ class FatefulClock(SteppedClock):
 class Study:
     """A robot, and the faults that it has to bear, one motion after another."""
 
-    def __init__(self, robot: StillRobot | StillPi, clock: FatefulClock, seed: int):
+    def __init__(self, robot: StillRobot | StillPi | StillOnServos, clock: FatefulClock, seed: int):
         self.bench = Bench(cast(StillRobot, robot), clock)  # what is used here, both have
         self._robot = robot
         self._clock = clock
         self._random = random.Random(seed)
         joints = robot.config.joints
         self._scales = {joint.output: joint.scale for joint in joints}
-        period = LATENESS * robot.servos.seconds_for(len(joints))
-        self._update = robot.config.speed * period
+        self._period = LATENESS * robot.servos.seconds_for(len(joints))
+        self._update = robot.config.speed * self._period
+        self._others = -math.inf
         self._longest = 0.0
         self._altered: list[float] = []
         self._last: dict[int, float] = {}
@@ -133,12 +151,17 @@ class Study:
         if isinstance(robot, StillPi):
             self._board = "pwm"
             robot.pwm.on_pulse = self._pulsed
+        elif isinstance(robot, StillOnServos):
+            self._board = robot.config.servos.name.lower()
+            robot.line.watch_moves(self._moved)
         else:
             self._board = "servo_board"
             robot.servo_board.watch_moves(self._moved)
         robot.controller.set_notify(self.bench.notify)
 
     def _moved(self, servo: int, before: float, after: float) -> None:
+        if self._clock.now() - self._others < self._period:
+            return  # another program moved it between the last reading and this goal
         scale = self._scales[servo]
         way = abs(scale.angle(after) - scale.angle(before))
         self._longest = max(self._longest, way / self._update)
@@ -198,7 +221,11 @@ class Study:
             "mode2": self._random.choice((0x00, 0x0C, 0x10, 0x14)),  # 0x04 is as it should be
             "moved": self._random.choice(list(self._scales)),
             "full_on": self._random.choice(list(self._scales)),
+            "reboot": self._random.choice((0, *self._scales)),
+            "lost": self._random.randint(2, 6),
         }.get(kind, 0)
+        if kind in ("overload", "hot", "silent"):
+            number = self._random.choice(list(self._scales))
         name = ELSEWHERE.get(kind, f"{self._board}.{kind}")
 
         def begin() -> None:
@@ -210,7 +237,7 @@ class Study:
                 self._altered.append(self._clock.now())
 
         self._clock.fate.append((at, begin))
-        if kind not in (STALL, *ALTERATIONS, "jump"):
+        if kind not in (STALL, *ALTERATIONS, "jump", "reboot", "overload"):
             self._clock.fate.append((at + lasts, partial(self._robot.panel.mend, name)))
 
     def _alters(self, kind: str, number: int, spec: FaultSpec) -> bool:
@@ -223,6 +250,11 @@ class Study:
             before = robot.pwm.pulses(), robot.pwm.tick_us
             robot.panel.order(spec)
             return kind in ALTERATIONS and before != (robot.pwm.pulses(), robot.pwm.tick_us)
+        if isinstance(robot, StillOnServos):
+            goals = robot.line.pulses()
+            robot.panel.order(spec)
+            self._others = self._clock.now() if kind == "moved" else self._others
+            return kind in ("reboot", "overload") and goals != robot.line.pulses()
         pulses = robot.servo_board.pulses()
         hit = [row for row, board in enumerate(self._boards) if number in (0, board)]
         robot.panel.order(spec)
@@ -247,7 +279,11 @@ class Study:
 
 @contextmanager
 def study(
-    seed: int, kinds: tuple[str, ...] = SOUND, *, boards: Sequence[int] = (1,)
+    seed: int,
+    kinds: tuple[str, ...] = SOUND,
+    *,
+    boards: Sequence[int] = (1,),
+    family: str = "",
 ) -> Iterator[Study]:
     """A robot to be tormented, with the electronics that can fail in these ways.
 
@@ -255,11 +291,16 @@ def study(
         seed: Of what happens when.
         kinds: What happens.
         boards: The numbers of its servo boards, eight joints each, where these are SV203.
+        family: That of its serial bus servos, if it has such.
     """
     clock = FatefulClock()
     log = logging.getLogger("leaps")
     with ExitStack() as stack:
-        if kinds == ON_I2C:
+        if family:
+            servos = stack.enter_context(still_on_servos(family, clock, housekeeping=None, log=log))
+            clock.before = Follower(servos.line, servos.servos)
+            found = Study(servos, clock, seed)
+        elif kinds == ON_I2C:
             found = Study(
                 stack.enter_context(still_pi(clock, housekeeping=None, log=log)), clock, seed
             )
@@ -280,18 +321,20 @@ def study(
 def main() -> int:
     """Prints the figures; 1 when the daemon commanded a leap or took no notice of a reset."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--faults", type=int, default=1000, help="of each of the four groups")
+    parser.add_argument("--faults", type=int, default=1000, help="of each group")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     sound = True
-    for title, kinds, boards in (
-        ("sound lines", SOUND, (1,)),
-        ("two boards on a sound line", SOUND, (1, 2)),
-        ("chips on I²C", ON_I2C, ()),
-        ("damaged lines", DAMAGING, (1,)),
+    for title, kinds, boards, family in (
+        ("sound lines", SOUND, (1,), ""),
+        ("two boards on a sound line", SOUND, (1, 2), ""),
+        ("chips on I²C", ON_I2C, (), ""),
+        ("Feetech servos", ON_SERVOS, (), "feetech"),
+        ("DYNAMIXEL servos", ON_SERVOS, (), "dynamixel"),
+        ("damaged lines", DAMAGING, (1,), ""),
     ):
         tally = Tally()
-        with study(options.seed, kinds, boards=boards) as found:
+        with study(options.seed, kinds, boards=boards, family=family) as found:
             while tally.faults.total() < options.faults:
                 found.motion(tally, kinds)
         print(f"{title}\n  " + "\n  ".join(tally.lines()), flush=True)

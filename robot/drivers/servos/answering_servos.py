@@ -10,12 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Final, Protocol
 
 from robot.drivers.servos.servo_bus import ServoState, check_counts, check_outputs
 from robot.errors import CommandError, DeviceDataError
 
-_SUPPLY = "Check the servos' supply under load and the plug of this one, then clear the fault."
+_SENDINGS: Final = 4  # of a packet that nobody acknowledges, until it is given up
+_SUPPLY: Final = (
+    "Check the servos' supply under load and the plug of this one, then clear the fault."
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,18 +115,26 @@ class AnsweringServos:
         check_counts(counts, self._counts, self._known)
         if not all(output in self._held for output in counts):
             raise CommandError("read the servos' counts before moving them")
-        found = self._sound(list(self._held))
-        counts = self._lost_goals(found) | dict(counts)
+        found = self._resent(self._sound(list(self._held)))
+        for output, registers in found.items():
+            held = self._held[output]
+            if held and registers.goal != held:
+                if registers.goal == self._before.get(output):
+                    raise self._untaken([output])
+                self.forget()
+                raise DeviceDataError(
+                    f"{self._called([output])} has the goal {registers.goal}, not {held}: another "
+                    "program wrote to it.",
+                    "Check that nothing else drives the servos.",
+                )
         limp = {
             output: self._nearest(found[output].state.position)
             for output in counts
             if not self._held[output]
         }
         if limp:
-            self._held |= limp  # if this fails half-way, some are driven
-            self._chain.send(limp)
-            self._chain.switch(list(limp), on=True)
-        self._before |= {output: found[output].goal for output in counts} | limp
+            self._stiffen(limp)
+        self._before |= {output: self._held[output] for output in counts}
         self._held |= counts
         self._chain.send(counts)
 
@@ -138,6 +149,7 @@ class AnsweringServos:
         check_outputs(released, self._known)
         self._chain.switch(released, on=False)
         self._held |= {output: 0 for output in released if output in self._held}
+        self._before = {n: goal for n, goal in self._before.items() if n not in released}
         stiff = [n for n, found in self._chain.read(released).items() if found.state.driven]
         if stiff:
             self._chain.switch(stiff, on=False)  # the packet was damaged
@@ -176,7 +188,7 @@ class AnsweringServos:
         return {output: found.state for output, found in self._chain.read(outputs).items()}
 
     def verify(self, expected: Mapping[int, int]) -> list[int]:
-        """Compares the servos with what they should have, and reads a difference twice.
+        """Compares the servos with what they should have; a goal that was lost is sent again.
 
         Returns:
             The outputs that differ, ascending.
@@ -193,21 +205,17 @@ class AnsweringServos:
                 f"{self._called(unread)} was not read since it failed or was opened.",
                 "Read its counts first.",
             )
-        wanted = list(expected)
-        for _ in range(2):  # it may be the reading that was damaged
-            found = self._sound(wanted)
-            wanted = [
-                output
-                for output in wanted
-                if (found[output].goal if found[output].state.driven else 0) != expected[output]
-            ]
-            if not wanted:
-                break
-        return sorted(wanted)
+        found = self._resent(self._sound(list(expected)))
+        return sorted(
+            output
+            for output, registers in found.items()
+            if (registers.goal if registers.state.driven else 0) != expected[output]
+        )
 
     def forget(self) -> None:
         """The next ``read_counts`` sets each servo up, whatever happened to it."""
         self._held.clear()
+        self._before.clear()
 
     def reopen(self) -> None:
         """Closes the line and opens it anew.
@@ -244,23 +252,50 @@ class AnsweringServos:
                 raise DeviceDataError(f"{self._called([output])} {reason}.", _SUPPLY)
         return found
 
-    def _lost_goals(self, found: Mapping[int, Registers]) -> dict[int, int]:
-        """Goals that did not arrive, which nobody acknowledges; refuses one that nobody sent."""
-        lost = {}
-        for output, registers in found.items():
-            held = self._held[output]
-            if not held or registers.goal == held:
-                continue
-            if registers.goal != self._before.get(output):
-                self.forget()
-                raise DeviceDataError(
-                    f"{self._called([output])} has the goal {registers.goal}, not {held}: another "
-                    "program wrote to it.",
-                    "Check that nothing else drives the servos.",
-                )
-            lost[output] = held
-        self._lost += bool(lost)
-        return lost
+    def _stiffen(self, limp: Mapping[int, int]) -> None:
+        """Holds limp servos where they are; their torque goes on when they have that goal."""
+        self._held |= limp  # if this fails half-way, some are driven
+        for _ in range(_SENDINGS):
+            self._chain.send(limp)
+            found = self._chain.read(list(limp))
+            if all(found[output].goal == goal for output, goal in limp.items()):
+                break
+            self._lost += 1
+        else:
+            raise self._untaken([n for n, goal in limp.items() if found[n].goal != goal])
+        for _ in range(_SENDINGS):
+            self._chain.switch(list(limp), on=True)
+            found = self._chain.read(list(limp))
+            if all(registers.state.driven for registers in found.values()):
+                return
+            self._lost += 1
+        raise self._untaken([n for n, registers in found.items() if not registers.state.driven])
+
+    def _resent(self, found: Mapping[int, Registers]) -> dict[int, Registers]:
+        """Registers of servos, of which those got their goals again that still have the last ones.
+
+        Nobody acknowledges a goal. One that was lost unnoticed would make two steps one.
+        """
+        found = dict(found)
+        for _ in range(_SENDINGS):
+            lost = {
+                output: self._held[output]
+                for output, registers in found.items()
+                if self._held[output] != registers.goal == self._before.get(output)
+            }
+            if not lost:
+                break
+            self._lost += 1
+            self._chain.send(lost)
+            found |= self._sound(list(lost))
+        return found
+
+    def _untaken(self, servos: Sequence[int]) -> DeviceDataError:
+        self.forget()
+        return DeviceDataError(
+            f"{self._called(servos)} did not take what was sent, {_SENDINGS} times.",
+            "Check the cable and the ground: packets to the servos are lost.",
+        )
 
     def _refuse_faulty(self, output: int, registers: Registers) -> None:
         fault, driven = registers.state.fault, registers.state.driven
