@@ -385,18 +385,20 @@ class DynamixelChain:
     def _ask(
         self, packet: Packet, servos: Sequence[int], size: int, answers: dict[int, bytes]
     ) -> bool:
-        """Asks once; adds the answers that come, and returns whether something else did."""
+        """Asks once; adds the answers that come, and returns whether something else did.
+
+        Servos answer in the order in which they were asked.
+        """
         self._line.clear()
         self._decoder.clear()
         before = self._decoder.damaged
         self._line.write(encode(packet))
         missing = set(servos)
-        most = len(missing) * (OVERHEAD + size)
-        received = 0
-        while missing and not (received >= most and self._decoder.damaged > before):
-            wanted = max(1, len(missing) * (OVERHEAD + size) - self._decoder.pending)
+        left = len(servos) * (OVERHEAD + size)
+        while servos[-1] in missing and (left > 0 or self._decoder.damaged == before):
+            wanted = max(1, OVERHEAD + size - self._decoder.pending)
             data = self._line.read(wanted)
-            received += len(data)
+            left -= len(data)
             for answer in self._decoder.feed(data):
                 status = answer.instruction == Instruction.STATUS
                 if status and answer.id in missing and answer.parameters:

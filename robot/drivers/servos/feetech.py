@@ -13,7 +13,7 @@ switches the torque on, and is cut to the limits without a word, is reported by 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar, Final
 
@@ -125,8 +125,8 @@ class FeetechChain:
 
     def ping(self, servo: int) -> bool:
         """Whether a servo answers, asked once; also with a damaged answer, as of two at once."""
-        sound, damaged = self._answers(_packet(servo, _PING), 1, 0)
-        return servo in sound or bool(damaged)
+        sound, damaged = self._answers(_packet(servo, _PING), [servo], 0)
+        return servo in sound or damaged
 
     def set_up(self, servo: int) -> None:
         """Identifies a servo, refuses one that is not fit for use, and marks it.
@@ -254,35 +254,42 @@ class FeetechChain:
                 packet = _packet(missing[0], _READ, where)
             else:
                 packet = _packet(_EVERYBODY, _SYNC_READ, where + bytes(missing))
-            answers, raw = self._answers(packet, len(missing), len(addresses))
+            answers, damaged = self._answers(packet, missing, len(addresses))
             found |= {servo: answers[servo] for servo in missing if servo in answers}
-            damaged = bool(raw)
         missing = [servo for servo in servos if servo not in found]
         if missing:
             raise self._unanswered(missing[0], damaged=damaged)
         return found
 
-    def _answers(self, packet: bytes, count: int, size: int) -> tuple[dict[int, bytes], bytes]:
-        """Sends a question; the sound answers by servo, and what came besides."""
+    def _answers(
+        self, packet: bytes, servos: Sequence[int], size: int
+    ) -> tuple[dict[int, bytes], bool]:
+        """Sends a question; the sound answers by servo, and whether something else came.
+
+        Servos answer in the order in which they were asked.
+        """
         self._line.clear()
         self._line.write(packet)
-        raw = self._line.read(count * (_OVERHEAD + size))
-        if (echo := raw.find(packet)) >= 0:  # some adapters give back what was sent
-            echoed = echo + len(packet)
-            raw = raw[echoed:] + self._line.read(echoed)
-        self._clock.charge(count * self._delay)
         answers: dict[int, bytes] = {}
-        rest = b""
-        while raw:
-            servo, data = raw[2:3], raw[5 : 5 + size]
-            whole = raw[: _OVERHEAD + size]
-            if len(whole) == _OVERHEAD + size and whole == _packet(servo[0], whole[4], data):
-                answers[servo[0]] = data
-                raw = raw[len(whole) :]
-            else:
-                rest += raw[:1]
-                raw = raw[1:]
-        return answers, rest
+        raw = bytearray()
+        damaged = False
+        left = len(servos) * (_OVERHEAD + size)
+        while servos[-1] not in answers and left > 0:
+            wanted = max(1, _OVERHEAD + size - len(raw))
+            data = self._line.read(wanted)
+            raw += data
+            left -= len(data)
+            for whole in _packets(raw):
+                if whole == packet or whole[2] == _EVERYBODY:
+                    left += len(whole)  # some adapters give back what was sent
+                elif len(whole) == _OVERHEAD + size and whole[2] in servos:
+                    answers[whole[2]] = whole[5:-1]
+                else:
+                    damaged = True
+            if len(data) < wanted:
+                break
+        self._clock.charge(len(servos) * self._delay)
+        return answers, damaged or bool(raw) or left <= 0
 
     def _unanswered(self, servo: int, *, damaged: bool) -> DeviceError:
         who = readers(self._line.port)
@@ -307,6 +314,21 @@ def _packet(servo: int, instruction: int, parameters: bytes = b"") -> bytes:
     """Header, ID, length, instruction or error, parameters, checksum."""
     body = bytes((servo, len(parameters) + 2, instruction)) + parameters
     return _HEADER + body + bytes((~sum(body) & 0xFF,))
+
+
+def _packets(raw: bytearray) -> Iterator[bytes]:
+    """Takes the whole packets out of what came, and what is none at their front."""
+    while len(raw) >= _OVERHEAD:
+        end = raw[3] + 4
+        if not raw.startswith(_HEADER) or end < _OVERHEAD:
+            del raw[:1]
+        elif len(raw) < end:
+            return
+        elif ~sum(raw[2 : end - 1]) & 0xFF != raw[end - 1]:
+            del raw[:1]
+        else:
+            yield bytes(raw[:end])
+            del raw[:end]
 
 
 def _low_first(value: int) -> bytes:
