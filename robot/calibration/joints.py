@@ -30,7 +30,7 @@ from robot.configuration.joint_calibration import (
 )
 from robot.drivers.servos.pca9685 import OSCILLATORS_MHZ, PCA9685Settings
 from robot.drivers.servos.pca9685_board import OUTPUTS
-from robot.drivers.servos.servo_bus import ServoBus, ServoSettings
+from robot.drivers.servos.servo_bus import ServoBus, ServoSettings, answering
 from robot.errors import AbandonedError, DeviceDataError
 from robot.host.clock import Clock
 
@@ -40,6 +40,8 @@ HELP: Final = """
   -12.5         the angle that you measure now, in degrees; 0 is the planar pose, + is upward
   lower, upper  the joint may go no further down, or up, than here
   drop          forgets the last angle
+  limp, hold    lets the joint go, to be moved by hand, and holds it there; with servos that say
+                where they are
   done          takes the angles over; two are needed, five across the whole range are better
   skip          leaves this joint as it was
   ?             this list
@@ -68,6 +70,7 @@ class Mover:
 
     Attributes:
         count: Where the servo was sent; 0 while it is limp.
+        measures: Whether the servo says where it is.
     """
 
     def __init__(self, servos: ServoBus, joint: DrivenJoint, clock: Clock):
@@ -75,17 +78,31 @@ class Mover:
         self._output = joint.output
         self._step = step_of(joint.scale)
         self._clock = clock
+        self._counts = joint.scale.counts
+        self._answering = answering(servos)
+        self.measures = self._answering is not None
         self.count = servos.read_counts([self._output])[self._output]
 
+    def where(self) -> int:
+        """Where the servo was sent; a limp one is where it says, or 0 where it says nothing.
+
+        Raises:
+            DeviceError: It does not answer.
+        """
+        if self.count or self._answering is None:
+            return self.count
+        position = self._answering.read_states([self._output])[self._output].position
+        return min(max(round(position), self._counts[0]), self._counts[-1])
+
     def go(self, target: int) -> None:
-        """Moves to a count; a limp servo jumps there.
+        """Moves to a count; a limp servo jumps there, unless it says where it is.
 
         Raises:
             DeviceError: The board failed, or was reset; the next try starts from where it stands.
         """
         self.check()
         if self.count == 0:
-            self._send(target)
+            self._send(self.where() or target)
         while self.count != target:
             way = min(self._step, abs(target - self.count))
             self._send(self.count + (way if target > self.count else -way))
@@ -144,7 +161,7 @@ def calibrate_joint(
     """
     dialogue.say(f"\n{joint.name}, servo output {joint.output}")
     limp = mover.count == 0
-    if limp:
+    if limp and not mover.measures:
         prompt = f"{joint.name} is limp; hold it, then Enter drives it to its middle; or skip"
         if dialogue.choose(prompt, "", "skip"):
             return None
@@ -178,11 +195,12 @@ class _Measuring:
 
     @property
     def prompt(self) -> str:
-        expected = math.degrees(self._joint.scale.angle(self._mover.count))
+        count = self._dialogue.attempt(self._mover.where)
+        expected = math.degrees(self._joint.scale.angle(count))
         measured = f"{len(self._points)} angle{'' if len(self._points) == 1 else 's'}"
         return (
-            f"{self._joint.name}: count {self._mover.count}, was {expected:.1f}°, "
-            f"{measured} measured"
+            f"{self._joint.name}: {'' if self._mover.count else 'limp, '}count {count}, was "
+            f"{expected:.1f}°, {measured} measured"
         )
 
     def take(self, answer: str) -> None:
@@ -194,8 +212,13 @@ class _Measuring:
         elif angle is not None:
             self._measure(angle)
         elif answer in ("lower", "upper"):
-            self._limits[answer] = self._mover.count
-            self._dialogue.say(f"Count {self._mover.count} is the {answer} limit.")
+            count = self._limits[answer] = self._dialogue.attempt(self._mover.where)
+            self._dialogue.say(f"Count {count} is the {answer} limit.")
+        elif answer == "limp" and self._mover.measures:
+            if not self._dialogue.choose("support it, then Enter lets it go; or hold", "", "hold"):
+                self._dialogue.attempt(self._mover.release)
+        elif answer == "hold" and self._mover.measures:
+            self._dialogue.attempt(lambda: self._mover.go(self._mover.where()))
         elif answer == "drop" and self._points:
             count, angle = self._points.pop()
             self._dialogue.say(f"{angle:g}° at count {count} is forgotten.")
@@ -226,7 +249,7 @@ class _Measuring:
         )
 
     def _move(self, direction: int, steps: int) -> None:
-        target = self._mover.count + direction * steps * self._step
+        target = self._dialogue.attempt(self._mover.where) + direction * steps * self._step
         if not (1 <= steps <= MAX_STEP and target in self._counts):
             self._dialogue.say(
                 f"A move has 1 to {MAX_STEP} steps of {self._step}, and counts run from "
@@ -236,9 +259,9 @@ class _Measuring:
         self._dialogue.attempt(lambda: self._mover.go(target))
 
     def _measure(self, angle: float) -> None:
-        count = self._mover.count
+        sent, count = self._mover.count, self._dialogue.attempt(self._mover.where)
         self._dialogue.attempt(self._mover.check)
-        if self._mover.count != count:
+        if self._mover.count != sent:
             self._dialogue.say(f"It moved to count {self._mover.count}: measure once more.")
             return
         others = [point for point in self._points if point[0] != count]

@@ -19,12 +19,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--config", type=Path, required=True, metavar="FILE", help="the robot's robot.toml"
     )
+    parser.add_argument(
+        "--limp",
+        action="store_true",
+        help="one joint at a time may be let go and moved by hand, where servos say where they are",
+    )
 
 
 def run(options: argparse.Namespace) -> int:
     """Tries the robot that a configuration describes."""
     config = load_config(options.config, uncalibrated=True)
     with keyboard() as view:
-        Trial(config, Buses(clock=WallClock()), view).run()
+        Trial(config, Buses(clock=WallClock()), view, by_hand=options.limp).run()
     print("The robot holds.")
     return 0

@@ -23,7 +23,7 @@ from protocol.rules.transitions import Event
 from protocol.wire.messages import State
 from robot.configuration.joint_calibration import DrivenJoint
 from robot.configuration.robot_config import RobotConfig
-from robot.control.joint_watch import JointWatch
+from robot.control.joint_watch import LIMITED, JointWatch, cut_short
 from robot.control.motion import Slew
 from robot.drivers.servos.servo_bus import ServoBus, answering
 from robot.errors import DeviceDataError
@@ -95,6 +95,7 @@ class MotorProgramRunner:
         self._outputs = [joint.output for joint in self._joints]
         # Where the board stands now: the motion slews from there and never jumps.
         self._counts = self._board_counts()
+        self._refuse_limited()
         self._released = False
         self._flat: Reading | None = None
 
@@ -337,6 +338,14 @@ class MotorProgramRunner:
                 "Check the cable, the ground and the baud rate.",
             )
         return counts
+
+    def _refuse_limited(self) -> None:
+        """Refuses servos that would drive less far than they are told, and say nothing."""
+        if self._answering is not None:
+            states = self._answering.read_states(self._outputs)
+            for joint in self._joints:
+                if short := cut_short(joint, states[joint.output]):
+                    raise DeviceDataError(f"{short[0].upper()}{short[1:]}.", LIMITED)
 
     def _verify(self, check: Callable[[], None], outputs: Sequence[int] | None = None) -> None:
         """Compares the board's counts, of all outputs or of some, with those that it was sent."""

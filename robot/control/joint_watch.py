@@ -92,6 +92,25 @@ class JointWatch:
         return BLOCKED if again else STOPPED
 
 
+def cut_short(joint: DrivenJoint, state: ServoState) -> str:
+    """What is wrong where a servo lets itself be driven less far than its joint goes, or nothing.
+
+    Servos drive to their limit then, and say nothing.
+    """
+    if state.limits is None:
+        return ""
+    ends = sorted(joint.scale.count(angle) for angle in joint.reachable)
+    if state.limits[0] <= ends[0] and ends[1] <= state.limits[1]:
+        return ""
+    return (
+        f"the servo {joint.output} of {joint.name} is limited to counts {state.limits[0]:g} to "
+        f"{state.limits[1]:g} in its own memory, and the joint goes from {ends[0]} to {ends[1]}"
+    )
+
+
+LIMITED: Final = "Narrow limits_deg of the joint, or widen those limits with the maker's program."
+
+
 def told(
     off: Mapping[str, str], measured: Mapping[str, float], commanded: Mapping[str, float]
 ) -> str:

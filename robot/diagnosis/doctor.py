@@ -70,7 +70,7 @@ class Doctor:
         )
         yield from findings
         if counts:
-            yield from check_joints(joints, counts)
+            yield from check_joints(joints, counts, servos)
             if self._move and any(one.verdict is Severity.BAD for one in findings):
                 yield look("moves", "none made over such a line.", "See the servo board.")
             elif self._move:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Final
 
 from protocol.errors import HOLD
 from robot.calibration.joints import Mover
 from robot.configuration.joint_calibration import USUAL_SPAN, DrivenJoint, middle
+from robot.control.joint_watch import LIMITED, OFF, JointWatch, cut_short, told
 from robot.diagnosis.findings import Finding, bad, failed, look, ok
-from robot.drivers.servos.servo_bus import ServoBus, ServoSettings
+from robot.drivers.servos.servo_bus import ServoBus, ServoSettings, ServoState, answering
 from robot.errors import DeviceError
 from robot.host.clock import Clock
 
@@ -76,10 +78,40 @@ def check_board(
     return findings, counts
 
 
-def check_joints(joints: Sequence[DrivenJoint], counts: Mapping[int, int]) -> Iterator[Finding]:
-    """Checks each joint's count against its calibration and limits."""
+def check_joints(
+    joints: Sequence[DrivenJoint], counts: Mapping[int, int], servos: ServoBus
+) -> Iterator[Finding]:
+    """Checks each joint's count against its calibration and limits, and what its servo says."""
+    answers = answering(servos)
     for joint in joints:
-        yield _check_joint(joint, counts[joint.output])
+        finding = _check_joint(joint, counts[joint.output])
+        if answers is not None:
+            try:
+                state = answers.read_states([joint.output])[joint.output]
+            except DeviceError as error:
+                finding = failed(finding.subject, error)
+            else:
+                finding = _with_state(finding, joint, counts[joint.output], state)
+        yield finding
+
+
+def _with_state(finding: Finding, joint: DrivenJoint, count: int, state: ServoState) -> Finding:
+    """A finding about a joint, with what its servo says of itself."""
+    here = joint.scale.angle(state.position)
+    says = [f"it is at {math.degrees(here):.1f}°"]
+    for value, unit in ((state.voltage, " V"), (state.temperature, " °C"), (state.current, " A")):
+        says += [] if value is None else [f"{value:.3g}{unit}"]
+    says += [] if state.load is None else [f"drives with {abs(state.load):.0%}"]
+    text = f"{finding.text}; {', '.join(says)}"
+    if short := cut_short(joint, state):
+        return bad(finding.subject, f"{text}; {short}", LIMITED)
+    if count and abs(here - joint.scale.angle(count)) > OFF:
+        return bad(
+            finding.subject,
+            f"{text}: not where it was sent",
+            "Look what is in its way, or on it; robotd try moves it.",
+        )
+    return replace(finding, text=text)
 
 
 def _check_joint(joint: DrivenJoint, count: int) -> Finding:
@@ -125,6 +157,7 @@ def move_joints(
         servos: The servo board.
         clock: Paces the counts.
     """
+    answers = answering(servos)
     for joint in joints:
         subject = f"move {joint.name}"
         count = counts[joint.output]
@@ -134,8 +167,12 @@ def move_joints(
             continue
         try:
             mover = Mover(servos, joint, clock)
+            watch = JointWatch([joint])
+            if answers is not None:
+                watch.begin(answers.read_states([joint.output]))
             mover.go(target)
             clock.sleep(_REST)
+            states = {} if answers is None else answers.read_states([joint.output])
             mover.go(count)
             lost = servos.verify(counts)
         except DeviceError as error:
@@ -149,7 +186,21 @@ def move_joints(
             )
             return
         way = math.degrees(joint.scale.angle(target) - joint.scale.angle(count))
-        yield ok(subject, f"sent by {way:+.1f}° and back. You should have seen it: no servo tells.")
+        if not states:
+            yield ok(
+                subject, f"sent by {way:+.1f}° and back. You should have seen it: no servo tells."
+            )
+            continue
+        commanded = {joint.name: joint.scale.angle(target)}
+        off = watch.off_target(commanded, states)
+        if off:
+            yield bad(
+                subject,
+                told(off, watch.angles(states), commanded),
+                "Look what is in its way, or on it, and whether its plug and gears are sound.",
+            )
+        else:
+            yield ok(subject, f"sent by {way:+.1f}° and back, and it went there.")
 
 
 def _aside(joint: DrivenJoint, count: int) -> int | None:

@@ -14,8 +14,8 @@ from robot.control.interaction import LATENESS
 from robot.control.motion import Slew
 from robot.drivers.buses import Buses
 from robot.drivers.guard import open_driver
-from robot.drivers.servos.servo_bus import ServoBus
-from robot.errors import DeviceDataError, DeviceError
+from robot.drivers.servos.servo_bus import ServoBus, answering
+from robot.errors import CommandError, DeviceDataError, DeviceError
 from robot.host.clock import Clock
 from robot.trial.live_sensors import LiveSensors
 
@@ -33,6 +33,8 @@ KEYS: Final = (
     "space: stop    r: look again    q: quit; the robot holds",
 )
 
+HAND_KEYS: Final = "g, and g again: lets the joint go, to be moved by hand    h: holds it there"
+
 LEAD: Final = math.radians(20)
 """How far ahead of a joint its goal may lie, rad: it stops soon after the key is let go."""
 
@@ -40,7 +42,8 @@ LEAD: Final = math.radians(20)
 class JointsUnderTest:
     """Commands one joint at a time; nobody but this object may move the servos meanwhile.
 
-    A joint that is limp does not move before ``stiffen``, because nothing tells where it hangs.
+    A joint that is limp does not move before ``stiffen``: it is held where its servo says that it
+    is, or where nothing tells where it hangs, driven to 0°.
 
     Args:
         config: The robot.
@@ -62,6 +65,8 @@ class JointsUnderTest:
         self._clock = clock
         self._slew: Slew | None = None
         self._goal = 0.0  # rad, while it moves
+        self._answering = answering(servos)
+        self._positions: Mapping[int, float] = {}
         self.chosen = self._joints[0]
         self.counts: Mapping[int, int] = {}
         self.look()
@@ -75,6 +80,38 @@ class JointsUnderTest:
     def limp(self) -> bool:
         """Whether the chosen joint gets no pulses."""
         return self.counts[self.chosen.output] == 0
+
+    @property
+    def answer(self) -> bool:
+        """Whether the servos say where they are."""
+        return self._answering is not None
+
+    def ask(self) -> None:
+        """Asks the servos where they are, if they say so.
+
+        Raises:
+            DeviceError: One does not answer.
+        """
+        if self._answering is not None:
+            outputs = [joint.output for joint in self._joints]
+            states = self._answering.read_states(outputs)
+            self._positions = {output: state.position for output, state in states.items()}
+
+    def measured(self, joint: DrivenJoint) -> float | None:
+        """Where a joint was when the servos were last asked, rad."""
+        position = self._positions.get(joint.output)
+        return None if position is None else joint.scale.angle(position)
+
+    def let_go(self) -> None:
+        """Lets the chosen joint go limp.
+
+        Raises:
+            DeviceError: The servo driver failed.
+        """
+        self.stop()
+        output = self.chosen.output
+        self._servos.release([output])
+        self.counts = {**self.counts, output: 0}
 
     def look(self) -> None:
         """Takes the joints as the board has them now; a motion ends.
@@ -143,13 +180,16 @@ class JointsUnderTest:
         self.move_to(min(max(goal, here - LEAD), here + LEAD))
 
     def stiffen(self) -> None:
-        """Drives the chosen joint, which is limp, to 0°, at its servo's own speed.
+        """Holds the chosen joint, which is limp; where nothing says where it is, at 0°.
+
+        It goes to 0° at its servo's own speed.
 
         Raises:
             DeviceError: The servo driver failed.
         """
+        self.ask()
         joint = self.chosen
-        self._send({joint.output: joint.scale.count(0.0)})
+        self._send({joint.output: joint.scale.count(self.measured(joint) or 0.0)})
 
     def stop(self) -> None:
         """Ends a motion: the joint holds the count that it was last sent."""
@@ -226,9 +266,11 @@ class Trial:
         config: The robot.
         buses: What leads to its devices.
         view: The terminal.
+        by_hand: Whether joints may be let go, one at a time.
     """
 
-    def __init__(self, config: RobotConfig, buses: Buses, view: View):
+    def __init__(self, config: RobotConfig, buses: Buses, view: View, *, by_hand: bool = False):
+        self._by_hand = by_hand
         self._config = config
         self._buses = buses
         self._clock: Clock = buses.clock
@@ -242,11 +284,16 @@ class Trial:
         """Runs the trial.
 
         Raises:
+            CommandError: Joints shall be moved by hand, and no servo says where it is.
             DeviceError: The servo driver cannot be opened, or does not answer.
         """
         servos: ServoBus = open_driver(self._config.servos, self._buses)
         try:
             self._joints = JointsUnderTest(self._config, servos, self._clock)
+            if self._by_hand and not self._joints.answer:
+                raise CommandError(
+                    f"these servos ({servos.name}) do not say where they are: leave out --limp"
+                )
             self._sensors.open()
             self._take_turns()
         finally:
@@ -265,6 +312,8 @@ class Trial:
                 self._attempt(self._joints.check)
                 checked = now
             if key is not None or now - shown >= SHOWN_EVERY:
+                if not (self._joints.moving or self._down):
+                    self._attempt(self._joints.ask)
                 self._show()
                 shown = now
             if not sent:
@@ -273,7 +322,9 @@ class Trial:
     def _press(self, key: str) -> None:
         joints = self._joints
         asked, self._asked, self._message = self._asked, False, ""
-        if key in ("up", "down"):
+        if key in ("up", "down") and self._by_hand and joints.limp:
+            self._message = f"{joints.chosen.name} is limp: h holds it where it is."
+        elif key in ("up", "down"):
             joints.choose(-1 if key == "up" else 1)
         elif key == "space":
             joints.stop()
@@ -283,18 +334,31 @@ class Trial:
         elif self._down:
             self._message = "The servos failed: r looks again."
         elif joints.limp and key in (*STEPS, "0", "h"):
-            if key == "h" and asked:
-                joints.stiffen()
+            self._press_limp(key, asked=asked)
+        elif key == "g" and self._by_hand and not joints.limp:
+            if asked:
+                joints.let_go()
             else:
-                self._asked = key == "h"
-                self._message = (
-                    f"{joints.chosen.name} is limp: h, and h again, drives it to 0° at its servo's "
-                    "own speed. Hold it."
-                )
+                self._asked = True
+                self._message = f"Support {joints.chosen.name}, then g again lets it go."
         elif key in STEPS:
             joints.move_by(STEPS[key])
         elif key == "0":
             joints.move_to(0.0)
+
+    def _press_limp(self, key: str, *, asked: bool) -> None:
+        """A key that would move the chosen joint, which is limp."""
+        joints = self._joints
+        if key == "h" and (asked or joints.answer):
+            joints.stiffen()
+        elif joints.answer:
+            self._message = f"{joints.chosen.name} is limp: h holds it where it is."
+        else:
+            self._asked = key == "h"
+            self._message = (
+                f"{joints.chosen.name} is limp: h, and h again, drives it to 0° at its servo's "
+                "own speed. Hold it."
+            )
 
     def _look_again(self) -> None:
         self._joints.reconnect()
@@ -316,14 +380,19 @@ class Trial:
         self._sensors.sample()
         joints = self._config.joints
         self._view.show(
-            head(self._config, self._joints, self._sensors, self._message),
+            head(self._config, self._joints, self._sensors, self._message, by_hand=self._by_hand),
             [row(joint, self._joints) for joint in joints],
             keep=joints.index(self._joints.chosen),
         )
 
 
 def head(
-    config: RobotConfig, joints: JointsUnderTest, sensors: LiveSensors, message: str
+    config: RobotConfig,
+    joints: JointsUnderTest,
+    sensors: LiveSensors,
+    message: str,
+    *,
+    by_hand: bool = False,
 ) -> list[str]:
     """The sensors, a message, and the keys."""
     width = max(len(row.name) for row in sensors.rows)
@@ -332,16 +401,20 @@ def head(
         "",
         message or f"{config.name}: {'moving' if joints.moving else 'holding'}",
         *KEYS,
+        *([HAND_KEYS] if by_hand else []),
         "",
     ]
 
 
 def row(joint: DrivenJoint, joints: JointsUnderTest) -> str:
-    """One joint: where it was sent, and how far it may go."""
+    """One joint: where it was sent, where it is, and how far it may go."""
     low, high = (math.degrees(angle) for angle in joint.reachable)
     angle = joints.angle(joint)
     where = "limp" if angle is None else f"{math.degrees(angle):+.1f}°"
+    measured = joints.measured(joint)
+    here = "" if measured is None else f" is {math.degrees(measured):+.1f}°"
+    chosen = ">" if joint is joints.chosen else " "
     return (
-        f"{'>' if joint is joints.chosen else ' '} {joint.name:<20} {where:>8}  {low:.0f}° to "
-        f"{high:.0f}°; output {joint.output}, count {joints.counts[joint.output]}"
+        f"{chosen} {joint.name:<20} {where:>8}{here}  {low:.0f}° to {high:.0f}°; output "
+        f"{joint.output}, count {joints.counts[joint.output]}"
     )

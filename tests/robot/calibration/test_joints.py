@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -14,6 +15,7 @@ from robot.configuration.calibration_file import JointCalibration
 from robot.configuration.joint_calibration import DrivenJoint, JointScale
 from robot.drivers.buses import Buses
 from robot.drivers.servos.pca9685 import PCA9685Settings
+from robot.drivers.servos.servo_bus import ServoState
 from robot.drivers.servos.sv203 import COUNTS, SV203Settings
 from robot.errors import AbandonedError, DeviceDataError
 from robot.toml_sections import toml_section
@@ -305,3 +307,46 @@ def test_other_boards_have_none() -> None:
     script = Script()
     measure_oscillators(settings, (), Desk().servos, Questions(script))
     assert not script.said
+
+
+class AnsweringBoard(Board):
+    """Its servos say where they are; a hand puts one somewhere."""
+
+    hand = 128.0
+
+    def read_states(self, outputs: Sequence[int]) -> dict[int, ServoState]:
+        return {
+            output: ServoState(
+                position=self.counts[output] or self.hand, driven=bool(self.counts[output])
+            )
+            for output in outputs
+        }
+
+
+def test_a_joint_whose_servo_says_where_it_is_is_moved_by_hand() -> None:
+    board = AnsweringBoard()
+    board.counts[2] = 0
+
+    def put(count: float) -> None:
+        board.hand = count
+
+    script = Script(
+        (lambda: put(128.4), "-15"),
+        (lambda: put(168), "-45"),
+        (lambda: put(88), "15"),
+        "hold",
+        "u 5",
+        "limp",
+        "",
+        (lambda: put(60.0), "upper"),
+        "done",
+        "",
+    )
+    calibration = run(board, script)
+    assert calibration is not None
+    assert calibration.scale.count(0.0) == 108
+    assert not any("drives it to its middle" in prompt for prompt in script.prompts)
+    counts = [count for _, _, count in board.sent]
+    assert counts[:6] == [88, 89, 90, 91, 92, 93]  # held where the hand left it, then up
+    assert counts[6] == 60  # and again
+    assert calibration.scale.count(calibration.upper_limit) == 60

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import pytest
@@ -18,8 +18,7 @@ from robot.errors import DeviceMissingError
 from robot.trial.session import QUIT, Trial
 from sim_robot.electronics.sv203 import SV203Emulator
 from tests.robot.clocks import InstantClock
-
-Answer = str | float | Callable[[], None]
+from tests.robot.trial.person import Answer, Person
 
 
 class BoardClock(InstantClock):
@@ -45,34 +44,6 @@ class FollowedServos(SV203Settings):
         driver, before = super().open(buses), self.board.bytes_read
         self.clock.wait = lambda: self.board.wait_until_read(before + driver.bytes_written, 5.0)
         return driver
-
-
-class Person:
-    """Presses keys from a list, waits (a number of seconds), or does something; then leaves."""
-
-    def __init__(self, clock: InstantClock, script: Sequence[Answer]):
-        self.seen: list[str] = []
-        self._clock = clock
-        self._script = [*script, 0.5]  # time to show what the last key did
-        self._until = 0.0
-
-    def key(self) -> str | None:
-        if self._clock.now() < self._until:
-            return None
-        if not self._script:
-            return QUIT
-        match self._script.pop(0):
-            case str(pressed):
-                return pressed
-            case float(seconds):
-                self._until = self._clock.now() + seconds
-            case act if callable(act):
-                act()
-        return None
-
-    def show(self, text: Sequence[str], rows: Sequence[str], *, keep: int) -> None:
-        assert rows[keep].startswith(">")
-        self.seen.append("\n".join([*text, *rows]))
 
 
 class Desk:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -11,10 +12,17 @@ import pytest
 
 from protocol.wire.messages import ErrorReply, Hold, ObservationReply, Relax
 from robot.control.controller import Controller
+from robot.diagnosis.doctor import Doctor
+from robot.diagnosis.findings import Finding, Severity
+from robot.errors import CommandError, DeviceDataError
+from robot.trial.session import Trial
+from sim_robot.electronics.feetech import MIN_ANGLE
 from sim_robot.faults.fault_panel import FaultSpec
-from sim_robot.simulator.daemon import Emulation, emulation, robot_on
+from sim_robot.simulator.bus_servo_sets import FeetechSet
+from sim_robot.simulator.daemon import Emulation, emulation, robot_on, switch_on
 from sim_robot.world.body import default_body_path, load_body
 from sim_robot.world.sensor_noise import NO_NOISE
+from tests.robot.trial.person import Person
 from tests.sim_robot.simulator.requests import Requests
 
 BODY = load_body(default_body_path())
@@ -114,3 +122,75 @@ def test_a_servo_that_lets_go_in_mid_motion_spoils_the_observation(
         assert reply.code == "fault"
         assert "2" in reply.message
         assert controller.snapshot().state == "fault"
+
+
+def test_a_joint_is_let_go_moved_by_hand_and_held_where_it_is() -> None:
+    with emulation(
+        BODY, seed=0, levels=NO_NOISE, real_time=False, log=LOG, electronics="feetech"
+    ) as parts:
+        switch_on(parts, LOG)
+        parts.devices.close()
+        parts.world.hold(1.0)
+        hanging: list[float] = []
+        person = Person(
+            parts.clock,
+            [
+                *("g", 0.5, "g", 1.0, "down", 0.5),
+                lambda: hanging.append(parts.world.angles()[0]),
+                *("h", 1.0, "right", 1.0, "down", "left", 0.5),
+            ],
+        )
+        Trial(parts.config, parts.buses, person, by_hand=True).run()
+        assert math.degrees(hanging[0]) < -60  # as gravity moves it, in the place of a hand
+        held, other, *_ = map(math.degrees, parts.world.angles())
+        assert held == pytest.approx(math.degrees(hanging[0]) + 1, abs=0.5)
+        assert other == pytest.approx(-1, abs=0.2)
+        texts = "\n".join(person.seen)
+        assert "Support hip_left, then g again lets it go." in texts
+        assert "hip_left is limp: h holds it where it is." in texts
+        shown = re.findall(r"hip_left +limp is (.*)°  ", texts)
+        assert float(shown[-1]) < -60
+
+
+def test_servos_that_answer_nothing_are_not_moved_by_hand() -> None:
+    with emulation(
+        BODY, seed=0, levels=NO_NOISE, real_time=False, log=LOG, electronics="pi"
+    ) as parts:
+        parts.devices.close()
+        with pytest.raises(CommandError, match="do not say where they are"):
+            Trial(parts.config, parts.buses, Person(parts.clock, []), by_hand=True).run()
+
+
+def test_servos_that_are_limited_in_their_own_memory_are_refused() -> None:
+    with emulation(
+        BODY, seed=0, levels=NO_NOISE, real_time=False, log=LOG, electronics="feetech"
+    ) as parts:
+        assert isinstance(parts.electronics, FeetechSet)
+        parts.electronics.servos.servos[2].set_word(MIN_ANGLE, 1500)
+        parts.devices.servos.forget()
+        with pytest.raises(DeviceDataError, match="The servo 3 of hip_right is limited to counts"):
+            robot_on(parts, LOG, operator=True)
+        findings = examined(parts)
+        assert "is limited to counts 1500 to 4095" in findings["joint hip_right"].text
+        assert findings["joint hip_right"].verdict is Severity.BAD
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"), [("jammed", "is jammed"), ("dead", "is dead"), (None, "it went there")]
+)
+def test_the_doctor_names_a_joint_that_does_not_move(fault: str | None, words: str) -> None:
+    with emulation(
+        BODY, seed=0, levels=NO_NOISE, real_time=False, log=LOG, electronics="feetech"
+    ) as parts:
+        switch_on(parts, LOG)
+        if fault:
+            parts.panel.order(FaultSpec.parse(f"servos.{fault}=2"))
+        findings = examined(parts, move=True)
+        assert words in findings["move hip_front"].text
+        assert "7.4 V" in findings["joint hip_left"].text
+        assert findings["move hip_left"].verdict is Severity.OK
+
+
+def examined(parts: Emulation, *, move: bool = False) -> dict[str, Finding]:
+    parts.devices.close()
+    return {one.subject: one for one in Doctor(parts.config, parts.buses, move=move).examine()}
