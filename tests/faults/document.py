@@ -19,8 +19,8 @@ HEAD = """\
 
 What the robot does when something fails, what its controller is told, and how it comes back. This
 page is written from the tables that the tests run (`matrix.py`, `devices.py`, `pi_devices.py` and
-`servo_devices.py` in `tests/faults`): each row is injected there, in a real `sim-robotd` or `robotd`
-process, and checked. `make faults` writes the page anew.
+`servo_devices.py` in `tests/faults`): each row is injected there, in a real `sim-robotd` or
+`robotd` process, and checked. `make faults` writes the page anew.
 
 Four rules hold throughout:
 

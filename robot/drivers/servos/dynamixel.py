@@ -18,17 +18,14 @@ Source: ROBOTIS e-Manual, XL430-W250, XL330-M288 and DYNAMIXEL Protocol 2.0.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from types import MappingProxyType
-from typing import ClassVar, Final
+from typing import Final
 
 import serial
 
-from robot.drivers.buses import Buses
-from robot.drivers.links.device_files import readers
-from robot.drivers.links.serial_line import SerialLine
-from robot.drivers.servos.answering_servos import AnsweringServos, Registers
+from robot.drivers.servos.answering_servos import AnsweringServoSettings
 from robot.drivers.servos.dynamixel_packets import (
     ALERT,
     OVERHEAD,
@@ -43,16 +40,15 @@ from robot.drivers.servos.dynamixel_packets import (
     write,
 )
 from robot.drivers.servos.servo_bus import ServoState
-from robot.errors import DeviceDataError, DeviceError, DeviceTimeoutError
+from robot.drivers.servos.servo_chain import Chain, Registers
 from robot.host.clock import Clock
-from robot.toml_sections import Section
 
 NAME: Final = "DYNAMIXEL"
 BAUDS: Final = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000)
 COUNTS: Final = range(1, 4096)
 """Positions of a turn; 0 means limp here, and is left out."""
 OUTPUTS: Final = range(1, 253)
-"""The ids that a servo can have, and that joints name."""
+"""The IDs that a servo can have, and that joints name."""
 TOP_SPEED: Final = 55
 """The profile velocity: 75°/s."""
 
@@ -111,37 +107,9 @@ _TEMPERATURE: Final = 146
 _STATE: Final = _VELOCITY
 _STATE_END: Final = 147
 
-_ATTEMPTS: Final = 3  # of a query; a sound line needs one, and the doctor counts the others
 _DELAY_UNIT: Final = 2e-6  # s
-_USUAL_DELAY: Final = 250
 _REBOOT: Final = 0.5  # s; the manual gives no time
 _REBOOTS: Final = 4  # times that
-
-
-@dataclass(frozen=True, kw_only=True)
-class DynamixelSettings:
-    """The serial line to the servos; their outputs are their ids."""
-
-    name: ClassVar = NAME
-    counts: ClassVar = COUNTS
-    outputs: ClassVar = OUTPUTS
-    per_update: ClassVar = len(OUTPUTS)
-    reads_back: ClassVar = True
-    port: str = field(repr=False)  # a re-plugged adapter may have another name
-    baud: int
-
-    @classmethod
-    def read(cls, table: Section) -> DynamixelSettings:
-        """``port`` and ``baud``."""
-        return cls(port=table.text("port"), baud=table.one_of("baud", BAUDS, 57600))
-
-    def open(self, buses: Buses) -> AnsweringServos:
-        """Opens the line; a servo is first heard of at its first query."""
-        chain = DynamixelChain(lambda: buses.open_serial(self.port, self.baud), clock=buses.clock)
-        return AnsweringServos(chain, outputs=OUTPUTS, counts=COUNTS)
-
-    def __str__(self) -> str:
-        return f"{self.port}, {self.baud} baud"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,57 +119,36 @@ class _Known:
     Attributes:
         most: The most drive that it gives: its PWM limit.
         unit: Of the current that it tells, A; 0 where it tells none.
-        delay: Before it answers, s.
         limits: The goals that it takes.
         volts: What its supply may give, 0.1 V.
     """
 
     most: int
     unit: float
-    delay: float
     limits: tuple[int, int]
     volts: tuple[int, int]
 
 
-class DynamixelChain:
-    """The servos of one line, as ``AnsweringServos`` uses them.
-
-    Args:
-        open_port: Opens the line, which this object closes.
-        clock: Paces the packets.
-        reply_timeout: Longest wait for an answer, s.
-
-    Attributes:
-        name: What they are called in sentences.
-        repeats: Queries that had to be asked again, because an answer was damaged or did not come.
-    """
+class DynamixelChain(Chain):
+    """The servos of one line, as ``AnsweringServos`` uses them."""
 
     name = NAME
+    overhead = OVERHEAD
 
     def __init__(
         self,
         open_port: Callable[[], serial.Serial],
         *,
         clock: Clock,
-        reply_timeout: float = 0.2,
+        reply_timeout: float = 0.1,
     ):
-        self.repeats = 0
-        self._clock = clock
-        self._decoder = Decoder()
+        super().__init__(open_port, clock=clock, reply_timeout=reply_timeout)
         self._known: dict[int, _Known] = {}
-        self._reply_timeout = reply_timeout
-        self._line = SerialLine(open_port, clock=clock, reply_timeout=reply_timeout)
-
-    @property
-    def bytes_written(self) -> int:
-        """Bytes handed to the line, for a clock that must know when emulated servos have them."""
-        return self._line.bytes_written
 
     def ping(self, servo: int) -> bool:
         """Whether a servo answers, asked once; also with a damaged answer, as of two at once."""
-        found: dict[int, bytes] = {}
-        damaged = self._ask(Packet(servo, Instruction.PING), [servo], 3, found)
-        return damaged or servo in found
+        found, damaged = self._ask(encode(Packet(servo, Instruction.PING)), [servo], 3)
+        return servo in found or damaged
 
     def set_up(self, servo: int) -> None:
         """Identifies a servo, refuses one that is not fit for use, and limits its speed.
@@ -241,10 +188,10 @@ class DynamixelChain:
         most_volts, least_volts, most = (
             int.from_bytes(table[at : at + 2], "little") for at in (0, 2, 4)
         )
+        self._delays[servo] = delay * _DELAY_UNIT
         self._known[servo] = _Known(
             most=max(most, 1),
             unit=0.0 if model in _SAY_NO_CURRENT else _CURRENT_UNITS.get(model, 2.69e-3),
-            delay=delay * _DELAY_UNIT,
             limits=(lowest, highest),
             volts=(least_volts, most_volts),
         )
@@ -292,22 +239,12 @@ class DynamixelChain:
         """How long reading and sending to so many servos takes, s."""
         state = 1 + _STATE_END - _STATE
         sent = 3 * len(encode(sync_read(0, 0, ()))) + servos * (1 + 1 + 5)
-        delay = max((known.delay for known in self._known.values()), default=_USUAL_DELAY * 2e-6)
         answers = servos * (2 * OVERHEAD + state)
-        return self._line.seconds_for(sent + answers) + 2 * servos * delay
+        return self._line.seconds_for(sent + answers) + self._delay(2 * servos)
 
-    def reopen(self) -> None:
-        """Closes the line and opens it anew.
-
-        Raises:
-            DeviceMissingError: It cannot be opened.
-        """
-        self._line.close()
-        self._line.open()
-
-    def close(self) -> None:
-        """Closes the line; the servos hold their goals."""
-        self._line.close()
+    def _decoder(self) -> Decoder:
+        """What finds answers."""
+        return Decoder()
 
     def _registers(self, servo: int, state: bytes, torque: int, error: int) -> Registers:
         def number(address: int, size: int) -> int:
@@ -351,29 +288,19 @@ class DynamixelChain:
 
     def _one(self, servo: int, packet: Packet, size: int) -> bytes:
         """What one servo answers, without its error."""
-        return self._query(lambda _: packet, [servo], size)[servo][1:]
+        return self._accepted(lambda _: packet, [servo], size)[servo][1:]
 
     def _all(self, servos: Sequence[int], address: int, size: int) -> dict[int, bytes]:
-        return self._query(lambda missing: sync_read(address, size, missing), servos, size)
+        """What several answer, the error first."""
+        return self._accepted(lambda missing: sync_read(address, size, missing), servos, size)
 
-    def _query(
-        self, question: Callable[[Sequence[int]], Packet], servos: Iterable[int], size: int
+    def _accepted(
+        self, question: Callable[[Sequence[int]], Packet], servos: Sequence[int], size: int
     ) -> dict[int, bytes]:
-        """Asks, and asks again those whose sound answer did not come; the error comes first."""
-        answers: dict[int, bytes] = {}
-        wanted = list(servos)
-        damaged = False
-        for attempt in range(_ATTEMPTS):
-            missing = [servo for servo in wanted if servo not in answers]
-            if not missing:
-                break
-            self.repeats += attempt > 0
-            damaged = self._ask(question(missing), missing, size, answers)
-        for servo in wanted:
-            if servo not in answers:
-                raise self._unanswered(servo, damaged)
-            error = answers[servo][0] & ~ALERT
-            if error or len(answers[servo]) != 1 + size:
+        answers = self._query(lambda missing: encode(question(missing)), servos, size)
+        for servo, answer in answers.items():
+            error = answer[0] & ~ALERT
+            if error or len(answer) != 1 + size:
                 said = PacketError(error).name if error in list(PacketError) else f"error {error}"
                 raise self._unfit(
                     servo,
@@ -382,53 +309,20 @@ class DynamixelChain:
                 )
         return answers
 
-    def _ask(
-        self, packet: Packet, servos: Sequence[int], size: int, answers: dict[int, bytes]
-    ) -> bool:
-        """Asks once; adds the answers that come, and returns whether something else did.
-
-        Servos answer in the order in which they were asked.
-        """
-        self._line.clear()
-        self._decoder.clear()
-        before = self._decoder.damaged
-        self._line.write(encode(packet))
-        missing = set(servos)
-        left = len(servos) * (OVERHEAD + size)
-        while servos[-1] in missing and (left > 0 or self._decoder.damaged == before):
-            wanted = max(1, OVERHEAD + size - self._decoder.pending)
-            data = self._line.read(wanted)
-            left -= len(data)
-            for answer in self._decoder.feed(data):
-                status = answer.instruction == Instruction.STATUS
-                if status and answer.id in missing and answer.parameters:
-                    answers[answer.id] = answer.parameters
-                    missing.remove(answer.id)
-                    known = self._known.get(answer.id)
-                    self._clock.charge(known.delay if known else _USUAL_DELAY * _DELAY_UNIT)
-            if len(data) < wanted:
-                break
-        return self._decoder.damaged > before or bool(self._decoder.pending)
-
-    def _unanswered(self, servo: int, damaged: bool) -> DeviceError:
-        who = readers(self._line.port)
-        if damaged:
-            return DeviceDataError(
-                f"What servo {servo} ({self.name}) answers is damaged: two servos have this id, or "
-                "the line is bad.",
-                f"Connect them to {self._line.port} one by one; check cable and ground, and {who}",
-            )
-        return DeviceTimeoutError(
-            f"Servo {servo} ({self.name}) does not answer within {self._reply_timeout:g} s.",
-            "Check its id and baud rate (robotd scan lists who answers), its cable and the "
-            "servos' supply, and " + who,
-        )
-
-    def _unfit(self, servo: int, what: str, advice: str) -> DeviceDataError:
-        return DeviceDataError(f"Servo {servo} ({self.name}) {what}.", advice)
-
 
 def _in_words(error: int) -> str:
     """A hardware error; empty for none."""
     words = [words for bit, words in _FAULTS.items() if error & bit]
     return " and ".join(words) or (f"the hardware error {error}" if error else "")
+
+
+@dataclass(frozen=True, kw_only=True)
+class DynamixelSettings(AnsweringServoSettings):
+    """The serial line to the servos; their outputs are their IDs."""
+
+    name = NAME
+    counts = COUNTS
+    outputs = OUTPUTS
+    bauds = BAUDS
+    usual_baud = 57600
+    chain = DynamixelChain

@@ -209,9 +209,9 @@ def other_baud(bus: DynamixelEmulator) -> None:
         (wrong_mode, DeviceDataError, r"is in velocity \(wheel\) mode.* Operating Mode to 3"),
         (torque_by_goal, DeviceDataError, "has Drive Mode 8: .*torque that goes on with a goal"),
         (unknown_model, DeviceDataError, "is a model 2020, whose registers are not known"),
-        (silent, DeviceTimeoutError, "does not answer within 0.2 s.*robotd scan"),
-        (other_baud, DeviceTimeoutError, "does not answer within 0.2 s.* baud rate"),
-        (twin, DeviceDataError, "is damaged: two servos have this id, or the line is bad"),
+        (silent, DeviceTimeoutError, "does not answer.*robotd scan"),
+        (other_baud, DeviceTimeoutError, "does not answer.* baud rate"),
+        (twin, DeviceDataError, "is damaged: two servos have this ID, or the line is bad"),
     ],
 )
 def test_a_servo_that_is_not_fit_for_use_is_refused_in_a_sentence(
