@@ -156,9 +156,9 @@ class AnsweringServos:
             DeviceError: A servo does not answer or is not fit for use; or the line failed.
         """
         check_outputs(outputs, self._known)
-        for output in outputs:
-            if output not in self._held:
-                self._chain.set_up(output)
+        fresh = [output for output in outputs if output not in self._held]
+        if fresh:
+            self._chain.set_up(fresh)
         found = self._chain.read(outputs)
         for output, registers in found.items():
             self._refuse_faulty(output, registers)

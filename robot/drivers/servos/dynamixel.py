@@ -37,7 +37,6 @@ from robot.drivers.servos.dynamixel_packets import (
     read,
     sync_read,
     sync_write,
-    write,
 )
 from robot.drivers.servos.servo_bus import ServoState
 from robot.drivers.servos.servo_chain import Chain, Registers
@@ -88,7 +87,7 @@ _POSITION_MODE: Final = 3
 _WIZARD: Final = "in DYNAMIXEL Wizard; nothing is written into an EEPROM here."
 
 # Addresses of the control table. In one reading there may be no gap.
-_EEPROM: Final = 7  # id, baud, return delay, drive mode, operating mode
+_IDENTITY: Final = 0  # to 11: model (2), 7 ID, 8 baud, 9 return delay, 10 drive mode, 11 mode
 _DRIVE_LIMITS: Final = 32  # the highest voltage, the lowest, the most PWM
 _LIMITS: Final = 48  # the highest position, then the lowest
 _STARTUP: Final = 60
@@ -108,8 +107,9 @@ _STATE: Final = _VELOCITY
 _STATE_END: Final = 147
 
 _DELAY_UNIT: Final = 2e-6  # s
-_REBOOT: Final = 0.5  # s; the manual gives no time
+_REBOOT: Final = 0.3  # s; the manual gives no time
 _REBOOTS: Final = 4  # times that
+_SENDINGS: Final = 4  # of what nobody acknowledges
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,60 +150,41 @@ class DynamixelChain(Chain):
         found, damaged = self._ask(encode(Packet(servo, Instruction.PING)), [servo], 3)
         return servo in found or damaged
 
-    def set_up(self, servo: int) -> None:
-        """Identifies a servo, refuses one that is not fit for use, and limits its speed.
+    def set_up(self, servos: Sequence[int]) -> None:
+        """Identifies servos, refuses one that is not fit for use, and limits their speed.
 
         Raises:
-            DeviceError: It does not answer, is no X servo, is set up for something else or failed.
+            DeviceError: One does not answer, is no X servo, is set up for something else or failed.
         """
-        model = int.from_bytes(self._one(servo, Packet(servo, Instruction.PING), 3)[:2], "little")
-        if model not in MODELS:
-            raise self._unfit(
-                servo, f"is a model {model}, whose registers are not known", "Use an X servo."
+        self._write(_RETURN_LEVEL, servos, 2, 1)
+        identities = self._all(servos, _IDENTITY, 12)
+        limits = self._all(servos, _LIMITS, 8)
+        drives = self._all(servos, _DRIVE_LIMITS, 6)
+        startup = self._all(servos, _STARTUP, 1)
+        for servo in servos:
+            model = _numbers(identities[servo][1:], 2)[0]
+            self._check(servo, model, *identities[servo][11:13], startup=startup[servo][1])
+            highest, lowest = _numbers(limits[servo][1:], 4)
+            most_volts, least_volts, most = _numbers(drives[servo][1:], 2)
+            self._delays[servo] = identities[servo][10] * _DELAY_UNIT
+            self._known[servo] = _Known(
+                most=max(most, 1),
+                unit=0.0 if model in _SAY_NO_CURRENT else _CURRENT_UNITS.get(model, 2.69e-3),
+                limits=(lowest, highest),
+                volts=(least_volts, most_volts),
             )
-        self._line.write(encode(sync_write(_RETURN_LEVEL, {servo: 2}, 1)))
-        _, _, delay, drive, mode = self._bytes(servo, _EEPROM, 5)
-        if mode != _POSITION_MODE:
-            raise self._unfit(
-                servo,
-                f"is in {_MODES.get(mode, f'the unknown operating mode {mode}')} mode, not in "
-                "position mode",
-                f"Set its Operating Mode to 3 {_WIZARD}",
-            )
-        if drive & ~1:  # which only turns it round
-            raise self._unfit(
-                servo,
-                f"has Drive Mode {drive}: a profile by time, or torque that goes on with a goal",
-                f"Set its Drive Mode to 0 or 1 {_WIZARD}",
-            )
-        if self._bytes(servo, _STARTUP, 1)[0]:
-            raise self._unfit(
-                servo,
-                "switches its torque on, or restores its memory, by itself after a reset",
-                f"Set its Startup Configuration to 0 {_WIZARD}",
-            )
-        limits = self._bytes(servo, _LIMITS, 8)
-        highest, lowest = (int.from_bytes(limits[at : at + 4], "little") for at in (0, 4))
-        table = self._bytes(servo, _DRIVE_LIMITS, 6)
-        most_volts, least_volts, most = (
-            int.from_bytes(table[at : at + 2], "little") for at in (0, 2, 4)
-        )
-        self._delays[servo] = delay * _DELAY_UNIT
-        self._known[servo] = _Known(
-            most=max(most, 1),
-            unit=0.0 if model in _SAY_NO_CURRENT else _CURRENT_UNITS.get(model, 2.69e-3),
-            limits=(lowest, highest),
-            volts=(least_volts, most_volts),
-        )
-        (error,), (torque,) = (self._bytes(servo, at, 1) for at in (_HARDWARE_ERROR, _TORQUE))
-        if error and not torque:
-            self._reboot(servo)
-        for address, value, size in (
-            (_WATCHDOG, 0, 1),
-            (_ACCELERATION, 0, 4),
-            (_VELOCITY, TOP_SPEED, 4),
-        ):
-            self._one(servo, write(servo, address, value, size), 0)
+        torque = self._all(servos, _TORQUE, 1)
+        errors = self._all(servos, _HARDWARE_ERROR, 1)
+        off = [servo for servo in servos if errors[servo][1] and not torque[servo][1]]
+        if off:
+            self._reboot(off)
+        for _ in range(_SENDINGS):
+            self._write(_WATCHDOG, servos, 0, 1)
+            self._write(_ACCELERATION, servos, 0, 4)
+            self._write(_VELOCITY, servos, TOP_SPEED, 4)
+            profiles = self._all(servos, _ACCELERATION, 8)
+            if all(_numbers(found[1:], 4) == [0, TOP_SPEED] for found in profiles.values()):
+                break  # else a packet was damaged; if none comes through, its speed tells
 
     def read(self, servos: Sequence[int]) -> dict[int, Registers]:
         """Goal, speed and state of some servos, in two queries for all of them.
@@ -233,7 +214,7 @@ class DynamixelChain(Chain):
         Raises:
             DeviceError: The line failed.
         """
-        self._line.write(encode(sync_write(_TORQUE, dict.fromkeys(servos, int(on)), 1)))
+        self._write(_TORQUE, servos, int(on), 1)
 
     def seconds_for(self, servos: int) -> float:
         """How long reading and sending to so many servos takes, s."""
@@ -269,34 +250,59 @@ class DynamixelChain(Chain):
             ),
         )
 
-    def _reboot(self, servo: int) -> None:
-        self._one(servo, Packet(servo, Instruction.REBOOT), 0)
-        for _ in range(_REBOOTS):
-            self._clock.sleep(_REBOOT)
-            if self.ping(servo):
-                break
-        (again,) = self._bytes(servo, _HARDWARE_ERROR, 1)
-        if again:
+    def _check(self, servo: int, model: int, drive: int, mode: int, *, startup: int) -> None:
+        """Refuses a servo that is not fit for use."""
+        if model not in MODELS:
+            raise self._unfit(
+                servo, f"is a model {model}, whose registers are not known", "Use an X servo."
+            )
+        if mode != _POSITION_MODE:
             raise self._unfit(
                 servo,
-                f"reports {_in_words(again)}, also after a reboot, and has its torque off",
-                "Relieve it, let it cool for 20 minutes and check its supply.",
+                f"is in {_MODES.get(mode, f'the unknown operating mode {mode}')} mode, not in "
+                "position mode",
+                f"Set its Operating Mode to 3 {_WIZARD}",
+            )
+        if drive & ~1:  # which only turns it round
+            raise self._unfit(
+                servo,
+                f"has Drive Mode {drive}: a profile by time, or torque that goes on with a goal",
+                f"Set its Drive Mode to 0 or 1 {_WIZARD}",
+            )
+        if startup:
+            raise self._unfit(
+                servo,
+                "switches its torque on, or restores its memory, by itself after a reset",
+                f"Set its Startup Configuration to 0 {_WIZARD}",
             )
 
-    def _bytes(self, servo: int, address: int, size: int) -> bytes:
-        return self._one(servo, read(servo, address, size), size)
+    def _reboot(self, servos: Sequence[int]) -> None:
+        for servo in servos:
+            self._line.write(encode(Packet(servo, Instruction.REBOOT)))
+        for _ in range(_REBOOTS):
+            self._clock.sleep(_REBOOT)
+            if self.ping(servos[-1]):
+                break
+        for servo, answer in self._all(servos, _HARDWARE_ERROR, 1).items():
+            if answer[1]:
+                raise self._unfit(
+                    servo,
+                    f"reports {_in_words(answer[1])}, also after a reboot, and has its torque off",
+                    "Relieve it, let it cool for 20 minutes and check its supply.",
+                )
 
-    def _one(self, servo: int, packet: Packet, size: int) -> bytes:
-        """What one servo answers, without its error."""
-        return self._accepted(lambda _: packet, [servo], size)[servo][1:]
+    def _write(self, address: int, servos: Sequence[int], value: int, size: int) -> None:
+        """Writes a number into several servos, which none of them acknowledges."""
+        self._line.write(encode(sync_write(address, dict.fromkeys(servos, value), size)))
 
     def _all(self, servos: Sequence[int], address: int, size: int) -> dict[int, bytes]:
-        """What several answer, the error first."""
-        return self._accepted(lambda missing: sync_read(address, size, missing), servos, size)
+        """What servos have at some addresses, the error first."""
 
-    def _accepted(
-        self, question: Callable[[Sequence[int]], Packet], servos: Sequence[int], size: int
-    ) -> dict[int, bytes]:
+        def question(missing: Sequence[int]) -> Packet:
+            if len(missing) == 1:
+                return read(missing[0], address, size)
+            return sync_read(address, size, missing)
+
         answers = self._query(lambda missing: encode(question(missing)), servos, size)
         for servo, answer in answers.items():
             error = answer[0] & ~ALERT
@@ -304,10 +310,17 @@ class DynamixelChain(Chain):
                 said = PacketError(error).name if error in list(PacketError) else f"error {error}"
                 raise self._unfit(
                     servo,
-                    f"refused {question([servo])}: {said.lower().replace('_', ' ')}",
+                    f"does not tell its registers from {address} on: "
+                    f"{said.lower().replace('_', ' ')}",
                     "Check that its firmware is current.",
                 )
         return answers
+
+
+def _numbers(data: bytes, size: int) -> list[int]:
+    """The numbers of ``size`` bytes, low first, that stand one after another; no others."""
+    starts = range(0, len(data) - size + 1, size)
+    return [int.from_bytes(data[at : at + size], "little") for at in starts]
 
 
 def _in_words(error: int) -> str:

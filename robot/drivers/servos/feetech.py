@@ -80,31 +80,34 @@ class FeetechChain(Chain):
         found, damaged = self._ask(_packet(servo, _PING), [servo], 0)
         return servo in found or damaged
 
-    def set_up(self, servo: int) -> None:
-        """Identifies a servo, refuses one that is not fit for use, and marks it.
+    def set_up(self, servos: Sequence[int]) -> None:
+        """Identifies servos, refuses one that is not fit for use, and marks them.
 
         Raises:
-            DeviceTimeoutError: It does not answer.
+            DeviceTimeoutError: One does not answer.
             DeviceDataError: Its answers are damaged, or it is set up for something else.
             DeviceMissingError: The line failed.
         """
-        memory = dict(zip(_SETTINGS, self._one(servo, _SETTINGS), strict=True))
-        mode = memory[_MODE]
-        if mode:
-            what = _MODES[mode] if mode < len(_MODES) else f"unknown ({mode})"
-            raise self._unfit(
-                servo,
-                f"is in {what} mode, register {_MODE}",
-                "Set its mode to 0 (position) with the maker's program; nothing is written into "
-                "its EEPROM here.",
-            )
-        low, high = (memory[at] + 256 * memory[at + 1] for at in (_LIMITS, _LIMITS + 2))
-        self._limits[servo] = (low, high) if high > low else (0, COUNTS[-1])  # none if both are 0
-        self._delays[servo] = 2e-6 * memory[_DELAY]
-        found = self._registers(servo, self._one(servo, _STATE))
-        if found.state.fault and not found.state.driven:
-            self._write(_TORQUE, {servo: b"\0"})  # acknowledges an overload that is over
-        self._write(_ACCELERATION, {servo: bytes((MARK,))})
+        settings = self._all(servos, _SETTINGS)
+        for servo in servos:
+            memory = dict(zip(_SETTINGS, settings[servo], strict=True))
+            mode = memory[_MODE]
+            if mode:
+                what = _MODES[mode] if mode < len(_MODES) else f"unknown ({mode})"
+                raise self._unfit(
+                    servo,
+                    f"is in {what} mode, register {_MODE}",
+                    "Set its mode to 0 (position) with the maker's program; nothing is written "
+                    "into its EEPROM here.",
+                )
+            low, high = (memory[at] + 256 * memory[at + 1] for at in (_LIMITS, _LIMITS + 2))
+            self._limits[servo] = (low, high) if high > low else (0, COUNTS[-1])  # none: both 0
+            self._delays[servo] = 2e-6 * memory[_DELAY]
+        states = {n: found.state for n, found in self.read(servos).items()}
+        off = {n: b"\0" for n, state in states.items() if state.fault and not state.driven}
+        if off:
+            self._write(_TORQUE, off)  # acknowledges an overload that is over
+        self._write(_ACCELERATION, dict.fromkeys(servos, bytes((MARK,))))
         self._clock.sleep(_SETTLED)
 
     def read(self, servos: Sequence[int]) -> dict[int, Registers]:
@@ -179,9 +182,6 @@ class FeetechChain(Chain):
         size = len(next(iter(data.values()), b""))
         values = b"".join(bytes((servo,)) + value for servo, value in data.items())
         self._line.write(_packet(_EVERYBODY, _SYNC_WRITE, bytes((address, size)) + values))
-
-    def _one(self, servo: int, addresses: range) -> bytes:
-        return self._all([servo], addresses)[servo]
 
     def _all(self, servos: Sequence[int], addresses: range) -> dict[int, bytes]:
         """What servos have at some addresses."""

@@ -93,11 +93,11 @@ class Chain(ABC):
         """Whether a servo answers, asked once; also with a damaged answer, as of two at once."""
 
     @abstractmethod
-    def set_up(self, servo: int) -> None:
-        """Identifies a servo, refuses one that is not fit for use, and marks it.
+    def set_up(self, servos: Sequence[int]) -> None:
+        """Identifies servos, refuses one that is not fit for use, and marks them.
 
-        Its torque and its goal stay as they are, and its permanent memory does. A fault that has
-        switched its torque off is acknowledged, as far as that is over.
+        Their torque and goals stay as they are, and their permanent memory does. A fault that has
+        switched a torque off is acknowledged, as far as that is over.
         """
 
     @abstractmethod
