@@ -10,7 +10,7 @@ from typing import Final, TypeAlias
 
 from robot.drivers.links.device_files import open_serial
 from robot.drivers.servos import dynamixel, feetech
-from robot.drivers.servos.answering_servos import Chain
+from robot.drivers.servos.servo_chain import Chain
 from robot.errors import DeviceTimeoutError
 from robot.host.clock import WallClock
 

@@ -235,7 +235,6 @@ class MotorProgramRunner:
 
         A board that was reset keeps the counts that it has now; joints that are limp are held.
         """
-        self._clock.watch()
         self._servos.forget()
         self._revive()
         board = self._board_counts()
@@ -243,6 +242,7 @@ class MotorProgramRunner:
         self._released = False
         if not all(board.values()):
             self._stiffen()
+        self._clock.watch()  # to set devices up may take a while
         self._average(lambda _: check())
         self._verify(check)
 

@@ -23,7 +23,7 @@ STOPPED: Final = "blocked or too weak"
 BLOCKED: Final = "blocked"
 SAGGING: Final = "sagging"
 
-_PUSHES: Final = 0.5  # share of a servo's drive
+_PUSHES: Final = 0.2  # share of a servo's drive; no sound motor takes less than that for it:
 _NO_CURRENT: Final = 0.05  # A
 _STILL: Final = math.radians(1)
 _SAME: Final = math.radians(1.5)  # a stop is always at the same angle, within that

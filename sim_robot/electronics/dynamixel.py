@@ -3,10 +3,10 @@
 Source: ROBOTIS e-Manual, XL330-M288 and DYNAMIXEL Protocol 2.0. Where these are silent the emulator
 assumes, and drivers should not rely on it: a write that touches anything it must not changes
 nothing; after a reset a servo is deaf for 0.3 s, and its goal is where it stands; one that switched
-its torque off answers *result fail* when it is told to switch it on. Not modelled:
-acceleration, gains, homing offset, modes without a goal position, whose motor stands still,
-registered and bulk instructions, and the load at which a servo calls itself overloaded: that is
-injected.
+its torque off answers *result fail* when it is told to switch it on. Not modelled: acceleration,
+gains but that of the position, homing offset, modes without a goal position, whose motor stands
+still, registered and bulk instructions, and the load at which a servo calls itself overloaded: that
+is injected.
 """
 
 from __future__ import annotations

@@ -5,9 +5,9 @@ goal does (torque goes on, a goal beyond the limits is driven to the limit, and 
 what was written) those who measured it. Where these are silent the emulator assumes, and drivers
 should not rely on it: after a reset a servo is deaf for 0.3 s, and its goal is where it stands;
 writing to the torque switch ends an overload; a locked permanent memory takes a write until the
-next reset; packets with a wrong checksum are ignored. Not modelled: speed, acceleration, gains, the
-offset of the position, modes without a goal (the motor stands still), registered writes, and the
-load at which a servo calls itself overloaded: that is injected.
+next reset; packets with a wrong checksum, or broken off by silence, are ignored. Not modelled:
+speed, acceleration, gains, the offset of the position, modes without a goal (the motor stands
+still), registered writes, and the load at which a servo calls itself overloaded: that is injected.
 """
 
 from __future__ import annotations
@@ -44,6 +44,7 @@ _PING, _READ, _WRITE, _SYNC_READ, _SYNC_WRITE = 0x01, 0x02, 0x03, 0x82, 0x83
 _EVERYBODY: Final = 0xFE
 _HEADER: Final = b"\xff\xff"
 _LONGEST: Final = 250
+_BROKEN_OFF: Final = 0.02  # s of silence
 _AT_GOAL: Final = 23  # steps, 2°; a servo further away drives with all it has
 _STALL: Final = 2.4  # A
 _CURRENT_UNIT: Final = 0.0065  # A
@@ -212,13 +213,18 @@ class FeetechEmulator(BusServos[Servo]):
 
     def __init__(self, ids: Iterable[int] = (1,), *, baud: int = BAUDS[0]):
         self._buffer = bytearray()
+        self._heard = 0.0
         super().__init__(map(Servo, ids))
         for servo in self.servos:
             servo.memory[BAUD] = BAUDS.index(baud)
             servo.keep()
 
     def answers(self, data: bytes) -> Iterator[bytes]:
-        """Acts on the packets that are complete."""
+        """Acts on the packets that are complete; one that was broken off is forgotten."""
+        now = self.servos[0].now()
+        if now - self._heard > _BROKEN_OFF:
+            self._buffer.clear()
+        self._heard = now
         self._buffer += data
         for packet in self._packets():
             yield from self._answered(*packet)

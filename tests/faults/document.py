@@ -9,6 +9,7 @@ from sim_robot.faults.fault_panel import KNOWN
 from tests.faults.devices import DEVICES
 from tests.faults.matrix import NETWORK, PROCESSES, Row
 from tests.faults.pi_devices import PI_DEVICES
+from tests.faults.servo_devices import SERVO_DEVICES
 
 CABLE = ("cut", "pulled")  # scenarios that belong to the network
 PAGE = Path(__file__).parents[2] / "docs" / "faults.md"
@@ -17,9 +18,9 @@ HEAD = """\
 # Faults
 
 What the robot does when something fails, what its controller is told, and how it comes back. This
-page is written from the tables that the tests run (`matrix.py`, `devices.py` and `pi_devices.py` in
-`tests/faults`): each row is injected there, in a real `sim-robotd` or `robotd` process, and
-checked. `make faults` writes the page anew.
+page is written from the tables that the tests run (`matrix.py`, `devices.py`, `pi_devices.py` and
+`servo_devices.py` in `tests/faults`): each row is injected there, in a real `sim-robotd` or
+`robotd` process, and checked. `make faults` writes the page anew.
 
 Four rules hold throughout:
 
@@ -45,6 +46,7 @@ Four rules hold throughout:
    which put the board to sleep, woke it, changed PRE_SCALE or MODE2, moved or switched its outputs,
    none went unnoticed that changed a pulse. (Microseconds are true as far as `oscillator_mhz` is:
    [calibration.md](calibration.md).)
+   SERVO_FIGURES
 
 Servos may leap without a command. They go to neutral when an SV203 is reset, and a limp robot that
 is held goes back to where it was, both at the servos' own speed; a PCA9685 that is reset leaves
@@ -108,9 +110,9 @@ def table(rows: Iterable[Row]) -> str:
 def page() -> str:
     """The whole page."""
     parts = [HEAD]
-    parts += [
-        f"\n## {section}\n\n{table(rows)}" for section, rows in {**DEVICES, **PI_DEVICES}.items()
-    ]
+    sections = [*DEVICES.items(), *PI_DEVICES.items()]
+    sections += [item for rows in SERVO_DEVICES.values() for item in rows.items()]
+    parts += [f"\n## {section}\n\n{table(rows)}" for section, rows in sections]
     parts.append(f"\n## Network\n\n{table([*NETWORK, *(PROCESSES[name] for name in CABLE)])}")
     rest = [row for name, row in PROCESSES.items() if name not in CABLE]
     parts.append(f"\n## Processes and computers\n\n{table(rest)}")

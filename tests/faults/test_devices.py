@@ -18,6 +18,7 @@ from sim_robot.faults.control_socket import FaultClient
 from tests.faults.devices import ADAPTER, DEVICES, DISTANCE
 from tests.faults.matrix import DeviceRow
 from tests.faults.pi_devices import PI_DEVICES
+from tests.faults.servo_devices import SERVO_DEVICES
 
 # Rests on three feet, the fourth in the air, and always the same: not every pose is as stable.
 POSE = {"hip_left": -40.0, "hip_front": -25.0, "hip_back": -25.0}
@@ -50,6 +51,7 @@ class Patient:
 MATRIX = {
     "pc104": DEVICES,
     "pi": PI_DEVICES | {section: DEVICES[section] for section in (DISTANCE, ADAPTER)},
+    **SERVO_DEVICES,
 }
 
 

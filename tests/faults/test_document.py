@@ -6,6 +6,7 @@ from sim_robot.faults.fault_panel import KNOWN, FaultSpec
 from tests.faults.devices import DEVICES
 from tests.faults.document import PAGE, page
 from tests.faults.pi_devices import PI_DEVICES
+from tests.faults.servo_devices import SERVO_DEVICES
 
 
 def test_the_page_is_current() -> None:
@@ -13,6 +14,7 @@ def test_the_page_is_current() -> None:
 
 
 def test_every_fault_that_can_be_injected_is_in_the_matrix() -> None:
-    matrix = {**DEVICES, **PI_DEVICES}
-    tested = {FaultSpec.parse(row.injected).name for rows in matrix.values() for row in rows}
+    sets = (DEVICES, PI_DEVICES, *SERVO_DEVICES.values())
+    rows = (row for sections in sets for section in sections.values() for row in section)
+    tested = {FaultSpec.parse(row.injected).name for row in rows}
     assert tested == set(KNOWN)

@@ -9,11 +9,14 @@ set up. An output is the servo's own number (ID) on the bus.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Final, Protocol
+from dataclasses import dataclass, field
+from typing import ClassVar, Final, Self
 
+from robot.drivers.buses import Buses
 from robot.drivers.servos.servo_bus import ServoState, check_counts, check_outputs
+from robot.drivers.servos.servo_chain import Chain, Registers
 from robot.errors import CommandError, DeviceDataError
+from robot.toml_sections import Section
 
 _SENDINGS: Final = 4  # of a packet that nobody acknowledges, until it is given up
 _SUPPLY: Final = (
@@ -22,57 +25,42 @@ _SUPPLY: Final = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class Registers:
-    """What one servo has in its registers: its goal, whether it has the mark, and its state."""
+class AnsweringServoSettings:
+    """The serial line to servos; each family is a subclass.
 
-    goal: int
-    marked: bool
-    state: ServoState
-
-
-class Chain(Protocol):
-    """The servos of one line, in the packets of their family; it repeats queries that failed.
-
-    Every method raises ``DeviceError``, with a sentence that names line and servo.
+    Attributes:
+        bauds: Those that the servos know.
+        usual_baud: Of a table that names none.
+        chain: What speaks to them.
     """
 
-    name: str
-    repeats: int
+    name: ClassVar[str]
+    counts: ClassVar[range]
+    outputs: ClassVar[range]
+    bauds: ClassVar[Sequence[int]]
+    usual_baud: ClassVar[int]
+    chain: ClassVar[type[Chain]]
+    reads_back: ClassVar = True
+    port: str = field(repr=False)  # a re-plugged adapter may have another name
+    baud: int
 
     @property
-    def bytes_written(self) -> int:
-        """Bytes handed to the line, for a clock that must know when emulated servos have them."""
+    def per_update(self) -> int:
+        """All of them."""
+        return len(self.outputs)
 
-    def ping(self, servo: int) -> bool:
-        """Whether a servo answers, asked once; also with a damaged answer, as of two at once."""
+    @classmethod
+    def read(cls, table: Section) -> Self:
+        """``port`` and ``baud``."""
+        return cls(port=table.text("port"), baud=table.one_of("baud", cls.bauds, cls.usual_baud))
 
-    def set_up(self, servo: int) -> None:
-        """Identifies a servo, refuses one that is not fit for use, and marks it.
+    def open(self, buses: Buses) -> AnsweringServos:
+        """Opens the line; a servo is first heard of at its first query."""
+        chain = self.chain(lambda: buses.open_serial(self.port, self.baud), clock=buses.clock)
+        return AnsweringServos(chain, outputs=self.outputs, counts=self.counts)
 
-        Its torque and its goal stay as they are, and its permanent memory does. A fault that has
-        switched its torque off is acknowledged, as far as that is over.
-        """
-
-    def read(self, servos: Sequence[int]) -> dict[int, Registers]:
-        """The registers of some servos, all in one query where the family has such."""
-
-    def send(self, goals: Mapping[int, int]) -> None:
-        """Writes goals, each with the speed to go there; in one packet, which nobody acknowledges.
-
-        Torque may go on by this alone: so it is with some families.
-        """
-
-    def switch(self, servos: Sequence[int], *, on: bool) -> None:
-        """Switches torque, in one packet, which nobody acknowledges."""
-
-    def seconds_for(self, servos: int) -> float:
-        """How long reading and sending to so many servos takes, s."""
-
-    def reopen(self) -> None:
-        """Closes the line and opens it anew."""
-
-    def close(self) -> None:
-        """Closes the line; the servos hold their goals."""
+    def __str__(self) -> str:
+        return f"{self.port}, {self.baud} baud"
 
 
 class AnsweringServos:
@@ -168,9 +156,9 @@ class AnsweringServos:
             DeviceError: A servo does not answer or is not fit for use; or the line failed.
         """
         check_outputs(outputs, self._known)
-        for output in outputs:
-            if output not in self._held:
-                self._chain.set_up(output)
+        fresh = [output for output in outputs if output not in self._held]
+        if fresh:
+            self._chain.set_up(fresh)
         found = self._chain.read(outputs)
         for output, registers in found.items():
             self._refuse_faulty(output, registers)

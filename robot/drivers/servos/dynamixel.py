@@ -18,17 +18,14 @@ Source: ROBOTIS e-Manual, XL430-W250, XL330-M288 and DYNAMIXEL Protocol 2.0.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from types import MappingProxyType
-from typing import ClassVar, Final
+from typing import Final
 
 import serial
 
-from robot.drivers.buses import Buses
-from robot.drivers.links.device_files import readers
-from robot.drivers.links.serial_line import SerialLine
-from robot.drivers.servos.answering_servos import AnsweringServos, Registers
+from robot.drivers.servos.answering_servos import AnsweringServoSettings
 from robot.drivers.servos.dynamixel_packets import (
     ALERT,
     OVERHEAD,
@@ -40,19 +37,17 @@ from robot.drivers.servos.dynamixel_packets import (
     read,
     sync_read,
     sync_write,
-    write,
 )
 from robot.drivers.servos.servo_bus import ServoState
-from robot.errors import DeviceDataError, DeviceError, DeviceTimeoutError
+from robot.drivers.servos.servo_chain import Chain, Registers
 from robot.host.clock import Clock
-from robot.toml_sections import Section
 
 NAME: Final = "DYNAMIXEL"
 BAUDS: Final = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000)
 COUNTS: Final = range(1, 4096)
 """Positions of a turn; 0 means limp here, and is left out."""
 OUTPUTS: Final = range(1, 253)
-"""The ids that a servo can have, and that joints name."""
+"""The IDs that a servo can have, and that joints name."""
 TOP_SPEED: Final = 55
 """The profile velocity: 75°/s."""
 
@@ -92,7 +87,7 @@ _POSITION_MODE: Final = 3
 _WIZARD: Final = "in DYNAMIXEL Wizard; nothing is written into an EEPROM here."
 
 # Addresses of the control table. In one reading there may be no gap.
-_EEPROM: Final = 7  # id, baud, return delay, drive mode, operating mode
+_IDENTITY: Final = 0  # to 11: model (2), 7 ID, 8 baud, 9 return delay, 10 drive mode, 11 mode
 _DRIVE_LIMITS: Final = 32  # the highest voltage, the lowest, the most PWM
 _LIMITS: Final = 48  # the highest position, then the lowest
 _STARTUP: Final = 60
@@ -111,37 +106,10 @@ _TEMPERATURE: Final = 146
 _STATE: Final = _VELOCITY
 _STATE_END: Final = 147
 
-_ATTEMPTS: Final = 3  # of a query; a sound line needs one, and the doctor counts the others
 _DELAY_UNIT: Final = 2e-6  # s
-_USUAL_DELAY: Final = 250
-_REBOOT: Final = 0.5  # s; the manual gives no time
+_REBOOT: Final = 0.3  # s; the manual gives no time
 _REBOOTS: Final = 4  # times that
-
-
-@dataclass(frozen=True, kw_only=True)
-class DynamixelSettings:
-    """The serial line to the servos; their outputs are their ids."""
-
-    name: ClassVar = NAME
-    counts: ClassVar = COUNTS
-    outputs: ClassVar = OUTPUTS
-    per_update: ClassVar = len(OUTPUTS)
-    reads_back: ClassVar = True
-    port: str = field(repr=False)  # a re-plugged adapter may have another name
-    baud: int
-
-    @classmethod
-    def read(cls, table: Section) -> DynamixelSettings:
-        """``port`` and ``baud``."""
-        return cls(port=table.text("port"), baud=table.one_of("baud", BAUDS, 57600))
-
-    def open(self, buses: Buses) -> AnsweringServos:
-        """Opens the line; a servo is first heard of at its first query."""
-        chain = DynamixelChain(lambda: buses.open_serial(self.port, self.baud), clock=buses.clock)
-        return AnsweringServos(chain, outputs=OUTPUTS, counts=COUNTS)
-
-    def __str__(self) -> str:
-        return f"{self.port}, {self.baud} baud"
+_SENDINGS: Final = 4  # of what nobody acknowledges
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,112 +119,72 @@ class _Known:
     Attributes:
         most: The most drive that it gives: its PWM limit.
         unit: Of the current that it tells, A; 0 where it tells none.
-        delay: Before it answers, s.
         limits: The goals that it takes.
         volts: What its supply may give, 0.1 V.
     """
 
     most: int
     unit: float
-    delay: float
     limits: tuple[int, int]
     volts: tuple[int, int]
 
 
-class DynamixelChain:
-    """The servos of one line, as ``AnsweringServos`` uses them.
-
-    Args:
-        open_port: Opens the line, which this object closes.
-        clock: Paces the packets.
-        reply_timeout: Longest wait for an answer, s.
-
-    Attributes:
-        name: What they are called in sentences.
-        repeats: Queries that had to be asked again, because an answer was damaged or did not come.
-    """
+class DynamixelChain(Chain):
+    """The servos of one line, as ``AnsweringServos`` uses them."""
 
     name = NAME
+    overhead = OVERHEAD
 
     def __init__(
         self,
         open_port: Callable[[], serial.Serial],
         *,
         clock: Clock,
-        reply_timeout: float = 0.2,
+        reply_timeout: float = 0.1,
     ):
-        self.repeats = 0
-        self._clock = clock
-        self._decoder = Decoder()
+        super().__init__(open_port, clock=clock, reply_timeout=reply_timeout)
         self._known: dict[int, _Known] = {}
-        self._reply_timeout = reply_timeout
-        self._line = SerialLine(open_port, clock=clock, reply_timeout=reply_timeout)
-
-    @property
-    def bytes_written(self) -> int:
-        """Bytes handed to the line, for a clock that must know when emulated servos have them."""
-        return self._line.bytes_written
 
     def ping(self, servo: int) -> bool:
         """Whether a servo answers, asked once; also with a damaged answer, as of two at once."""
-        found: dict[int, bytes] = {}
-        damaged = self._ask(Packet(servo, Instruction.PING), [servo], 3, found)
-        return damaged or servo in found
+        found, damaged = self._ask(encode(Packet(servo, Instruction.PING)), [servo], 3)
+        return servo in found or damaged
 
-    def set_up(self, servo: int) -> None:
-        """Identifies a servo, refuses one that is not fit for use, and limits its speed.
+    def set_up(self, servos: Sequence[int]) -> None:
+        """Identifies servos, refuses one that is not fit for use, and limits their speed.
 
         Raises:
-            DeviceError: It does not answer, is no X servo, is set up for something else or failed.
+            DeviceError: One does not answer, is no X servo, is set up for something else or failed.
         """
-        model = int.from_bytes(self._one(servo, Packet(servo, Instruction.PING), 3)[:2], "little")
-        if model not in MODELS:
-            raise self._unfit(
-                servo, f"is a model {model}, whose registers are not known", "Use an X servo."
+        self._write(_RETURN_LEVEL, servos, 2, 1)
+        identities = self._all(servos, _IDENTITY, 12)
+        limits = self._all(servos, _LIMITS, 8)
+        drives = self._all(servos, _DRIVE_LIMITS, 6)
+        startup = self._all(servos, _STARTUP, 1)
+        for servo in servos:
+            model = _numbers(identities[servo][1:], 2)[0]
+            self._check(servo, model, *identities[servo][11:13], startup=startup[servo][1])
+            highest, lowest = _numbers(limits[servo][1:], 4)
+            most_volts, least_volts, most = _numbers(drives[servo][1:], 2)
+            self._delays[servo] = identities[servo][10] * _DELAY_UNIT
+            self._known[servo] = _Known(
+                most=max(most, 1),
+                unit=0.0 if model in _SAY_NO_CURRENT else _CURRENT_UNITS.get(model, 2.69e-3),
+                limits=(lowest, highest),
+                volts=(least_volts, most_volts),
             )
-        self._line.write(encode(sync_write(_RETURN_LEVEL, {servo: 2}, 1)))
-        _, _, delay, drive, mode = self._bytes(servo, _EEPROM, 5)
-        if mode != _POSITION_MODE:
-            raise self._unfit(
-                servo,
-                f"is in {_MODES.get(mode, f'the unknown operating mode {mode}')} mode, not in "
-                "position mode",
-                f"Set its Operating Mode to 3 {_WIZARD}",
-            )
-        if drive & ~1:  # which only turns it round
-            raise self._unfit(
-                servo,
-                f"has Drive Mode {drive}: a profile by time, or torque that goes on with a goal",
-                f"Set its Drive Mode to 0 or 1 {_WIZARD}",
-            )
-        if self._bytes(servo, _STARTUP, 1)[0]:
-            raise self._unfit(
-                servo,
-                "switches its torque on, or restores its memory, by itself after a reset",
-                f"Set its Startup Configuration to 0 {_WIZARD}",
-            )
-        limits = self._bytes(servo, _LIMITS, 8)
-        highest, lowest = (int.from_bytes(limits[at : at + 4], "little") for at in (0, 4))
-        table = self._bytes(servo, _DRIVE_LIMITS, 6)
-        most_volts, least_volts, most = (
-            int.from_bytes(table[at : at + 2], "little") for at in (0, 2, 4)
-        )
-        self._known[servo] = _Known(
-            most=max(most, 1),
-            unit=0.0 if model in _SAY_NO_CURRENT else _CURRENT_UNITS.get(model, 2.69e-3),
-            delay=delay * _DELAY_UNIT,
-            limits=(lowest, highest),
-            volts=(least_volts, most_volts),
-        )
-        (error,), (torque,) = (self._bytes(servo, at, 1) for at in (_HARDWARE_ERROR, _TORQUE))
-        if error and not torque:
-            self._reboot(servo)
-        for address, value, size in (
-            (_WATCHDOG, 0, 1),
-            (_ACCELERATION, 0, 4),
-            (_VELOCITY, TOP_SPEED, 4),
-        ):
-            self._one(servo, write(servo, address, value, size), 0)
+        torque = self._all(servos, _TORQUE, 1)
+        errors = self._all(servos, _HARDWARE_ERROR, 1)
+        off = [servo for servo in servos if errors[servo][1] and not torque[servo][1]]
+        if off:
+            self._reboot(off)
+        for _ in range(_SENDINGS):
+            self._write(_WATCHDOG, servos, 0, 1)
+            self._write(_ACCELERATION, servos, 0, 4)
+            self._write(_VELOCITY, servos, TOP_SPEED, 4)
+            profiles = self._all(servos, _ACCELERATION, 8)
+            if all(_numbers(found[1:], 4) == [0, TOP_SPEED] for found in profiles.values()):
+                break  # else a packet was damaged; if none comes through, its speed tells
 
     def read(self, servos: Sequence[int]) -> dict[int, Registers]:
         """Goal, speed and state of some servos, in two queries for all of them.
@@ -286,28 +214,18 @@ class DynamixelChain:
         Raises:
             DeviceError: The line failed.
         """
-        self._line.write(encode(sync_write(_TORQUE, dict.fromkeys(servos, int(on)), 1)))
+        self._write(_TORQUE, servos, int(on), 1)
 
     def seconds_for(self, servos: int) -> float:
         """How long reading and sending to so many servos takes, s."""
         state = 1 + _STATE_END - _STATE
         sent = 3 * len(encode(sync_read(0, 0, ()))) + servos * (1 + 1 + 5)
-        delay = max((known.delay for known in self._known.values()), default=_USUAL_DELAY * 2e-6)
         answers = servos * (2 * OVERHEAD + state)
-        return self._line.seconds_for(sent + answers) + 2 * servos * delay
+        return self._line.seconds_for(sent + answers) + self._delay(2 * servos)
 
-    def reopen(self) -> None:
-        """Closes the line and opens it anew.
-
-        Raises:
-            DeviceMissingError: It cannot be opened.
-        """
-        self._line.close()
-        self._line.open()
-
-    def close(self) -> None:
-        """Closes the line; the servos hold their goals."""
-        self._line.close()
+    def _decoder(self) -> Decoder:
+        """What finds answers."""
+        return Decoder()
 
     def _registers(self, servo: int, state: bytes, torque: int, error: int) -> Registers:
         def number(address: int, size: int) -> int:
@@ -332,101 +250,92 @@ class DynamixelChain:
             ),
         )
 
-    def _reboot(self, servo: int) -> None:
-        self._one(servo, Packet(servo, Instruction.REBOOT), 0)
-        for _ in range(_REBOOTS):
-            self._clock.sleep(_REBOOT)
-            if self.ping(servo):
-                break
-        (again,) = self._bytes(servo, _HARDWARE_ERROR, 1)
-        if again:
+    def _check(self, servo: int, model: int, drive: int, mode: int, *, startup: int) -> None:
+        """Refuses a servo that is not fit for use."""
+        if model not in MODELS:
+            raise self._unfit(
+                servo, f"is a model {model}, whose registers are not known", "Use an X servo."
+            )
+        if mode != _POSITION_MODE:
             raise self._unfit(
                 servo,
-                f"reports {_in_words(again)}, also after a reboot, and has its torque off",
-                "Relieve it, let it cool for 20 minutes and check its supply.",
+                f"is in {_MODES.get(mode, f'the unknown operating mode {mode}')} mode, not in "
+                "position mode",
+                f"Set its Operating Mode to 3 {_WIZARD}",
+            )
+        if drive & ~1:  # which only turns it round
+            raise self._unfit(
+                servo,
+                f"has Drive Mode {drive}: a profile by time, or torque that goes on with a goal",
+                f"Set its Drive Mode to 0 or 1 {_WIZARD}",
+            )
+        if startup:
+            raise self._unfit(
+                servo,
+                "switches its torque on, or restores its memory, by itself after a reset",
+                f"Set its Startup Configuration to 0 {_WIZARD}",
             )
 
-    def _bytes(self, servo: int, address: int, size: int) -> bytes:
-        return self._one(servo, read(servo, address, size), size)
+    def _reboot(self, servos: Sequence[int]) -> None:
+        for servo in servos:
+            self._line.write(encode(Packet(servo, Instruction.REBOOT)))
+        for _ in range(_REBOOTS):
+            self._clock.sleep(_REBOOT)
+            if self.ping(servos[-1]):
+                break
+        for servo, answer in self._all(servos, _HARDWARE_ERROR, 1).items():
+            if answer[1]:
+                raise self._unfit(
+                    servo,
+                    f"reports {_in_words(answer[1])}, also after a reboot, and has its torque off",
+                    "Relieve it, let it cool for 20 minutes and check its supply.",
+                )
 
-    def _one(self, servo: int, packet: Packet, size: int) -> bytes:
-        """What one servo answers, without its error."""
-        return self._query(lambda _: packet, [servo], size)[servo][1:]
+    def _write(self, address: int, servos: Sequence[int], value: int, size: int) -> None:
+        """Writes a number into several servos, which none of them acknowledges."""
+        self._line.write(encode(sync_write(address, dict.fromkeys(servos, value), size)))
 
     def _all(self, servos: Sequence[int], address: int, size: int) -> dict[int, bytes]:
-        return self._query(lambda missing: sync_read(address, size, missing), servos, size)
+        """What servos have at some addresses, the error first."""
 
-    def _query(
-        self, question: Callable[[Sequence[int]], Packet], servos: Iterable[int], size: int
-    ) -> dict[int, bytes]:
-        """Asks, and asks again those whose sound answer did not come; the error comes first."""
-        answers: dict[int, bytes] = {}
-        wanted = list(servos)
-        damaged = False
-        for attempt in range(_ATTEMPTS):
-            missing = [servo for servo in wanted if servo not in answers]
-            if not missing:
-                break
-            self.repeats += attempt > 0
-            damaged = self._ask(question(missing), missing, size, answers)
-        for servo in wanted:
-            if servo not in answers:
-                raise self._unanswered(servo, damaged)
-            error = answers[servo][0] & ~ALERT
-            if error or len(answers[servo]) != 1 + size:
+        def question(missing: Sequence[int]) -> Packet:
+            if len(missing) == 1:
+                return read(missing[0], address, size)
+            return sync_read(address, size, missing)
+
+        answers = self._query(lambda missing: encode(question(missing)), servos, size)
+        for servo, answer in answers.items():
+            error = answer[0] & ~ALERT
+            if error or len(answer) != 1 + size:
                 said = PacketError(error).name if error in list(PacketError) else f"error {error}"
                 raise self._unfit(
                     servo,
-                    f"refused {question([servo])}: {said.lower().replace('_', ' ')}",
+                    f"does not tell its registers from {address} on: "
+                    f"{said.lower().replace('_', ' ')}",
                     "Check that its firmware is current.",
                 )
         return answers
 
-    def _ask(
-        self, packet: Packet, servos: Sequence[int], size: int, answers: dict[int, bytes]
-    ) -> bool:
-        """Asks once; adds the answers that come, and returns whether something else did."""
-        self._line.clear()
-        self._decoder.clear()
-        before = self._decoder.damaged
-        self._line.write(encode(packet))
-        missing = set(servos)
-        most = len(missing) * (OVERHEAD + size)
-        received = 0
-        while missing and not (received >= most and self._decoder.damaged > before):
-            wanted = max(1, len(missing) * (OVERHEAD + size) - self._decoder.pending)
-            data = self._line.read(wanted)
-            received += len(data)
-            for answer in self._decoder.feed(data):
-                status = answer.instruction == Instruction.STATUS
-                if status and answer.id in missing and answer.parameters:
-                    answers[answer.id] = answer.parameters
-                    missing.remove(answer.id)
-                    known = self._known.get(answer.id)
-                    self._clock.charge(known.delay if known else _USUAL_DELAY * _DELAY_UNIT)
-            if len(data) < wanted:
-                break
-        return self._decoder.damaged > before or bool(self._decoder.pending)
 
-    def _unanswered(self, servo: int, damaged: bool) -> DeviceError:
-        who = readers(self._line.port)
-        if damaged:
-            return DeviceDataError(
-                f"What servo {servo} ({self.name}) answers is damaged: two servos have this id, or "
-                "the line is bad.",
-                f"Connect them to {self._line.port} one by one; check cable and ground, and {who}",
-            )
-        return DeviceTimeoutError(
-            f"Servo {servo} ({self.name}) does not answer within {self._reply_timeout:g} s.",
-            "Check its id and baud rate (robotd scan lists who answers), its cable and the "
-            "servos' supply, and " + who,
-        )
-
-    def _unfit(self, servo: int, what: str, advice: str) -> DeviceDataError:
-        return DeviceDataError(f"Servo {servo} ({self.name}) {what}.", advice)
+def _numbers(data: bytes, size: int) -> list[int]:
+    """The numbers of ``size`` bytes, low first, that stand one after another; no others."""
+    starts = range(0, len(data) - size + 1, size)
+    return [int.from_bytes(data[at : at + size], "little") for at in starts]
 
 
 def _in_words(error: int) -> str:
     """A hardware error; empty for none."""
     words = [words for bit, words in _FAULTS.items() if error & bit]
     return " and ".join(words) or (f"the hardware error {error}" if error else "")
+
+
+@dataclass(frozen=True, kw_only=True)
+class DynamixelSettings(AnsweringServoSettings):
+    """The serial line to the servos; their outputs are their IDs."""
+
+    name = NAME
+    counts = COUNTS
+    outputs = OUTPUTS
+    bauds = BAUDS
+    usual_baud = 57600
+    chain = DynamixelChain

@@ -106,7 +106,7 @@ class Decoder:
     """Finds packets in bytes as they come, whatever stands between them.
 
     Attributes:
-        damaged: Packets whose length or CRC was wrong.
+        damaged: Packets whose length or CRC was wrong, since the beginning.
     """
 
     def __init__(self) -> None:
@@ -126,9 +126,19 @@ class Decoder:
             packets += found
         return packets
 
-    def clear(self) -> None:
-        """Forgets a packet that has begun."""
+    def begin(self, question: bytes = b"") -> None:
+        """Forgets what came before a question, which is a packet as any other if it comes back."""
+        del question
         self._buffer.clear()
+        self.damaged = 0
+
+    def take(self, data: bytes) -> list[tuple[int, bytes]]:
+        """The answers that are complete with these bytes: who gives it, error, and data."""
+        return [
+            (packet.id, packet.parameters)
+            for packet in self.feed(data)
+            if packet.instruction == Instruction.STATUS and packet.parameters
+        ]
 
     def _next(self) -> list[Packet] | None:
         """The packet at the front, or none for a damaged one; ``None``: more bytes are needed."""

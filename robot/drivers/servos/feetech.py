@@ -13,20 +13,16 @@ switches the torque on, and is cut to the limits without a word, is reported by 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import ClassVar, Final
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
 
 import serial
 
-from robot.drivers.buses import Buses
-from robot.drivers.links.device_files import readers
-from robot.drivers.links.serial_line import SerialLine
-from robot.drivers.servos.answering_servos import AnsweringServos, Registers
+from robot.drivers.servos.answering_servos import AnsweringServoSettings
 from robot.drivers.servos.servo_bus import ServoState
-from robot.errors import DeviceDataError, DeviceError, DeviceTimeoutError
+from robot.drivers.servos.servo_chain import Chain, Registers
 from robot.host.clock import Clock
-from robot.toml_sections import Section
 
 NAME: Final = "Feetech"
 BAUDS: Final = (1_000_000, 500_000, 250_000, 128_000, 115_200, 76_800, 57_600, 38_400)
@@ -60,99 +56,58 @@ _SETTINGS: Final = range(5, 34)
 _DELAY: Final = 7  # of an answer, in units of 2 µs
 _CURRENT_UNIT: Final = 0.0065  # A
 _MODES: Final = ("position", "wheel (constant speed)", "open loop (PWM)", "step")
-_ATTEMPTS: Final = 3  # of a query; a sound line needs one, and the doctor counts the others
 _SETTLED: Final = 0.002  # s after a write until a reading shows it
 
 
-@dataclass(frozen=True, kw_only=True)
-class FeetechSettings:
-    """The serial line to the servos."""
-
-    name: ClassVar = NAME
-    counts: ClassVar = COUNTS
-    outputs: ClassVar = OUTPUTS
-    per_update: ClassVar = len(OUTPUTS)
-    reads_back: ClassVar = True
-    port: str = field(repr=False)  # a re-plugged adapter may have another name
-    baud: int
-
-    @classmethod
-    def read(cls, table: Section) -> FeetechSettings:
-        """``port`` and ``baud``."""
-        return cls(port=table.text("port"), baud=table.one_of("baud", BAUDS, BAUDS[0]))
-
-    def open(self, buses: Buses) -> AnsweringServos:
-        """Opens the line; a servo is first heard of at its first query."""
-        chain = FeetechChain(lambda: buses.open_serial(self.port, self.baud), clock=buses.clock)
-        return AnsweringServos(chain, outputs=OUTPUTS, counts=COUNTS)
-
-    def __str__(self) -> str:
-        return f"{self.port}, {self.baud} baud"
-
-
-class FeetechChain:
-    """The servos of one line, as ``AnsweringServos`` uses them.
-
-    Args:
-        open_port: Opens the line, which this object closes.
-        clock: Paces the packets.
-        reply_timeout: Longest wait for an answer, s.
-
-    Attributes:
-        name: What they are called in sentences.
-        repeats: Queries that had to be asked again, because an answer was damaged or did not come.
-    """
+class FeetechChain(Chain):
+    """The servos of one line, as ``AnsweringServos`` uses them."""
 
     name = NAME
+    overhead = _OVERHEAD
 
     def __init__(
         self,
         open_port: Callable[[], serial.Serial],
         *,
         clock: Clock,
-        reply_timeout: float = 0.05,
+        reply_timeout: float = 0.1,
     ):
-        self.repeats = 0
-        self._clock = clock
+        super().__init__(open_port, clock=clock, reply_timeout=reply_timeout)
         self._limits: dict[int, tuple[int, int]] = {}
-        self._delay = 0.0  # the longest of the servos', s
-        self._line = SerialLine(open_port, clock=clock, reply_timeout=reply_timeout)
-
-    @property
-    def bytes_written(self) -> int:
-        """Bytes handed to the line, for a clock that must know when emulated servos have them."""
-        return self._line.bytes_written
 
     def ping(self, servo: int) -> bool:
         """Whether a servo answers, asked once; also with a damaged answer, as of two at once."""
-        sound, damaged = self._answers(_packet(servo, _PING), 1, 0)
-        return servo in sound or bool(damaged)
+        found, damaged = self._ask(_packet(servo, _PING), [servo], 0)
+        return servo in found or damaged
 
-    def set_up(self, servo: int) -> None:
-        """Identifies a servo, refuses one that is not fit for use, and marks it.
+    def set_up(self, servos: Sequence[int]) -> None:
+        """Identifies servos, refuses one that is not fit for use, and marks them.
 
         Raises:
-            DeviceTimeoutError: It does not answer.
+            DeviceTimeoutError: One does not answer.
             DeviceDataError: Its answers are damaged, or it is set up for something else.
             DeviceMissingError: The line failed.
         """
-        memory = dict(zip(_SETTINGS, self._one(servo, _SETTINGS), strict=True))
-        mode = memory[_MODE]
-        if mode:
-            what = _MODES[mode] if mode < len(_MODES) else f"unknown ({mode})"
-            raise self._unfit(
-                servo,
-                f"is in {what} mode, register {_MODE}",
-                "Set its mode to 0 (position) with the maker's program; nothing is written into "
-                "its EEPROM here.",
-            )
-        low, high = (memory[at] + 256 * memory[at + 1] for at in (_LIMITS, _LIMITS + 2))
-        self._limits[servo] = (low, high) if high > low else (0, COUNTS[-1])  # none if both are 0
-        self._delay = max(self._delay, 2e-6 * memory[_DELAY])
-        found = self._registers(servo, self._one(servo, _STATE))
-        if found.state.fault and not found.state.driven:
-            self._write(_TORQUE, {servo: b"\0"})  # acknowledges an overload that is over
-        self._write(_ACCELERATION, {servo: bytes((MARK,))})
+        settings = self._all(servos, _SETTINGS)
+        for servo in servos:
+            memory = dict(zip(_SETTINGS, settings[servo], strict=True))
+            mode = memory[_MODE]
+            if mode:
+                what = _MODES[mode] if mode < len(_MODES) else f"unknown ({mode})"
+                raise self._unfit(
+                    servo,
+                    f"is in {what} mode, register {_MODE}",
+                    "Set its mode to 0 (position) with the maker's program; nothing is written "
+                    "into its EEPROM here.",
+                )
+            low, high = (memory[at] + 256 * memory[at + 1] for at in (_LIMITS, _LIMITS + 2))
+            self._limits[servo] = (low, high) if high > low else (0, COUNTS[-1])  # none: both 0
+            self._delays[servo] = 2e-6 * memory[_DELAY]
+        states = {n: found.state for n, found in self.read(servos).items()}
+        off = {n: b"\0" for n, state in states.items() if state.fault and not state.driven}
+        if off:
+            self._write(_TORQUE, off)  # acknowledges an overload that is over
+        self._write(_ACCELERATION, dict.fromkeys(servos, bytes((MARK,))))
         self._clock.sleep(_SETTLED)
 
     def read(self, servos: Sequence[int]) -> dict[int, Registers]:
@@ -163,7 +118,7 @@ class FeetechChain:
             DeviceDataError: What one answers is damaged.
             DeviceMissingError: The line failed.
         """
-        found = self._query(servos, _STATE)
+        found = self._all(servos, _STATE)
         return {servo: self._registers(servo, found[servo]) for servo in servos}
 
     def send(self, goals: Mapping[int, int]) -> None:
@@ -189,20 +144,11 @@ class FeetechChain:
         asked = _OVERHEAD + 2 + servos
         answered = servos * (_OVERHEAD + len(_STATE))
         sent = _OVERHEAD + 2 + 7 * servos
-        return self._line.seconds_for(asked + answered + sent) + servos * self._delay
+        return self._line.seconds_for(asked + answered + sent) + self._delay(servos)
 
-    def reopen(self) -> None:
-        """Closes the line and opens it anew.
-
-        Raises:
-            DeviceMissingError: It cannot be opened.
-        """
-        self._line.close()
-        self._line.open()
-
-    def close(self) -> None:
-        """Closes the line; the servos hold their goals."""
-        self._line.close()
+    def _decoder(self) -> _Answers:
+        """What finds answers."""
+        return _Answers()
 
     def _registers(self, servo: int, data: bytes) -> Registers:
         def number(address: int, sign: int = 15) -> int:
@@ -237,70 +183,17 @@ class FeetechChain:
         values = b"".join(bytes((servo,)) + value for servo, value in data.items())
         self._line.write(_packet(_EVERYBODY, _SYNC_WRITE, bytes((address, size)) + values))
 
-    def _one(self, servo: int, addresses: range) -> bytes:
-        return self._query([servo], addresses)[servo]
-
-    def _query(self, servos: Sequence[int], addresses: range) -> dict[int, bytes]:
-        """Asks, and asks again those whose sound answer did not come."""
-        found: dict[int, bytes] = {}
+    def _all(self, servos: Sequence[int], addresses: range) -> dict[int, bytes]:
+        """What servos have at some addresses."""
         where = bytes((addresses[0], len(addresses)))
-        damaged = False
-        for attempt in range(_ATTEMPTS):
-            missing = [servo for servo in servos if servo not in found]
-            if not missing:
-                return found
-            self.repeats += attempt > 0
+
+        def question(missing: Sequence[int]) -> bytes:
             if len(missing) == 1:
-                packet = _packet(missing[0], _READ, where)
-            else:
-                packet = _packet(_EVERYBODY, _SYNC_READ, where + bytes(missing))
-            answers, raw = self._answers(packet, len(missing), len(addresses))
-            found |= {servo: answers[servo] for servo in missing if servo in answers}
-            damaged = bool(raw)
-        missing = [servo for servo in servos if servo not in found]
-        if missing:
-            raise self._unanswered(missing[0], damaged=damaged)
-        return found
+                return _packet(missing[0], _READ, where)
+            return _packet(_EVERYBODY, _SYNC_READ, where + bytes(missing))
 
-    def _answers(self, packet: bytes, count: int, size: int) -> tuple[dict[int, bytes], bytes]:
-        """Sends a question; the sound answers by servo, and what came besides."""
-        self._line.clear()
-        self._line.write(packet)
-        raw = self._line.read(count * (_OVERHEAD + size))
-        if (echo := raw.find(packet)) >= 0:  # some adapters give back what was sent
-            echoed = echo + len(packet)
-            raw = raw[echoed:] + self._line.read(echoed)
-        self._clock.charge(count * self._delay)
-        answers: dict[int, bytes] = {}
-        rest = b""
-        while raw:
-            servo, data = raw[2:3], raw[5 : 5 + size]
-            whole = raw[: _OVERHEAD + size]
-            if len(whole) == _OVERHEAD + size and whole == _packet(servo[0], whole[4], data):
-                answers[servo[0]] = data
-                raw = raw[len(whole) :]
-            else:
-                rest += raw[:1]
-                raw = raw[1:]
-        return answers, rest
-
-    def _unanswered(self, servo: int, *, damaged: bool) -> DeviceError:
-        who = readers(self._line.port)
-        if damaged:
-            return DeviceDataError(
-                f"What servo {servo} ({self.name}) answers is damaged: two servos have this ID, or "
-                "the line is bad.",
-                f"Connect them one by one to {self._line.port}; check the cable and the ground, "
-                f"and {who}",
-            )
-        return DeviceTimeoutError(
-            f"Servo {servo} ({self.name}) does not answer.",
-            "Check its ID and baud rate (robotd scan lists who answers), its plug and the servos' "
-            f"supply, and {who}",
-        )
-
-    def _unfit(self, servo: int, what: str, advice: str) -> DeviceDataError:
-        return DeviceDataError(f"Servo {servo} ({self.name}) {what}.", advice)
+        answers = self._query(question, servos, len(addresses))
+        return {servo: answer[1:] for servo, answer in answers.items()}
 
 
 def _packet(servo: int, instruction: int, parameters: bytes = b"") -> bytes:
@@ -309,5 +202,61 @@ def _packet(servo: int, instruction: int, parameters: bytes = b"") -> bytes:
     return _HEADER + body + bytes((~sum(body) & 0xFF,))
 
 
+class _Answers:
+    """Finds answers in bytes as they come; ``damaged`` counts those with a wrong checksum."""
+
+    def __init__(self) -> None:
+        self.damaged = 0
+        self._raw = bytearray()
+        self._question = b""
+
+    @property
+    def pending(self) -> int:
+        """Bytes that may be the beginning of an answer."""
+        return len(self._raw)
+
+    def begin(self, question: bytes) -> None:
+        """Forgets what came before a question, which some adapters give back."""
+        self._raw.clear()
+        self._question = question
+        self.damaged = 0
+
+    def take(self, data: bytes) -> list[tuple[int, bytes]]:
+        """The answers that are complete with these bytes: who gives it, error, and data."""
+        self._raw += data
+        return [
+            (whole[2], whole[4:-1])
+            for whole in self._packets()
+            if whole != self._question and whole[2] != _EVERYBODY
+        ]
+
+    def _packets(self) -> Iterator[bytes]:
+        raw = self._raw
+        while len(raw) >= _OVERHEAD:
+            end = raw[3] + 4
+            if not raw.startswith(_HEADER) or end < _OVERHEAD:
+                del raw[:1]
+            elif len(raw) < end:
+                return
+            elif ~sum(raw[2 : end - 1]) & 0xFF != raw[end - 1]:
+                self.damaged += 1
+                del raw[:1]
+            else:
+                yield bytes(raw[:end])
+                del raw[:end]
+
+
 def _low_first(value: int) -> bytes:
     return value.to_bytes(2, "little")
+
+
+@dataclass(frozen=True, kw_only=True)
+class FeetechSettings(AnsweringServoSettings):
+    """The serial line to the servos; their outputs are their IDs."""
+
+    name = NAME
+    counts = COUNTS
+    outputs = OUTPUTS
+    bauds = BAUDS
+    usual_baud = BAUDS[0]
+    chain = FeetechChain

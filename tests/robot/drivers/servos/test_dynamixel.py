@@ -116,7 +116,7 @@ def test_a_servo_that_restarts_in_mid_motion_gets_nothing(
         driven.set_counts({number: 2010})
     assert f"Servo {number}" in str(failed.value)
     clock.sleep(1.0)
-    with pytest.raises(DeviceDataError, match="was not read"):
+    with pytest.raises(DeviceDataError, match=r"was not read|restarted"):
         driven.verify({number: 2000})
     assert bus.pulses()[index] == LIMP
     driven.forget()
@@ -209,9 +209,9 @@ def other_baud(bus: DynamixelEmulator) -> None:
         (wrong_mode, DeviceDataError, r"is in velocity \(wheel\) mode.* Operating Mode to 3"),
         (torque_by_goal, DeviceDataError, "has Drive Mode 8: .*torque that goes on with a goal"),
         (unknown_model, DeviceDataError, "is a model 2020, whose registers are not known"),
-        (silent, DeviceTimeoutError, "does not answer within 0.2 s.*robotd scan"),
-        (other_baud, DeviceTimeoutError, "does not answer within 0.2 s.* baud rate"),
-        (twin, DeviceDataError, "is damaged: two servos have this id, or the line is bad"),
+        (silent, DeviceTimeoutError, "does not answer.*robotd scan"),
+        (other_baud, DeviceTimeoutError, "does not answer.* baud rate"),
+        (twin, DeviceDataError, "is damaged: two servos have this ID, or the line is bad"),
     ],
 )
 def test_a_servo_that_is_not_fit_for_use_is_refused_in_a_sentence(

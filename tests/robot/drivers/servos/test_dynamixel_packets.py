@@ -103,7 +103,7 @@ def test_what_was_begun_can_be_forgotten() -> None:
     decoder = Decoder()
     ping = encode(Packet(1, Instruction.PING))
     decoder.feed(ping[:7])
-    decoder.clear()
+    decoder.begin()
     assert decoder.feed(ping[7:]) == []
     assert decoder.feed(ping) == [Packet(1, Instruction.PING)]
 
