@@ -22,13 +22,14 @@ from estimator.evaluation.truth.urdf import Urdf, read_urdf
 from estimator.evaluation.validate import Validation
 from estimator.readings.modalities import MODALITIES
 from estimator.report.result import Result, in_words
-from estimator.report.tables import NOT_IDENTIFIABLE, mm, number, plain_table
+from estimator.report.tables import mm, number, plain_table
 from protocol.system.files import replace_text
 
 SCORE: Final = "score.json"
 TRUTH: Final = "truth.urdf"
 VALIDATION: Final = "validation.json"
 
+_NOT_IDENTIFIABLE: Final = Text("not identifiable", style="dim")
 _FORK: Final = 0.2  # degrees of path margin; docs/accuracy.md shows what happens below
 
 _Document = TypeVar("_Document", bound=BaseModel)
@@ -154,7 +155,7 @@ def _print_configurations(console: Console, score: Score) -> None:
         table.add_row(
             part,
             *(
-                _marked(cells[trait]) if trait in cells else NOT_IDENTIFIABLE
+                _marked(cells[trait]) if trait in cells else _NOT_IDENTIFIABLE
                 for trait in ("parent", "mount", "hinge")
             ),
         )

@@ -80,3 +80,20 @@ def test_the_readme_is_short_and_its_make_targets_and_links_exist() -> None:
         subprocess.run(["make", "-n", target], cwd=ROOT, check=True, capture_output=True)
     for link in re.findall(r"\]\(([^)#]+)[^)]*\)", README):
         assert (ROOT / link).exists(), link
+
+
+def test_what_the_readme_says_is_printed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With all the effort of a user's run; figures may differ from machine to machine."""
+    monkeypatch.chdir(tmp_path)
+    start, identify, *_ = "".join(blocks(README, "sh")).splitlines()
+    with simulator(*start.split()[3:-1]) as robot:
+        words = identify.replace("tcp://127.0.0.1:5750", robot.uri).split()[1:]
+        ended = CliRunner().invoke(app, [*words, "--jobs", "2"], env={"COLUMNS": "200"})
+        printed = ended.stdout.replace(robot.uri, "tcp://127.0.0.1:5750")
+    (shown,) = blocks(README, "text")
+    wanted = shown.rstrip().removesuffix("…").rstrip()
+    skeletons = [
+        re.sub(r"[ \d.>]+", " ", re.sub(r" +$", "", text, flags=re.MULTILINE)).strip()
+        for text in (printed, wanted)
+    ]
+    assert skeletons[0].startswith(skeletons[1])
