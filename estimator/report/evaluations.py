@@ -29,6 +29,7 @@ SCORE: Final = "score.json"
 TRUTH: Final = "truth.urdf"
 VALIDATION: Final = "validation.json"
 
+_FEW_WRONG: Final = 0.2  # of programs: those near a fork are as many, of right bodies, at most
 _NOT_IDENTIFIABLE: Final = Text("not identifiable", style="dim")
 _FORK: Final = 0.2  # degrees of path margin; docs/accuracy.md shows what happens below
 
@@ -170,7 +171,18 @@ def _marked(cell: Configuration) -> Text:
 
 
 def print_validation(console: Console, validation: Validation) -> None:
-    """Prediction errors beside those of models that know nothing."""
+    """Whether the best model predicts the robot; its errors beside those of knowing nothing."""
+    right, wrong = validation.as_predicted, validation.programs - validation.as_predicted
+    said = f"{right} of {validation.programs} read as predicted, to 1.5° and 5 mm"
+    if wrong <= _FEW_WRONG * validation.programs:
+        verdict, style = f"This body predicts the robot: {said}.", "bold green"
+    elif right >= wrong:
+        verdict, style = f"This body predicts the robot in part: {said}.", "bold yellow"
+    else:
+        verdict, style = f"This body does not predict the robot: {said}.", "bold red"
+    if 0 < wrong <= right:
+        verdict += " Where a body stands near a fork, a trifle decides how it falls."
+    console.print(Text(verdict, style=style))
     table = plain_table("models", *(modality.heading for modality in MODALITIES.values()))
     for name, errors in validation.groups:
         shown = (modality.shown(errors[modality.error_name]) for modality in MODALITIES.values())

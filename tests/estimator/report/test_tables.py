@@ -13,7 +13,8 @@ from rich.console import Console
 
 from estimator.evaluation.attachments import Configuration
 from estimator.evaluation.score import Score
-from estimator.report.evaluations import print_score
+from estimator.evaluation.validate import Validation
+from estimator.report.evaluations import print_score, print_validation
 from estimator.report.outcome import print_result
 from estimator.report.page.run_page import PageSources, run_page
 from estimator.report.posterior_report import sums_of_lengths
@@ -429,3 +430,24 @@ def test_a_result_shows_how_parts_hang_together_where_that_was_to_be_found(tmp_p
     assert "sits on" not in texts[0]
     lines = [line for line in texts[1].splitlines() if line.startswith("back ")]
     assert lines[0].split()[:5] == ["back", "right", "front", "up", "100.0"]
+
+
+@pytest.mark.parametrize(
+    ("right", "said"),
+    [(9, "predicts the robot: 9 of 10"), (6, "in part: 6 of 10"), (1, "does not predict")],
+)
+def test_a_validation_begins_with_a_verdict(right: int, said: str) -> None:
+    errors = {"touch": 0.1, "tilt_deg": 1.0, "clearance_mm": 2.0}
+    validation = Validation(
+        programs=10,
+        best_model=errors,
+        population_median=errors,
+        random_models=errors,
+        invalid_predictions=0,
+        as_predicted=right,
+    )
+    text = io.StringIO()
+    print_validation(Console(file=text, width=200), validation)
+    first, *_ = text.getvalue().splitlines()
+    assert first.startswith("This body ")
+    assert said in first
