@@ -13,7 +13,7 @@ from rich.console import Console
 
 from estimator.evaluation.attachments import Configuration
 from estimator.evaluation.score import Score
-from estimator.evaluation.validate import Validation
+from estimator.evaluation.validate import PredictionErrors, Validation
 from estimator.report.evaluations import print_score, print_validation
 from estimator.report.outcome import print_result
 from estimator.report.page.run_page import PageSources, run_page
@@ -437,7 +437,7 @@ def test_a_result_shows_how_parts_hang_together_where_that_was_to_be_found(tmp_p
     [(9, "predicts the robot: 9 of 10"), (6, "in part: 6 of 10"), (1, "does not predict")],
 )
 def test_a_validation_begins_with_a_verdict(right: int, said: str) -> None:
-    errors = {"touch": 0.1, "tilt_deg": 1.0, "clearance_mm": 2.0}
+    errors: PredictionErrors = {"touch": 0.1, "tilt_deg": 1.0, "clearance_mm": 2.0}
     validation = Validation(
         programs=10,
         best_model=errors,
