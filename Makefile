@@ -7,7 +7,7 @@ READY := $(VENV)/.installed
 COMPILED := $(VENV)/.compiled
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test test-newest wheel check format bench compare-engines reproduce parametric power ablations self-calibration soak three screenshots latency leaps calibration faults fuzz clean
+.PHONY: help install demo test test-newest wheel check format bench compare-engines reproduce parametric power ablations self-calibration soak three screenshots latency leaps calibration exports faults fuzz clean
 
 help: ## List the targets
 	@awk -F':.*## ' '/^[a-z-]+:.*## / {printf "  make %-16s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -126,6 +126,9 @@ leaps: $(READY) ## A thousand faults in mid-motion, and a thousand on damaged li
 
 calibration: $(READY) ## Wrong electronics of both kinds, ten seeds each, put right by a simulated person
 	ALL_SEEDS=1 $(BIN)/python -m pytest -q tests/sim_robot/simulator/test_calibrate.py
+
+exports: $(READY) ## Exported bodies of all robots that ship, at rest for 20 s in MuJoCo and PyBullet
+	ALL_BODIES=1 $(BIN)/python -m pytest -q tests/docs/test_export.py
 
 faults: $(READY) ## Write docs/faults.md from the fault matrix
 	$(BIN)/python -m tests.faults.document
