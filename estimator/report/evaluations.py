@@ -29,7 +29,7 @@ SCORE: Final = "score.json"
 TRUTH: Final = "truth.urdf"
 VALIDATION: Final = "validation.json"
 
-_FORK: Final = 0.2  # degrees of path margin; docs/reproduction.md shows what happens below
+_FORK: Final = 0.2  # degrees of path margin; docs/accuracy.md shows what happens below
 
 _Document = TypeVar("_Document", bound=BaseModel)
 

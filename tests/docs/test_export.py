@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -23,10 +22,9 @@ from robot.service.daemon import describe
 from sim_robot.simulator.pc104_set import configure
 from sim_robot.world.body import load_body, shipped_bodies
 from sim_robot.world.sensor_noise import NoiseLevels
+from tests.docs.pages import blocks, page
 
-ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "export.md").read_text(encoding="utf-8")
-IN_PYBULLET, WALK = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+IN_PYBULLET, WALK = blocks(page("export"), "python")
 PROBLEMS = {
     "quadruped": "topological-24",
     "tripod": "tripod",
