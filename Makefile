@@ -121,7 +121,7 @@ fuzz: $(READY) ## Two million frames through codec and server core; about seven 
 leaps: $(READY) ## A thousand faults in mid-motion, and a thousand on damaged lines; some minutes
 	$(BIN)/python -m tests.faults.leaps
 
-calibration: $(READY) ## Wrong electronics of both kinds, ten seeds each, put right by a simulated person
+calibration: $(READY) ## Wrong electronics of every kind, ten seeds each, put right by a simulated person
 	ALL_SEEDS=1 $(BIN)/python -m pytest -q tests/sim_robot/simulator/test_calibrate.py
 
 exports: $(READY) ## Exported bodies of all robots that ship, at rest for 20 s in MuJoCo and PyBullet

@@ -11,6 +11,7 @@ is injected.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -210,11 +211,9 @@ class Servo(BusServo):
         now = self.now()
         self.look()
         if self["torque"] and self["mode"] == POSITION_MODE:
-            way = self["goal"] - self._trajectory
-            reach = self["profile_velocity"] * _STEPS_PER_UNIT_SECOND * (now - self._looked)
-            if self["profile_velocity"] and abs(way) > reach:
-                way = reach if way > 0 else -reach
-            self._trajectory += way
+            goal, speed = self["goal"], self["profile_velocity"] * _STEPS_PER_UNIT_SECOND
+            reach = speed * (now - self._looked) if speed else math.inf
+            self._trajectory = min(max(goal, self._trajectory - reach), self._trajectory + reach)
         self._looked = now
         return self._drives(self._trajectory) if self["torque"] else LIMP
 

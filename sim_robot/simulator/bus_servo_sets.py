@@ -35,6 +35,7 @@ class BusServoSet(PiSensors):
     """
 
     name: ClassVar[str]
+    lag = 0.05  # they have a top speed of their own
 
     def __init__(self, body: Body) -> None:
         super().__init__(body)

@@ -16,7 +16,7 @@ from robot.control.controller import Controller
 from robot.drivers.buses import Buses
 from robot.service.daemon import HOUSEKEEPING, build_controller
 from robot.service.devices import Devices, open_devices
-from sim_robot.electronics.clock import TICK, HostClock, RealTimeClock, VirtualClock
+from sim_robot.electronics.clock import HostClock, RealTimeClock, VirtualClock
 from sim_robot.electronics.servos import Servos
 from sim_robot.faults.fault_panel import FaultPanel
 from sim_robot.simulator.bus_servo_sets import DynamixelSet, FeetechSet
@@ -86,7 +86,7 @@ class SimulatedOperator:
     def attend(self) -> None:
         """Called at each interaction, once the joints are at zero."""
         parts = self._parts
-        parts.clock.sleep(TICK)  # the world catches up
+        parts.clock.sleep(parts.electronics.lag)  # the world catches up
         parts.panel.begin_interaction()
         parts.electronics.begin_interaction()
         parts.noise.begin(self._observed() + 1)

@@ -18,6 +18,7 @@ from robot.drivers.servos.servo_bus import ServoBus, ServoSettings
 from robot.host.clock import Clock
 from robot.sensing.samples import RestCriterion
 from robot.sensing.sensors import BellySensor, TouchPoint
+from sim_robot.electronics.clock import TICK
 from sim_robot.electronics.fault_switch import FaultSwitch
 from sim_robot.electronics.servos import Felt
 from sim_robot.simulator.wiring import Wiring
@@ -51,9 +52,11 @@ class ElectronicsSet(ABC):
 
     Attributes:
         summary: Its boards, for the command line's help.
+        lag: Until a servo drives to where it was last sent, in small steps, s.
     """
 
     summary: ClassVar[str]
+    lag: ClassVar[float] = TICK
 
     def __init__(self, body: Body) -> None:
         self._body = body

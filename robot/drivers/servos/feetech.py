@@ -70,7 +70,7 @@ class FeetechChain(Chain):
         open_port: Callable[[], serial.Serial],
         *,
         clock: Clock,
-        reply_timeout: float = 0.1,
+        reply_timeout: float = 0.2,
     ):
         super().__init__(open_port, clock=clock, reply_timeout=reply_timeout)
         self._limits: dict[int, tuple[int, int]] = {}

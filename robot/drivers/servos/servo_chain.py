@@ -75,7 +75,7 @@ class Chain(ABC):
         open_port: Callable[[], serial.Serial],
         *,
         clock: Clock,
-        reply_timeout: float = 0.1,
+        reply_timeout: float = 0.2,
     ):
         self.repeats = 0
         self._clock = clock
