@@ -209,11 +209,17 @@ def _warnings(legs: Sequence[LegResult], observations: Sequence[Observation]) ->
         for leg in legs
         if leg.touched is False
     ]
-    unsettled = [str(number) for number, item in enumerate(observations, 1) if not item.settled]
+    unsettled = [
+        str(number)
+        for number, item in enumerate(observations, 1)
+        if not item.settled and item.tilt is not None
+    ]
     if unsettled:
         warnings.append(
             f"The robot was not at rest when interaction {', '.join(unsettled)} was read."
         )
+    elif not all(item.settled for item in observations):
+        warnings.append("The robot cannot tell whether it was at rest: it has no accelerometer.")
     at_end = sorted({name for item in observations for name in item.saturated_joints})
     if at_end:
         warnings.append(f"At the end of what they can reach stood, at times: {', '.join(at_end)}.")

@@ -112,12 +112,14 @@ def assemble(
 def describe(config: RobotConfig) -> Capabilities:
     """What ``hello`` tells about a robot; the server adds where it publishes telemetry."""
     rate = config.settling.rate
-    sensors = [
-        Sensor(modality="tilt", unit="rad", count=2, noise=config.noise.tilt, rate=rate),
-    ]
+    sensors = []
     if config.touch:
-        sensors.insert(
-            0, Sensor(modality="touch", unit="bool", count=len(config.touch), noise=0.0, rate=rate)
+        sensors.append(
+            Sensor(modality="touch", unit="bool", count=len(config.touch), noise=0.0, rate=rate)
+        )
+    if config.accelerometer is not None:
+        sensors.append(
+            Sensor(modality="tilt", unit="rad", count=2, noise=config.noise.tilt, rate=rate)
         )
     if config.distance is not None:
         sensors.append(
