@@ -26,6 +26,7 @@ from sim_robot.electronics.ads1115 import ADS1115Emulator
 from sim_robot.electronics.clock import HostClock
 from sim_robot.electronics.dmm32 import DMM32Emulator
 from sim_robot.electronics.fault_switch import FaultSwitch
+from sim_robot.electronics.gpio import GPIOEmulator
 from sim_robot.electronics.i2c_bus import I2CBus
 from sim_robot.electronics.mpu6050 import MPU6050Emulator
 from sim_robot.electronics.pca9685 import PCA9685Emulator
@@ -44,6 +45,7 @@ DEVICES: Final[Mapping[str, type[FaultSwitch]]] = MappingProxyType(
         "accelerometer": MPU6050Emulator,
         "distance": VL6180XEmulator,
         "i2c": I2CBus,
+        "gpio": GPIOEmulator,
         "clock": HostClock,
     }
 )

@@ -47,9 +47,11 @@ class ElectronicsSet(ABC):
 
     Attributes:
         summary: Its boards, for the command line's help.
+        notes: What of it a person should know, a sentence each.
     """
 
     summary: ClassVar[str]
+    notes: Sequence[str] = ()
 
     def __init__(self, body: Body) -> None:
         self._body = body

@@ -8,7 +8,7 @@ from pathlib import Path
 from sim_robot.faults.fault_panel import KNOWN
 from tests.faults.devices import DEVICES
 from tests.faults.matrix import NETWORK, PROCESSES, Row
-from tests.faults.pi_devices import PI_DEVICES
+from tests.faults.pi_devices import GPIO_DEVICES, PI_DEVICES
 
 CABLE = ("cut", "pulled")  # scenarios that belong to the network
 PAGE = Path(__file__).parents[2] / "docs" / "faults.md"
@@ -71,6 +71,7 @@ GRAMMAR = """
 
     sim-robotd --fault daq.stuck_channel=3@2i+10s
     sim-robotd --electronics pi --fault pwm.reset@4i
+    sim-robotd --config robot.toml --fault gpio.broken=22
     sim-robotd --control ipc:///tmp/faults
     python -m sim_robot.faults.control_socket ipc:///tmp/faults inject servo_board.unplugged
     python -m sim_robot.faults.control_socket ipc:///tmp/faults mend
@@ -109,7 +110,8 @@ def page() -> str:
     """The whole page."""
     parts = [HEAD]
     parts += [
-        f"\n## {section}\n\n{table(rows)}" for section, rows in {**DEVICES, **PI_DEVICES}.items()
+        f"\n## {section}\n\n{table(rows)}"
+        for section, rows in {**DEVICES, **PI_DEVICES, **GPIO_DEVICES}.items()
     ]
     parts.append(f"\n## Network\n\n{table([*NETWORK, *(PROCESSES[name] for name in CABLE)])}")
     rest = [row for name, row in PROCESSES.items() if name not in CABLE]
