@@ -14,7 +14,7 @@ slewing: what depends on momentum it cannot know, and ``path_margins`` says how 
   of its height, so this one figure takes in the smallest margin of support along the path, the
   energy barriers around the final pose and forks on the way down.
 
-Agreement with simulation, and what it depends on, is in ``docs/statics.md``.
+Agreement with simulation, and what it depends on, is in ``docs/how-it-works.md``.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ from robot.cli.command_line import COMMANDS
 from robot.cli.run import add_arguments
 
 UNIT = resources.files("robot").joinpath("systemd/robotd.service").read_text(encoding="utf-8")
-GUIDE = (Path(__file__).parents[3] / "docs" / "install.md").read_text(encoding="utf-8")
+GUIDE = (Path(__file__).parents[3] / "docs" / "your-robot.md").read_text(encoding="utf-8")
 SETTINGS: list[tuple[str, str]] = re.findall(r"^(\w+)=(.*)$", UNIT, flags=re.MULTILINE)
 
 
