@@ -309,6 +309,7 @@ def _telemetry(client: RobotClient, keys: Path | None) -> ExaminedItem:
 
 
 _TOO_MANY: Final = 1.5  # times the movements that a problem makes
+_MORE: Final = 0.1  # bits, worth saying
 _UNFORESEEN: Final = 0.1  # share of movements after which no model knows how it lies
 _SENSORS: Final = {
     "touch": "touch sensors",
@@ -435,7 +436,7 @@ def _not_identifiable(foreseen: Prospects, has: Sequence[str]) -> Iterator[Exami
             "unknowns",
             Fitness.NOTE,
             f"By {_words(has)} a body feels like itself turned by a quarter or a half, or "
-            "mirrored: on which side a part sits is found up to that.",
+            "mirrored: sides, and which way parts swing sideways, are found up to that.",
         )
     if not foreseen.never and foreseen.turned < NEVER:
         yield ExaminedItem("unknowns", Fitness.FINE, "Each shows in some reading of some bodies.")
@@ -443,10 +444,13 @@ def _not_identifiable(foreseen: Prospects, has: Sequence[str]) -> Iterator[Exami
 
 def _with(missing: str, richer: Prospects, foreseen: Prospects) -> ExaminedItem:
     """What a sensor that the robot lacks would tell."""
-    sentence = f"With {_SENSORS[missing]} a movement would tell {richer.movement_bits:.1f} bits"
+    more = richer.movement_bits - foreseen.movement_bits
+    sentence = f"With {_SENSORS[missing]} a movement would tell " + (
+        f"{richer.movement_bits:.1f} bits" if more > _MORE else "hardly more"
+    )
     shown = [name for name in foreseen.never if name not in richer.never]
     if foreseen.turned >= NEVER > richer.turned:
-        shown.append("on which side parts sit")
+        shown.append("sides, and which way parts swing sideways")
     return ExaminedItem(
         "sensors",
         Fitness.NOTE,

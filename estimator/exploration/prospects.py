@@ -218,8 +218,6 @@ def _turned(
     modalities: Sequence[str],
 ) -> float:
     """Share of bodies that read like an image of theirs that the problem allows as well."""
-    if all(part.mount is not None for part in problem.parts):
-        return 0.0
     alike = 0
     for body in bodies:
         others = [

@@ -60,6 +60,7 @@ def summarise(store: RunStore) -> Result:
         complete=store.complete,
         method=settings.method,
         problem=problem.name,
+        problem_asked=settings.problem,
         searched=tuple(gene.name for gene in store.genome.genes),
         physics=settings.physics,
         reference=settings.reference,
@@ -212,7 +213,7 @@ def _warnings(legs: Sequence[LegResult], observations: Sequence[Observation]) ->
     unsettled = [
         str(number)
         for number, item in enumerate(observations, 1)
-        if not item.settled and item.tilt is not None
+        if not item.settled and item.tilt != (None, None)
     ]
     if unsettled:
         warnings.append(

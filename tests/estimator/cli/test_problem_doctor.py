@@ -66,7 +66,7 @@ def test_what_a_missing_sensor_would_tell_is_said() -> None:
     items = examined("topological", modalities=("touch", "clearance"))
     assert "turned by a quarter or a half, or mirrored" in said(items, "unknowns")
     assert "With an accelerometer a movement would tell" in said(items, "sensors")
-    assert "show what nothing shows now: on which side parts sit." in said(items, "sensors")
+    assert "show what nothing shows now: sides, and which way" in said(items, "sensors")
     assert "With a distance sensor" not in said(items, "sensors")
 
 

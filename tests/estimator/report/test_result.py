@@ -4,6 +4,7 @@ from pathlib import Path
 import pytest
 
 from estimator.readings.observation import Observation
+from estimator.report.outcome import next_steps
 from estimator.report.result import Result
 from estimator.report.run_files import write_report
 from estimator.report.summarise import summarise
@@ -71,7 +72,11 @@ def test_doubtful_interactions_are_warned_about(tmp_path: Path) -> None:
         store.observe(
             1,
             Observation(
-                angles=(0.0,) * 4, touch=(True,) * 4, settled=False, saturated_joints=("left",)
+                angles=(0.0,) * 4,
+                touch=(True,) * 4,
+                tilt=(0.0, 0.0),
+                settled=False,
+                saturated_joints=("left",),
             ),
         )
         warnings = summarise(store).warnings
@@ -79,6 +84,24 @@ def test_doubtful_interactions_are_warned_about(tmp_path: Path) -> None:
         "The robot was not at rest when interaction 2 was read.",
         "At the end of what they can reach stood, at times: left.",
     )
+
+
+def test_without_an_accelerometer_nobody_says_that_the_robot_moved(tmp_path: Path) -> None:
+    store = make_run(tmp_path, (0.17, 0.15, 0.18, 0.16))
+    with store:
+        store.plan(1, (0.0,) * 4)
+        store.observe(1, Observation(angles=(0.0,) * 4, touch=(True,) * 4, settled=False))
+        (warning,) = summarise(store).warnings
+    assert warning == "The robot cannot tell whether it was at rest: it has no accelerometer."
+
+
+def test_to_go_on_the_problem_is_named_as_it_was(tmp_path: Path) -> None:
+    with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3, hinge=2.5 / 6) as run:
+        result = summarise(run)
+        assert result.problem_asked == run.settings.problem
+    asked = result.model_copy(update={"complete": True, "problem_asked": "mine/arm.toml"})
+    (again,) = [step for step in next_steps(asked, tmp_path) if "identify" in step]
+    assert "--problem mine/arm.toml --interactions" in again
 
 
 def test_before_the_first_generation_there_is_a_result_without_models(tmp_path: Path) -> None:
