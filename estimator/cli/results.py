@@ -18,7 +18,7 @@ from estimator.errors import EstimatorError, RunDirectoryError
 from estimator.posterior.fitted import FittedPosterior
 from estimator.report.canvas import as_png
 from estimator.report.comparison import ComparedRun, comparison_picture, joints_of
-from estimator.report.export.formats import BODY_FORMATS, BodyFormat, in_words_of
+from estimator.report.export.formats import BODY_FORMATS, BodyFormat, Exported, in_words_of
 from estimator.report.formats import FORMATS
 from estimator.report.outcome import print_result
 from estimator.report.page.run_page import PageSources, run_page
@@ -183,24 +183,32 @@ def _print_lengths(runs: list[ComparedRun]) -> None:
 
 def export(
     directory: Directory,
-    form: Annotated[BodyFormat, typer.Option("--format", help="Of the file.")],
+    form: Annotated[BodyFormat, typer.Option("--format", help="Of the file, or files.")],
     sample: Annotated[
         int, typer.Option(min=0, help="Another than the best model (0): 1 is the second best.")
     ] = 0,
-    file: Annotated[
-        Path | None, typer.Option("--out", dir_okay=False, help="Default: standard output.")
+    place: Annotated[
+        Path | None,
+        typer.Option("--out", help="File, or of ros2 the folder of packages. Default: print it."),
     ] = None,
 ) -> None:
-    """Write a run's best model, or another one, as URDF, MJCF or JSON."""
+    """Write a run's best model, or another one, as URDF, MJCF, JSON or a package for ROS 2."""
+    several = form is BodyFormat.ROS2
+    if several and place is None:
+        raise typer.BadParameter("ros2 is a folder of files: --out says where to put it, say src")
+    if not several and place is not None and place.is_dir():
+        raise typer.BadParameter(f"--out: {place} is a directory, and {form} is one file")
     with errors_as_sentences(None):
-        text = exported(directory, form, sample)
-        if file is None:
-            typer.echo(text, nl=False)
-        else:
-            replace_text(file, text)
+        content = exported(directory, form, sample)
+        files = {"": content} if isinstance(content, str) else content
+        for path, text in files.items():
+            if place is None:
+                typer.echo(text, nl=False)
+            else:
+                replace_text(place / path, text)
 
 
-def exported(directory: Path, form: BodyFormat, sample: int) -> str:
+def exported(directory: Path, form: BodyFormat, sample: int) -> Exported:
     """A model of a run in a format.
 
     Raises:
