@@ -62,6 +62,7 @@ class Wiring:
         self._scales = [joint.scale for joint in truth.joints]
         self._axes = truth.axes
         self._feet = truth.touch
+        self._closed: set[int] = set()  # switches
         self._belly = None if truth.distance is None else truth.distance.sensor
         self._inputs = inputs
         self._read_at = -1
@@ -90,8 +91,19 @@ class Wiring:
         return self._volts.get(channel, 0.0)
 
     def pressed(self, foot: int) -> bool:
-        """Whether the switch of a foot, by its place among the touch sensors, is pressed."""
-        return self._world.loads()[foot] + self._noise.load() > self._feet[foot].on
+        """Whether the switch of a foot, by its place among the touch sensors, is pressed.
+
+        It has no noise, and snaps: it opens at less load than it closes at.
+        """
+        return self._closes(foot, self._world.loads()[foot])
+
+    def _closes(self, foot: int, load: float) -> bool:
+        point = self._feet[foot]
+        if load > (point.off if foot in self._closed else point.on):
+            self._closed.add(foot)
+        else:
+            self._closed.discard(foot)
+        return foot in self._closed
 
     def distance(self) -> float | None:
         """The distance in front of the distance sensor, m; ``None`` out of its range."""
@@ -122,7 +134,13 @@ class Wiring:
 
     def _foot_volts(self) -> list[float]:
         loads = self._world.loads()
-        return [_volts(point, loads[foot] + self._noise.load()) for foot, point in self._gauges]
+        return [self._volts_at(foot, point, loads[foot]) for foot, point in self._gauges]
+
+    def _volts_at(self, foot: int, point: TouchPoint, load: float) -> float:
+        if isinstance(gauge := point.driver, StrainGauge):
+            return gauge.tare + gauge.volts_per_newton * (load + self._noise.load())
+        assert isinstance(gauge, SwitchSettings)
+        return gauge.pressed if self._closes(foot, load) else gauge.free
 
 
 def _gauges_of(config: RobotConfig) -> list[tuple[int, TouchPoint]]:
@@ -131,14 +149,6 @@ def _gauges_of(config: RobotConfig) -> list[tuple[int, TouchPoint]]:
     return [
         (foot, point) for foot, point in enumerate(config.touch) if isinstance(point.driver, kinds)
     ]
-
-
-def _volts(point: TouchPoint, load: float) -> float:
-    """At the input of a foot that is loaded, N."""
-    if isinstance(gauge := point.driver, StrainGauge):
-        return gauge.tare + gauge.volts_per_newton * load
-    assert isinstance(gauge, SwitchSettings)
-    return gauge.pressed if load > point.on else gauge.free
 
 
 def _turned(component: float, error: float) -> float:

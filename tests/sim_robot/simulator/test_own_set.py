@@ -21,7 +21,7 @@ from sim_robot.faults.fault_panel import FaultSpec
 from sim_robot.simulator.daemon import Emulation, emulation, robot_on
 from sim_robot.simulator.own_set import fitted
 from sim_robot.world.body import Body, default_body_path, load_body, shipped_bodies
-from sim_robot.world.sensor_noise import NO_NOISE
+from sim_robot.world.sensor_noise import NO_NOISE, NoiseLevels
 from tests.docs.test_drivers import POINTS, PYTHON, TABLES, install
 
 BODY = load_body(default_body_path())
@@ -105,6 +105,24 @@ def test_a_crawler_is_wired_as_its_file_says(tmp_path: Path) -> None:
         parts.panel.order(FaultSpec.parse("gpio.unplugged"))
         with pytest.raises(DeviceMissingError, match=r"GPIO line 4 of pinctrl-rp1"):
             parts.devices.touch[1].load()
+
+
+def test_a_switch_that_bears_a_little_does_not_flicker(tmp_path: Path) -> None:
+    with emulation(
+        BODY,
+        seed=1,
+        levels=NoiseLevels(),
+        real_time=False,
+        log=LOG,
+        own=config_of(tmp_path, gpio_crawler()),
+    ) as parts:
+        switch = parts.devices.touch[0]
+        parts.world.hold(1.0)
+        felt = []
+        for load in (0.0, 0.09, 0.11, 0.09, 0.06, 0.04, 0.06):
+            parts.world.press("lower_left", load)
+            felt.append({switch.load() for _ in range(20)})
+        assert felt == [{False}, {False}, {True}, {True}, {True}, {False}, {False}]
 
 
 def test_a_robot_of_2006_is_wired_as_its_file_says(tmp_path: Path) -> None:
