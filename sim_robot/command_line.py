@@ -13,6 +13,7 @@ from protocol.system.files import may_exist
 from protocol.transport.server import Server
 from robot.cli.run import add_server_arguments
 from robot.cli.startup import add_version
+from robot.configuration.robot_config import RobotConfig, read_config, with_calibration
 from robot.host.logs import complain, set_up_logging
 from robot.service.daemon import serve
 from sim_robot.errors import BodyError, FaultError
@@ -28,6 +29,8 @@ from sim_robot.world.simulation import DEFAULT_ENGINE, ENGINES
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the command; returns 0 when done, 1 after a sentence on standard error."""
     options = _parser().parse_args(arguments)
+    if options.config is not None and options.electronics is not None:
+        options.refuse("--config says which electronics there are: leave --electronics out")
     set_up_logging()
     try:
         if options.check is not None:
@@ -117,17 +120,33 @@ def console(options: argparse.Namespace) -> None:
 def _emulation(
     options: argparse.Namespace, *, real_time: bool, calibration: Path | None = None
 ) -> AbstractContextManager[Emulation]:
+    log = logging.getLogger("sim-robotd")
+    own = None if options.config is None else _own(options.config, log)
     return emulation(
         load_body(options.body),
         seed=options.seed,
         levels=load_noise(options.noise),
         real_time=real_time,
-        log=logging.getLogger("sim-robotd"),
-        electronics=options.electronics,
+        log=log,
+        electronics=options.electronics or DEFAULT_SET,
+        own=own,
         wrong=options.miscalibrated,
         calibration=calibration,
         engine=options.engine,
     )
+
+
+def _own(file: Path, log: logging.Logger) -> RobotConfig:
+    """Somebody's own configuration, with its calibration as far as there is one."""
+    config, calibration = read_config(file)
+    if calibration is not None and not may_exist(calibration):
+        log.warning(
+            "%s names %s, which does not exist: its own values stand here, and robotd run would "
+            "refuse it",
+            file,
+            calibration,
+        )
+    return with_calibration(config, calibration)[0]
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -147,10 +166,16 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--electronics",
         choices=SETS,
-        default=DEFAULT_SET,
         help="which boards: "
         + "; ".join(f"{name}: {kind.summary}" for name, kind in SETS.items())
         + f" (default {DEFAULT_SET})",
+    )
+    parser.add_argument(
+        "--config",
+        type=Path,
+        metavar="robot.toml",
+        help="the boards, wiring, limits and calibration of your own file, which is only read; a "
+        "driver that there is no emulator of gets a stand-in, and that is said",
     )
     parser.add_argument(
         "--engine",

@@ -38,7 +38,8 @@ def _with_config(command: Callable[..., None]) -> Callable[..., None]:
     @wraps(command)
     def with_options(**values: Any) -> None:
         asked = {name: values.pop(name) for name in RunConfig.model_fields}
-        asked["modalities"] = tuple(item.strip() for item in asked["modalities"].split(","))
+        if (named := asked["modalities"]) is not None:
+            asked["modalities"] = tuple(item.strip() for item in named.split(","))
         try:
             config = RunConfig(**asked)
         except ValidationError as error:
@@ -57,7 +58,7 @@ def _option(name: str, field: FieldInfo) -> inspect.Parameter:
     """A field as an option: what is no number is text, and checked by ``RunConfig`` alone."""
     kinds = [kind for kind in _plain(field.annotation) if kind in _NUMBERS]
     kind: Any = kinds[0] if kinds else str
-    default = field.default if not isinstance(field.default, tuple) else ",".join(field.default)
+    default = field.default
     option = typer.Option(f"--{name.replace('_', '-')}", help=field.description)
     return inspect.Parameter(
         name,

@@ -26,7 +26,7 @@ from estimator.identification.robot_link import RobotLink, open_robot
 from estimator.physics.backends import BACKENDS, REFERENCE, Executors
 from estimator.problem.problem import Problem
 from estimator.problem.values import complaint
-from estimator.readings.modalities import check_modalities
+from estimator.readings.modalities import MODALITIES, check_modalities
 from estimator.storage.records import first_id
 from estimator.storage.run_config import MethodName, RunConfig, RunSettings
 from estimator.storage.store import RunStore
@@ -67,7 +67,7 @@ def identify(
         BodyschemaError: Something prevents the run; the message says what.
     """
     asked = Problem.load(config.problem)
-    modalities = check_modalities(config.modalities)
+    named = None if config.modalities is None else check_modalities(config.modalities)
     METHODS[config.method].check(config)
     _check_names(config)
     client_id = str(uuid.uuid4())
@@ -80,6 +80,9 @@ def identify(
     )
     with closing(link):
         problem = asked.for_robot(link.capabilities)
+        modalities = named or tuple(
+            name for name in MODALITIES if link.capabilities.sensor(name) is not None
+        )
         for sentence in problem.check_robot(link.capabilities, modalities):
             listener.say(f"Note: {sentence}.")
         settings = _settings(config, problem, modalities, link)

@@ -207,6 +207,11 @@ class Problem(Strict):
         return self._source
 
     @property
+    def supposed(self) -> Inventory:
+        """The robot that it is written out for."""
+        return self._robot
+
+    @property
     def reads_flat_first(self) -> bool:
         """Whether the first interaction moves nothing.
 

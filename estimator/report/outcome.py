@@ -175,6 +175,7 @@ def next_steps(result: Result, directory: Path | None) -> list[str]:
     ]
     probability = None if result.posterior is None else result.posterior.probability
     if result.posterior is not None and (probability is None or probability < _SURE):
-        again = f"identify --robot {robot} --problem {result.problem} --interactions {more}"
+        problem = result.problem_asked or result.problem
+        again = f"identify --robot {robot} --problem {problem} --interactions {more}"
         steps[0] = (again, "more movements make it surer")
     return ["Next:", *(f"  estimator {command}    {what}" for command, what in steps)]

@@ -129,6 +129,7 @@ class Result(_Record):
         complete: Whether the run has come to its end, what a simulator says of it included.
         method: ``paper`` or ``posterior``.
         problem: Name of the problem.
+        problem_asked: What was asked for: the name of one that ships, or its file.
         searched: Names of the genes: what the problem leaves open.
         physics: Back-end that predicted the readings of models.
         reference: Back-end that had the last word, where that is another.
@@ -164,6 +165,7 @@ class Result(_Record):
     complete: bool
     method: str = "paper"
     problem: str
+    problem_asked: str = ""
     searched: tuple[str, ...]
     physics: str
     reference: str = "pybullet"

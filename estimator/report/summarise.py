@@ -60,6 +60,7 @@ def summarise(store: RunStore) -> Result:
         complete=store.complete,
         method=settings.method,
         problem=problem.name,
+        problem_asked=settings.problem,
         searched=tuple(gene.name for gene in store.genome.genes),
         physics=settings.physics,
         reference=settings.reference,
@@ -209,11 +210,17 @@ def _warnings(legs: Sequence[LegResult], observations: Sequence[Observation]) ->
         for leg in legs
         if leg.touched is False
     ]
-    unsettled = [str(number) for number, item in enumerate(observations, 1) if not item.settled]
+    unsettled = [
+        str(number)
+        for number, item in enumerate(observations, 1)
+        if not item.settled and item.tilt != (None, None)
+    ]
     if unsettled:
         warnings.append(
             f"The robot was not at rest when interaction {', '.join(unsettled)} was read."
         )
+    elif not all(item.settled for item in observations):
+        warnings.append("The robot cannot tell whether it was at rest: it has no accelerometer.")
     at_end = sorted({name for item in observations for name in item.saturated_joints})
     if at_end:
         warnings.append(f"At the end of what they can reach stood, at times: {', '.join(at_end)}.")

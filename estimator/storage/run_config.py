@@ -56,8 +56,9 @@ class RunConfig(BaseModel):
         description="Of the method posterior: end as soon as the attachments are so probable, "
         "lengths known to 5 mm, and one more movement has left them so.",
     )
-    modalities: tuple[str, ...] = Field(
-        default=tuple(MODALITIES), description="Sensors that count, separated by commas."
+    modalities: tuple[str, ...] | None = Field(
+        default=None,
+        description=f"Sensors that count, of {','.join(MODALITIES)}. Default: all of the robot's.",
     )
     seed: Annotated[int, Field(ge=0)] | None = Field(
         default=None, description="Source of all randomness. Default: a new one."
@@ -85,6 +86,7 @@ class RunSettings(RunConfig):
     physics: str
     explore: str
     search: str
+    modalities: tuple[str, ...]
     seed: Annotated[int, Field(ge=0)]
     interactions: Annotated[int, Field(ge=1)]
     population: Population

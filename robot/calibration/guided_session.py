@@ -57,7 +57,7 @@ class CalibratedDevices(Protocol):
 
     @property
     def accelerometer(self) -> Any:
-        """The accelerometer; it has ``raw`` where its settings are ``CalibratedAxes``."""
+        """The accelerometer, if any; it has ``raw`` where its settings are ``CalibratedAxes``."""
 
     @property
     def distance(self) -> DistanceSensor | None:

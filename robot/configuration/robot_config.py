@@ -76,7 +76,7 @@ class RobotConfig:
     joints: tuple[DrivenJoint, ...]
     speed: float
     daq: BoardSettings | None
-    accelerometer: SensorSettings
+    accelerometer: SensorSettings | None
     touch: tuple[TouchPoint, ...]
     distance: DistanceConfig | None
     settling: RestCriterion
@@ -90,10 +90,7 @@ class RobotConfig:
         _all_different("joint", joints, "output", [joint.output for joint in self.joints])
         _all_different("touch", points, "name", points)
         self._check_claims()
-        channels = [*self.accelerometer.channels]
-        channels += [channel for point in self.touch for channel in point.driver.channels]
-        if self.distance is not None:
-            channels += self.distance.driver.channels
+        channels = [channel for driver in self.sensors for channel in driver.channels]
         if channels and self.daq is None:
             raise ConfigError("is missing: sensors are connected to its inputs.", key="daq")
         for number, point in enumerate(self.touch, 1):
@@ -133,6 +130,13 @@ class RobotConfig:
                         key=table,
                     )
                 owners[place] = table
+
+    @property
+    def sensors(self) -> tuple[SensorSettings, ...]:
+        """The drivers of all sensors: accelerometer, touch sensors, distance sensor."""
+        distance = self.distance.driver if self.distance is not None else None
+        found = (self.accelerometer, *(point.driver for point in self.touch), distance)
+        return tuple(driver for driver in found if driver is not None)
 
     @property
     def axes(self) -> CalibratedAxes | None:
@@ -240,8 +244,9 @@ def apply_calibration(config: RobotConfig, calibration: Calibration, *, file: st
         measured = calibration.accelerometer
         if config.axes is None or config.axes.unit != measured.unit:
             kind = "volts" if measured.unit == "V" else measured.unit
+            had = f"the {accelerometer.name}" if accelerometer else "no accelerometer"
             raise ConfigError(
-                f"calibrates {kind}, and this robot has the {accelerometer.name}. Remove it.",
+                f"calibrates {kind}, and this robot has {had}. Remove it.",
                 file=file,
                 key="accelerometer",
             )
@@ -328,7 +333,9 @@ def read_config(path: Path) -> tuple[RobotConfig, Path | None]:
             joints=tuple(read_joint(section, servos) for section in root.tables("joint")),
             speed=math.radians(motion.number("speed_deg_s", 5, 60, 60)),
             daq=read_board(root.table("daq")) if root.has("daq") else None,
-            accelerometer=read_accelerometer(root.table("accelerometer")),
+            accelerometer=read_accelerometer(root.table("accelerometer"))
+            if root.has("accelerometer")
+            else None,
             touch=tuple(read_touch(s) for s in root.tables("touch")) if root.has("touch") else (),
             distance=read_distance(root.table("distance")) if root.has("distance") else None,
             settling=read_settling(settling),

@@ -301,14 +301,15 @@ class MotorProgramRunner:
             self._clock.check()
             now = self._clock.now()
             report("settling", min(1.0, (now - start) / self._rest.timeout))
-            if detector.feed(now, self._sensing.tilt()):
+            tilt = self._sensing.tilt()
+            if tilt is not None and detector.feed(now, tilt):
                 return True, now - start
             if now - start >= self._rest.timeout:
                 return False, now - start
             self._clock.sleep(1.0 / self._rest.rate)
 
     def _check_flat(self, reading: Reading, *, settled: bool) -> None:
-        if not settled and reading.tilt is not None:  # without sensors nobody can tell
+        if not settled and reading.tilt is not None:  # without an accelerometer nobody can tell
             raise RobotError(
                 "not_settled",
                 f"In its zero pose the robot did not come to rest within {self._rest.timeout:g} s.",

@@ -117,7 +117,9 @@ class Doctor:
             if subject != _DISTANCE
         }
         record(list(recordings.values()), config.settling.rate, self._clock)
-        if _TILT in recordings:
+        if config.accelerometer is None:
+            yield ok(_TILT, "no sensor is configured")
+        elif _TILT in recordings:
             finding, tilt = check_accelerometer(config, recordings[_TILT])
             yield with_repeats(finding, drivers[_TILT])
         for point in config.touch:
@@ -134,7 +136,8 @@ class Doctor:
 
 def _sensors_of(config: RobotConfig) -> Iterator[tuple[str, str, SensorSettings]]:
     """Subject, name and driver of every sensor."""
-    yield _TILT, _TILT, config.accelerometer
+    if config.accelerometer is not None:
+        yield _TILT, _TILT, config.accelerometer
     for point in config.touch:
         yield f"touch {point.name}", point.name, point.driver
     if config.distance is not None:

@@ -195,8 +195,8 @@ class Underside:
 class SensorReader(Protocol):
     """What an interaction reads: the robot's sensors, or none."""
 
-    def tilt(self) -> tuple[float, float]:
-        """One sample of both tilt angles, rad, while the robot may still move."""
+    def tilt(self) -> tuple[float, float] | None:
+        """One sample of both tilt angles, rad, while the robot may still move; or ``None``."""
 
     def average(self, samples: int, report: OnProgress = ignore) -> Reading:
         """Averages ``samples`` samples of everything.
@@ -210,7 +210,7 @@ class RobotSensors:
     """All sensors of the robot.
 
     Args:
-        accelerometer: Its driver.
+        accelerometer: Its driver, or ``None``.
         touch: The parts that feel touch, each with its driver; may be empty.
         belly: The distance sensor's driver and calibration, or ``None``.
         clock: The robot clock.
@@ -221,7 +221,7 @@ class RobotSensors:
     def __init__(
         self,
         *,
-        accelerometer: Accelerometer,
+        accelerometer: Accelerometer | None,
         touch: Sequence[tuple[TouchPoint, TouchSensor]],
         belly: tuple[DistanceSensor, BellySensor] | None,
         clock: Clock,
@@ -235,8 +235,10 @@ class RobotSensors:
         self._period = 1.0 / rate
         self._underside = underside
 
-    def tilt(self) -> tuple[float, float]:
-        """One sample of both tilt angles, rad, while the robot may still move."""
+    def tilt(self) -> tuple[float, float] | None:
+        """One sample of both tilt angles, rad, while the robot may still move; or ``None``."""
+        if self._accelerometer is None:
+            return None
         return tilt_at_rest(self._accelerometer.acceleration())
 
     def average(self, samples: int, report: OnProgress = ignore) -> Reading:
@@ -258,9 +260,10 @@ class RobotSensors:
             detector.reset()
         for done in range(samples):
             report(done / samples)
-            acceleration = self._accelerometer.acceleration()
-            self._accelerometer.check()
-            total = [a + b for a, b in zip(total, acceleration, strict=True)]
+            if self._accelerometer is not None:
+                acceleration = self._accelerometer.acceleration()
+                self._accelerometer.check()
+                total = [a + b for a, b in zip(total, acceleration, strict=True)]
             for detector, sensor in self._touch:
                 detector.feed(sensor.load())
                 sensor.check()
@@ -270,19 +273,12 @@ class RobotSensors:
             self._clock.sleep(self._period)
         report(1.0)
         mean = [value / samples for value in total]
-        length = math.hypot(*mean)
-        if not PLAUSIBLE_G[0] <= length <= PLAUSIBLE_G[1]:
-            raise DeviceDataError(
-                f"The accelerometer ({self._accelerometer.name}) reads {length:.2f} g at rest "
-                "instead of 1 g.",
-                "Check its wiring, supply and calibration.",
-            )
-        tilt = tilt_at_rest(mean)
+        tilt = self._tilt_of(mean)
         clearance, saturated = None, False
         if self._belly is not None:
             finder, belly = self._belly
             clearance, saturated = _clearance(belly, distances)
-            if self._underside is not None and mean[2] > 0 and not saturated:
+            if self._underside is not None and tilt is not None and mean[2] > 0 and not saturated:
                 self._underside.check(clearance, tilt, sensor=finder.name)
         return Reading(
             tilt=tilt,
@@ -292,6 +288,18 @@ class RobotSensors:
             samples=samples,
             robot_time=self._clock.now(),
         )
+
+    def _tilt_of(self, acceleration: Sequence[float]) -> tuple[float, float] | None:
+        if self._accelerometer is None:
+            return None
+        length = math.hypot(*acceleration)
+        if not PLAUSIBLE_G[0] <= length <= PLAUSIBLE_G[1]:
+            raise DeviceDataError(
+                f"The accelerometer ({self._accelerometer.name}) reads {length:.2f} g at rest "
+                "instead of 1 g.",
+                "Check its wiring, supply and calibration.",
+            )
+        return tilt_at_rest(acceleration)
 
 
 def _clearance(belly: BellySensor, distances: Sequence[float | None]) -> tuple[float, bool]:

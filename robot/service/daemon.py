@@ -117,12 +117,14 @@ def describe(config: RobotConfig, *, measured: bool = False) -> Capabilities:
         measured: Whether the servos say where they are.
     """
     rate = config.settling.rate
-    sensors = [
-        Sensor(modality="tilt", unit="rad", count=2, noise=config.noise.tilt, rate=rate),
-    ]
+    sensors = []
     if config.touch:
-        sensors.insert(
-            0, Sensor(modality="touch", unit="bool", count=len(config.touch), noise=0.0, rate=rate)
+        sensors.append(
+            Sensor(modality="touch", unit="bool", count=len(config.touch), noise=0.0, rate=rate)
+        )
+    if config.accelerometer is not None:
+        sensors.append(
+            Sensor(modality="tilt", unit="rad", count=2, noise=config.noise.tilt, rate=rate)
         )
     if config.distance is not None:
         sensors.append(

@@ -31,15 +31,15 @@ class Devices:
 
     servos: ServoBus
     inputs: AnalogueInputs | None
-    accelerometer: Accelerometer
+    accelerometer: Accelerometer | None
     touch: tuple[TouchSensor, ...]
     distance: DistanceSensor | None
 
     @property
     def sensors(self) -> tuple[SensorDriver, ...]:
         """All sensors."""
-        distance = () if self.distance is None else (self.distance,)
-        return (self.accelerometer, *self.touch, *distance)
+        found = (self.accelerometer, *self.touch, self.distance)
+        return tuple(one for one in found if one is not None)
 
     def close(self) -> None:
         """Closes all of them, one that fails not keeping the others open.
@@ -87,11 +87,11 @@ def open_devices(config: RobotConfig, buses: Buses, *, file: str = "") -> Device
                 driver.start()
             return driver
 
-        distance = config.distance
+        tilt, distance = config.accelerometer, config.distance
         devices = Devices(
             servos=servos,
             inputs=buses.analogue,
-            accelerometer=start("accelerometer", config.accelerometer, "accelerometer"),
+            accelerometer=start("accelerometer", tilt, "accelerometer") if tilt else None,
             touch=tuple(
                 start(numbered("touch", number, point.name), point.driver, point.name)
                 for number, point in enumerate(config.touch, 1)
@@ -147,8 +147,15 @@ def report_devices(config: RobotConfig, log: logging.Logger) -> None:
         log.warning("the %s cannot be read back: a reset goes unnoticed", config.servos.name)
     if config.daq is not None:
         log.info("found: analogue inputs (%s): %s", config.daq.name, config.daq)
-    sensors = {"accelerometer": config.accelerometer}
-    sensors |= {f"touch {point.name}": point.driver for point in config.touch}
+    sensors = {f"touch {point.name}": point.driver for point in config.touch}
+    if config.accelerometer is not None:
+        sensors = {"accelerometer": config.accelerometer} | sensors
+    else:
+        log.warning(
+            "there is no accelerometer: each settling takes %g s, since nobody can tell rest, and "
+            "whether the robot lies flat is not checked",
+            config.settling.timeout,
+        )
     if config.distance is not None:
         sensors["distance"] = config.distance.driver
     for subject, driver in sensors.items():

@@ -70,9 +70,9 @@ class NoSensors:
     def __init__(self, clock: Clock):
         self._clock = clock
 
-    def tilt(self) -> tuple[float, float]:
-        """Level, for the control loop; no client is shown it."""
-        return 0.0, 0.0
+    def tilt(self) -> tuple[float, float] | None:
+        """None."""
+        return None
 
     def average(self, samples: int, report: OnProgress = ignore) -> Reading:
         """An empty reading."""

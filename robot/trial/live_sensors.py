@@ -119,7 +119,8 @@ class LiveSensors:
 
 
 def _sensors(config: RobotConfig) -> Iterator[LiveSensor]:
-    yield LiveSensor("accelerometer", config.accelerometer, _acceleration)
+    if config.accelerometer is not None:
+        yield LiveSensor("accelerometer", config.accelerometer, _acceleration)
     for point in config.touch:
         yield LiveSensor(f"touch {point.name}", point.driver, _Touch(point).say)
     if config.distance is not None:

@@ -28,6 +28,7 @@ from sim_robot.electronics.dmm32 import DMM32Emulator
 from sim_robot.electronics.dynamixel import DynamixelEmulator
 from sim_robot.electronics.fault_switch import FaultSwitch
 from sim_robot.electronics.feetech import FeetechEmulator
+from sim_robot.electronics.gpio import GPIOEmulator
 from sim_robot.electronics.i2c_bus import I2CBus
 from sim_robot.electronics.mpu6050 import MPU6050Emulator
 from sim_robot.electronics.pca9685 import PCA9685Emulator
@@ -48,6 +49,7 @@ DEVICES: Final[Mapping[str, type[FaultSwitch]]] = MappingProxyType(
         "accelerometer": MPU6050Emulator,
         "distance": VL6180XEmulator,
         "i2c": I2CBus,
+        "gpio": GPIOEmulator,
         "clock": HostClock,
     }
 )

@@ -21,6 +21,7 @@ from sim_robot.electronics.servos import Servos
 from sim_robot.faults.fault_panel import FaultPanel
 from sim_robot.simulator.bus_servo_sets import DynamixelSet, FeetechSet
 from sim_robot.simulator.electronics_set import ElectronicsSet
+from sim_robot.simulator.own_set import OwnSet, fitted
 from sim_robot.simulator.pc104_set import PC104Set
 from sim_robot.simulator.pi_set import PiSet
 from sim_robot.simulator.wiring import Wiring, miscalibrated
@@ -106,6 +107,7 @@ def emulation(
     wrong: int | None = None,
     calibration: Path | None = None,
     engine: str = DEFAULT_ENGINE,
+    own: RobotConfig | None = None,
 ) -> Iterator[Emulation]:
     """Builds emulated electronics over a body, and starts a robot's drivers on them.
 
@@ -119,12 +121,22 @@ def emulation(
         wrong: Seed of electronics that differ from their configuration, or ``None`` for true ones.
         calibration: A calibration file, whose values the configuration takes over.
         engine: What simulates the body.
+        own: A configuration whose electronics these are, instead of ``electronics``.
+
+    Raises:
+        BodyError: The body is not one of the configuration ``own``.
     """
     with ExitStack() as stack:
+        if own is not None:
+            body, otherwise = fitted(body, own)
+            boards: ElectronicsSet = OwnSet(body, own)
+            for note in (*otherwise, *boards.notes):
+                log.warning("%s", note)
+        else:
+            boards = SETS[electronics](body)
+        stack.callback(boards.close)
         world = stack.enter_context(open_world(body, log=log, engine=engine))
         noise = Noise(levels, seed)
-        boards = SETS[electronics](body)
-        stack.callback(boards.close)
         config = boards.configure(levels)
         truth = config if wrong is None else miscalibrated(config, wrong)
         if calibration is not None:
@@ -132,7 +144,7 @@ def emulation(
             config = apply_calibration(config, calibrated, file=str(calibration))
         wiring = Wiring(truth, world, noise)
 
-        servos = Servos(max(joint.output for joint in config.joints))
+        servos = Servos(len(config.joints))
 
         def advance(time: float) -> None:
             panel.advance()

@@ -53,10 +53,12 @@ class ElectronicsSet(ABC):
     Attributes:
         summary: Its boards, for the command line's help.
         lag: Until a servo drives to where it was last sent, in small steps, s.
+        notes: What of it a person should know, a sentence each.
     """
 
     summary: ClassVar[str]
     lag: ClassVar[float] = TICK
+    notes: Sequence[str] = ()
 
     def __init__(self, body: Body) -> None:
         self._body = body

@@ -137,15 +137,20 @@ class PiSet(PiSensors):
         super().connect(wiring, clock)
 
     def pulses(self) -> Sequence[int]:
-        """Widths in ticks of the configured length; a board that was altered has others.
+        """What the boards command."""
+        return commanded(self._servos, self.pwm)
 
-        A level is no pulse, and one that no servo knows drives it against its stop.
-        """
-        counts = self._servos.counts
-        ticks = zip(self.pwm, self._servos.ticks_us, strict=True)
-        widths = [
-            round(pulse % TICKS * board.tick_us / tick)
-            for board, tick in ticks
-            for pulse in board.pulses()
-        ]
-        return [min(max(width, counts[0]), counts[-1]) if width else 0 for width in widths]
+
+def commanded(settings: PCA9685Settings, boards: Sequence[PCA9685Emulator]) -> list[int]:
+    """Widths in ticks of the configured length; a board that was altered has others.
+
+    A level is no pulse, and one that no servo knows drives it against its stop.
+    """
+    counts = settings.counts
+    ticks = zip(boards, settings.ticks_us, strict=True)
+    widths = [
+        round(pulse % TICKS * board.tick_us / tick)
+        for board, tick in ticks
+        for pulse in board.pulses()
+    ]
+    return [min(max(width, counts[0]), counts[-1]) if width else 0 for width in widths]

@@ -17,7 +17,7 @@ import numpy as np
 
 from robot.configuration.joint_calibration import DrivenJoint, JointScale
 from robot.configuration.robot_config import RobotConfig
-from robot.drivers.sensors.analogue import AnalogueAxes, StrainGauge
+from robot.drivers.sensors.analogue import AnalogueAxes, StrainGauge, SwitchSettings
 from robot.drivers.sensors.contracts import SensorSettings
 from robot.sensing.sensors import TouchPoint
 from sim_robot.electronics.servos import Felt
@@ -54,17 +54,17 @@ class Wiring:
     """
 
     def __init__(self, truth: RobotConfig, world: World, noise: Noise):
-        assert truth.distance is not None
-        assert truth.axes is not None
-        inputs = [gauge.channel for gauge in truth.gauges.values()]
+        self._gauges = _gauges_of(truth)
+        inputs = [point.driver.channels[0] for _, point in self._gauges]
         if isinstance(truth.axes, AnalogueAxes):
             inputs = [*truth.axes.channels, *inputs]
         self._world = world
         self._noise = noise
         self._scales = [joint.scale for joint in truth.joints]
         self._axes = truth.axes
-        self._bridges = list(truth.gauges.values())
-        self._belly = truth.distance.sensor
+        self._feet = truth.touch
+        self._closed: set[int] = set()  # switches
+        self._belly = None if truth.distance is None else truth.distance.sensor
         self._inputs = inputs
         self._read_at = -1
         self._volts: dict[int, float] = {}
@@ -87,17 +87,41 @@ class Wiring:
         ]
 
     def volts(self, channel: int) -> float:
-        """Volts at an analogue input; inputs with nothing on them read 0."""
-        if channel in self._inputs[:1] or self._read_at != self._world.steps:
+        """Volts at an analogue input; inputs with nothing on them read 0.
+
+        A scan begins with the lowest input, and all that it reads is of one moment.
+        """
+        if channel == min(self._inputs, default=0) or self._read_at != self._world.steps:
             self._read_at = self._world.steps
             dither = self._noise.dither()
             analogue = self.acceleration() if isinstance(self._axes, AnalogueAxes) else []
-            values = [value + dither for value in (*analogue, *self._gauges())]
+            values = [value + dither for value in (*analogue, *self._foot_volts())]
             self._volts = dict(zip(self._inputs, values, strict=True))
         return self._volts.get(channel, 0.0)
 
+    def pressed(self, foot: int) -> bool:
+        """Whether the switch of a foot, by its place among the touch sensors, is pressed.
+
+        It has no noise, and snaps: it opens at less load than it closes at.
+        """
+        return self._closes(foot, self._world.loads()[foot])
+
+    def _closes(self, foot: int, load: float) -> bool:
+        point = self._feet[foot]
+        if load > (point.off if foot in self._closed else point.on):
+            self._closed.add(foot)
+        else:
+            self._closed.discard(foot)
+        return foot in self._closed
+
+    def distance(self) -> float | None:
+        """The distance in front of the distance sensor, m; ``None`` out of its range."""
+        millimetres = self.distance_mm()
+        return None if millimetres is None else millimetres / 1000
+
     def distance_mm(self) -> float | None:
         """The distance in front of the distance sensor, mm; ``None`` out of its range."""
+        assert self._belly is not None
         ray = self._world.belly_ray()
         if math.isinf(ray):
             return None
@@ -106,18 +130,34 @@ class Wiring:
 
     def acceleration(self) -> list[float]:
         """What the accelerometer reads along x, y and z of the body, in its unit."""
+        assert self._axes is not None
+        axes = zip(self._axes.zero, self._axes.per_g, self.gravity(), strict=True)
+        return [zero + gain * value for zero, gain, value in axes]
+
+    def gravity(self) -> tuple[float, float, float]:
+        """What is felt along x, y and z of the body at rest, g."""
         x, y, z = self._world.up()
         left_right, forward_back = self._noise.tilt()
         x, y = _turned(x, forward_back), _turned(y, left_right)
-        z = math.copysign(math.sqrt(max(0.0, 1 - x * x - y * y)), z)
-        axes = zip(self._axes.zero, self._axes.per_g, (x, y, z), strict=True)
-        return [zero + gain * value for zero, gain, value in axes]
+        return x, y, math.copysign(math.sqrt(max(0.0, 1 - x * x - y * y)), z)
 
-    def _gauges(self) -> list[float]:
-        return [
-            bridge.tare + bridge.volts_per_newton * (load + self._noise.load())
-            for bridge, load in zip(self._bridges, self._world.loads(), strict=True)
-        ]
+    def _foot_volts(self) -> list[float]:
+        loads = self._world.loads()
+        return [self._volts_at(foot, point, loads[foot]) for foot, point in self._gauges]
+
+    def _volts_at(self, foot: int, point: TouchPoint, load: float) -> float:
+        if isinstance(gauge := point.driver, StrainGauge):
+            return gauge.tare + gauge.volts_per_newton * (load + self._noise.load())
+        assert isinstance(gauge, SwitchSettings)
+        return gauge.pressed if self._closes(foot, load) else gauge.free
+
+
+def _gauges_of(config: RobotConfig) -> list[tuple[int, TouchPoint]]:
+    """The touch sensors on analogue inputs, each with its place among all of them."""
+    kinds = StrainGauge | SwitchSettings
+    return [
+        (foot, point) for foot, point in enumerate(config.touch) if isinstance(point.driver, kinds)
+    ]
 
 
 def _turned(component: float, error: float) -> float:
@@ -133,14 +173,16 @@ def miscalibrated(config: RobotConfig, seed: int) -> RobotConfig:
         seed: Decides the errors.
     """
     rng = np.random.default_rng(seed)
-    axes, distance = config.axes, config.distance
-    assert axes is not None
+    axes, distance, accelerometer = config.axes, config.distance, config.accelerometer
     joints = tuple(_joint(joint, rng) for joint in config.joints)
-    axes = replace(
-        axes,
-        zero=tuple(zero + _off(rng, AXIS_OFF[axes.unit]) for zero in axes.zero),
-        per_g=tuple(gain * _gain(rng, AXIS_GAIN[axes.unit]) * _sign(rng) for gain in axes.per_g),
-    )
+    if axes is not None:
+        unit = axes.unit
+        axes = replace(
+            axes,
+            zero=tuple(zero + _off(rng, AXIS_OFF[unit]) for zero in axes.zero),
+            per_g=tuple(gain * _gain(rng, AXIS_GAIN[unit]) * _sign(rng) for gain in axes.per_g),
+        )
+        accelerometer = cast(SensorSettings, axes)
     touch = tuple(replace(point, driver=_gauge(config, point, rng)) for point in config.touch)
     if distance is not None:
         sensor = distance.sensor
@@ -150,14 +192,16 @@ def miscalibrated(config: RobotConfig, seed: int) -> RobotConfig:
     return replace(
         config,
         joints=joints,
-        accelerometer=cast(SensorSettings, axes),
+        accelerometer=accelerometer,
         touch=touch,
         distance=distance,
     )
 
 
-def _gauge(config: RobotConfig, point: TouchPoint, rng: np.random.Generator) -> StrainGauge:
-    gauge = config.gauges[point.name]
+def _gauge(config: RobotConfig, point: TouchPoint, rng: np.random.Generator) -> SensorSettings:
+    gauge = config.gauges.get(point.name)
+    if gauge is None:
+        return point.driver  # a switch has no calibration
     return replace(
         gauge,
         tare=gauge.tare + _off(rng, TARE_OFF),

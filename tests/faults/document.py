@@ -9,7 +9,7 @@ from pathlib import Path
 
 from tests.faults.devices import DEVICES
 from tests.faults.matrix import NETWORK, PROCESSES, Row
-from tests.faults.pi_devices import PI_DEVICES
+from tests.faults.pi_devices import GPIO_DEVICES, PI_DEVICES
 from tests.faults.servo_devices import SERVO_DEVICES
 
 CABLE = ("cut", "pulled")  # scenarios that belong to the network
@@ -36,7 +36,7 @@ def matrix() -> str:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(HEADER)
-    for sections in (DEVICES, PI_DEVICES, *SERVO_DEVICES.values()):
+    for sections in (DEVICES, PI_DEVICES, GPIO_DEVICES, *SERVO_DEVICES.values()):
         for part, rows in sections.items():
             writer.writerows(lines(part, rows))
     writer.writerows(lines("Network", [*NETWORK, *(PROCESSES[name] for name in CABLE)]))

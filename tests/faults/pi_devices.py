@@ -260,3 +260,31 @@ PI_DEVICES: Final = {
     ),
 }
 """Faults of these chips, by section; the distance sensor's are those of ``devices``."""
+
+GPIO_DEVICES: Final[dict[str, tuple[DeviceRow, ...]]] = {
+    "Foot switches on GPIO lines": (
+        device(
+            "the chip is unplugged while moving",
+            "gpio.unplugged",
+            NO_READING,
+            "cannot be read: No such device",
+            "Plug it in and `clear`, which takes the lines anew.",
+            after=0.4,
+        ),
+        unnoticed(
+            "a wire has come off",
+            "gpio.broken=22",
+            "nothing: an open line looks like an open switch",
+            "**not noticed** (an observation)",
+            "`robotd try` shows it: press each foot.",
+        ),
+        unnoticed(
+            "a wire touches ground",
+            "gpio.short=17",
+            "nothing: it looks like a pressed switch",
+            "**not noticed** (an observation)",
+            "`robotd try` shows it: lift each foot.",
+        ),
+    ),
+}
+"""Faults of what ``docs/robots/crawler/robot.toml`` has in the place of analogue inputs."""

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
+from pathlib import Path
 
 import pytest
 from _pytest.mark import ParameterSet
@@ -17,7 +18,7 @@ from protocol.wire.messages import ObservationReply
 from sim_robot.faults.control_socket import FaultClient
 from tests.faults.devices import ADAPTER, DEVICES, DISTANCE
 from tests.faults.matrix import DeviceRow
-from tests.faults.pi_devices import PI_DEVICES
+from tests.faults.pi_devices import GPIO_DEVICES, PI_DEVICES
 from tests.faults.servo_devices import SERVO_DEVICES
 
 # Rests on three feet, the fourth in the air, and always the same: not every pose is as stable.
@@ -48,11 +49,14 @@ class Patient:
         return self.client.status().sequence
 
 
-MATRIX = {
+MATRIX: dict[str, Mapping[str, tuple[DeviceRow, ...]]] = {
     "pc104": DEVICES,
     "pi": PI_DEVICES | {section: DEVICES[section] for section in (DISTANCE, ADAPTER)},
     **SERVO_DEVICES,
+    "gpio": GPIO_DEVICES,
 }
+CRAWLER = Path(__file__).parents[2] / "docs" / "robots" / "crawler" / "robot.toml"
+OPTIONS = {"gpio": ("--config", str(CRAWLER))}
 
 
 def rows(wanted: Callable[[DeviceRow], bool]) -> list[ParameterSet]:
@@ -79,7 +83,8 @@ class Hospital:
     def admit(self, electronics: str) -> Patient:
         if electronics not in self._patients:
             options = ("--noise", "none", "--control", "tcp://127.0.0.1:*")
-            process = self._stack.enter_context(simulator(*options, "--electronics", electronics))
+            own = OPTIONS.get(electronics, ("--electronics", electronics))
+            process = self._stack.enter_context(simulator(*options, *own))
             client = self._stack.enter_context(RobotClient(process.uri))
             client.acquire()
             faults = FaultClient(process.control)
@@ -190,7 +195,7 @@ def test_what_is_not_noticed_is_answered_with_what_was_felt(
     assert patient.client.status().state == row.state
     # A fault that changes what is measured shows in the reading, which is not smoothed over.
     assert same(observation, patient.reference) == (
-        not row.injected.startswith(("servos.", "daq."))
+        not row.injected.startswith(("servos.", "daq.", "gpio."))
     )
     patient.faults.mend()
     check_health(patient, after=observation.sequence)

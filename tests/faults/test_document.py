@@ -5,7 +5,7 @@ from __future__ import annotations
 from sim_robot.faults.fault_panel import KNOWN, FaultSpec
 from tests.faults.devices import DEVICES
 from tests.faults.document import FILE, matrix
-from tests.faults.pi_devices import PI_DEVICES
+from tests.faults.pi_devices import GPIO_DEVICES, PI_DEVICES
 from tests.faults.servo_devices import SERVO_DEVICES
 
 
@@ -14,7 +14,7 @@ def test_the_file_is_current() -> None:
 
 
 def test_every_fault_that_can_be_injected_is_in_the_matrix() -> None:
-    sets = (DEVICES, PI_DEVICES, *SERVO_DEVICES.values())
+    sets = (DEVICES, PI_DEVICES, GPIO_DEVICES, *SERVO_DEVICES.values())
     rows = (row for sections in sets for section in sections.values() for row in section)
     tested = {FaultSpec.parse(row.injected).name for row in rows}
     assert tested == set(KNOWN)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -179,6 +180,21 @@ def test_its_own_readings_serve_as_readings_by_hand(
     for one, two in zip(again.legs, result.legs, strict=True):
         assert (one.joint, one.touched) == (two.joint, two.touched)
         assert one.length_m == pytest.approx(two.length_m, abs=1e-3)
+
+
+def test_the_sensors_that_count_are_those_that_the_robot_has(
+    tmp_path: Path, uninterrupted: tuple[Result, Path]
+) -> None:
+    _, directory = uninterrupted
+    rows = [row.split(",") for row in (directory / "readings.csv").read_text().splitlines()]
+    kept = [column for column, name in enumerate(rows[0]) if "clearance" not in name]
+    assert len(kept) < len(rows[0])
+    table = tmp_path / "readings.csv"
+    table.write_text("\n".join(",".join(row[column] for column in kept) for row in rows))
+    shutil.copy(directory / "robot.json", tmp_path)
+    order = make_order(tmp_path, f"file:{table}")
+    result = identify(tmp_path / "run", order, HERE, Witness(), report=without_plots)
+    assert result.modalities == ("touch", "tilt")
 
 
 def test_the_number_of_processes_does_not_show(

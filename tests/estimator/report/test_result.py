@@ -4,6 +4,7 @@ from pathlib import Path
 import pytest
 
 from estimator.readings.observation import Observation
+from estimator.report.outcome import next_steps
 from estimator.report.result import Result
 from estimator.report.run_files import write_report
 from estimator.report.summarise import summarise
@@ -77,6 +78,7 @@ def test_doubtful_interactions_are_warned_about(tmp_path: Path) -> None:
                 saturated_joints=("left",),
                 measured=(0.0, 0.1, 0.0, 0.0),
                 off_target={"front": "sagging"},
+                tilt=(0.0, 0.0),
             ),
         )
         warnings = summarise(store).warnings
@@ -85,6 +87,24 @@ def test_doubtful_interactions_are_warned_about(tmp_path: Path) -> None:
         "At the end of what they can reach stood, at times: left.",
         "The joint front is sagging: it was not where it was sent in interaction 2.",
     )
+
+
+def test_without_an_accelerometer_nobody_says_that_the_robot_moved(tmp_path: Path) -> None:
+    store = make_run(tmp_path, (0.17, 0.15, 0.18, 0.16))
+    with store:
+        store.plan(1, (0.0,) * 4)
+        store.observe(1, Observation(angles=(0.0,) * 4, touch=(True,) * 4, settled=False))
+        (warning,) = summarise(store).warnings
+    assert warning == "The robot cannot tell whether it was at rest: it has no accelerometer."
+
+
+def test_to_go_on_the_problem_is_named_as_it_was(tmp_path: Path) -> None:
+    with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3, hinge=2.5 / 6) as run:
+        result = summarise(run)
+        assert result.problem_asked == run.settings.problem
+    asked = result.model_copy(update={"complete": True, "problem_asked": "mine/arm.toml"})
+    (again,) = [step for step in next_steps(asked, tmp_path) if "identify" in step]
+    assert "--problem mine/arm.toml --interactions" in again
 
 
 def test_before_the_first_generation_there_is_a_result_without_models(tmp_path: Path) -> None:

@@ -51,6 +51,21 @@ def test_a_distance_within_reach_may_contradict_the_tilt() -> None:
         sensing(0.1).average(10)
 
 
+def test_without_an_accelerometer_there_is_no_tilt_and_nothing_to_contradict() -> None:
+    sensors = RobotSensors(
+        accelerometer=None,
+        touch=(),
+        belly=(Ruler(0.1), BellySensor(zero=0.0, reach=0.15)),
+        clock=InstantClock(),
+        rate=50.0,
+        underside=WIDE,
+    )
+    assert sensors.tilt() is None
+    reading = sensors.average(10)
+    assert reading.tilt is None
+    assert reading.clearance == pytest.approx(0.1)
+
+
 def test_the_share_that_is_done_is_told() -> None:
     told: list[float] = []
     sensing(None).average(4, told.append)

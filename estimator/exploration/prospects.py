@@ -1,0 +1,236 @@
+"""What a problem can be expected to tell, before a robot has moved: of its prior alone.
+
+Attachments and lengths hold so much information, and a movement tells so much of it: that is how
+many movements it takes, about. A movement that is drawn at random tells of the prior what
+``InformationGain`` computes, and one that is chosen about as much as the better ones of these. On
+the shipped problems attachments were sure after as many movements, or up to half as many more.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from estimator.body.arrays import Flags
+from estimator.body.morphology import Array, Morphology
+from estimator.exploration.information_gain import InformationGain, Predictions
+from estimator.physics.base import ArrayPhysics
+from estimator.physics.equivalence import Reference, images
+from estimator.posterior.indistinguishable import indistinguishable_points
+from estimator.posterior.model.likelihood import Noise
+from estimator.posterior.model.unknowns import Predictor, Unknowns
+from estimator.problem.genes import Gene
+from estimator.problem.genome import Genome
+from estimator.problem.problem import Problem
+from protocol.wire.capabilities import MODALITIES, Capabilities, Joint, Sensor
+
+KNOWN: Final = 0.005
+"""A length counts as known within so much either way, m."""
+
+NEVER: Final = 0.9
+"""What shows in no reading of such a share of the bodies, nobody can tell."""
+
+_POINTS: Final = 20_000  # of the cube, by which what is allowed is counted
+_BODIES: Final = 1_000  # so that up to 10 bits can be told
+_PROGRAMS: Final = 32
+_DRAWS: Final = 400  # readings for each program
+_GOOD: Final = 0.9  # share of random programs that tell less than one that is chosen
+_CHANGED: Final = 24  # bodies of which each unknown is changed
+_COMPARED: Final = 60  # programs in which they are compared
+_STEP: Final = 0.25  # of a length's range, by which it is changed
+_FEWEST: Final = 6  # bodies on which an unknown must have been changed
+
+_RATE: Final = 50.0  # samples per second of a sensor that is supposed
+_SENSORS: Final = {
+    "tilt": Sensor(modality="tilt", unit="rad", count=2, noise=math.radians(0.3), rate=_RATE),
+    "clearance": Sensor(modality="clearance", unit="m", count=1, noise=1e-3, rate=_RATE, upper=0.2),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prospects:
+    """What a problem can be expected to tell by some sensors.
+
+    Attributes:
+        ways: In how many ways its parts may be attached.
+        attachment_bits: Information that says which, but for what never shows.
+        lengths: How many lengths are to be found.
+        length_bits: Information that says each to within ``KNOWN``, but for those that never show.
+        movement_bits: What a good movement tells at first.
+        unforeseen: Share of random movements after which no model can say how its body lies.
+        hidden: By the names of unknowns, of how many bodies no reading shows another value of it;
+            those that show on all of them are left out.
+        turned: Share of bodies that read like themselves turned by quarters, or mirrored.
+    """
+
+    ways: float
+    attachment_bits: float
+    lengths: int
+    length_bits: float
+    movement_bits: float
+    unforeseen: float
+    hidden: dict[str, float]
+    turned: float
+
+    @property
+    def never(self) -> tuple[str, ...]:
+        """The unknowns that nobody can tell."""
+        return tuple(name for name, share in self.hidden.items() if share >= NEVER)
+
+    def movements(self, bits: float) -> float:
+        """How many movements tell so much, about; infinite where none tells anything."""
+        return bits / self.movement_bits if self.movement_bits > 0.05 else math.inf
+
+
+def supposed_robot(problem: Problem) -> Capabilities:
+    """A robot that a problem suits, where none is known: the paper's main body, all sensors."""
+    robot = problem.supposed
+    names = robot.names or tuple(f"joint {number}" for number in range(1, robot.joints + 1))
+    touch = problem.sensors if problem.touch is None else robot.touch_sensors
+    return with_sensors(
+        Capabilities(
+            robot="supposed",
+            software="none",
+            config_hash="none",
+            base_size=(0.14, 0.14, 0.085),
+            base_mass=0.6,
+            part_radii=None,
+            joints=tuple(
+                Joint(name=name, lower=-math.pi / 2, upper=math.pi / 2, speed=1.05, resolution=0.01)
+                for name in names
+            ),
+            sensors=(),
+            telemetry="*",
+            telemetry_rate=1.0,
+        ),
+        touch,
+    )
+
+
+def with_sensors(robot: Capabilities, touch: int) -> Capabilities:
+    """The robot with the sensors that it lacks, of usual noise; ``touch`` feet if it has none."""
+    sensors = dict(_SENSORS)
+    if touch:
+        sensors["touch"] = Sensor(modality="touch", unit="bool", count=touch, noise=0.0, rate=_RATE)
+    sensors |= {sensor.modality: sensor for sensor in robot.sensors}
+    return replace(robot, sensors=tuple(sensors[name] for name in MODALITIES if name in sensors))
+
+
+def prospects(
+    problem: Problem,
+    robot: Capabilities,
+    physics: ArrayPhysics,
+    modalities: Sequence[str],
+    rng: np.random.Generator,
+) -> Prospects:
+    """What a problem can be expected to tell of a robot.
+
+    Args:
+        problem: Written out for the robot.
+        robot: The robot.
+        physics: Predicts readings, in the problem's world.
+        modalities: Sensors that count.
+        rng: Draws bodies, movements and noise.
+
+    Raises:
+        ProblemError: The robot cannot perform the problem's movements.
+    """
+    genome = Genome(problem, problem.base(robot))
+    unknowns = Unknowns(genome)
+    points = rng.random((_POINTS, unknowns.size))
+    allowed = ~unknowns.forbidden(points)
+    ways = 2**unknowns.bits * float(np.mean(np.exp(-unknowns.log_prior(points)) * allowed))
+    bodies = unknowns.permitted(points[np.argsort(~allowed, kind="stable")[:_BODIES]])
+    programs = np.array([problem.random_program(rng, robot) for _ in range(_COMPARED)])
+    predictor = Predictor(unknowns, physics)
+    gain = InformationGain(
+        Noise.announced(robot), problem.settings(robot).clearance_cap, tuple(modalities)
+    )
+    told, unforeseen = [], []
+    for program in programs[:_PROGRAMS]:
+        predicted = Predictions.of(predictor.read_all(bodies, program[None]), len(bodies))
+        scales, groups = np.zeros((len(bodies), 2)), np.arange(len(bodies))
+        told.append(gain.of(predicted, scales, groups, rng, draws=_DRAWS)[0])
+        unforeseen.append(predicted.no_prediction.mean())
+    hidden = _hidden(genome, predictor, bodies[:_CHANGED], programs, modalities=modalities, rng=rng)
+    never = [gene for gene in genome.genes if hidden.get(gene.name, 0.0) >= NEVER]
+    lengths = [gene for gene in genome.genes if gene.trait == "length"]
+    return Prospects(
+        ways=ways,
+        attachment_bits=max(0.0, math.log2(ways) - sum(math.log2(g.choices or 1) for g in never)),
+        lengths=len(lengths),
+        length_bits=sum(_length_bits(problem, gene) for gene in lengths if gene not in never),
+        movement_bits=float(np.quantile(told, _GOOD)),
+        unforeseen=float(np.mean(unforeseen)),
+        hidden=hidden,
+        turned=_turned(
+            problem, genome.decode_all(bodies[:_CHANGED]), programs, physics, modalities
+        ),
+    )
+
+
+def _length_bits(problem: Problem, gene: Gene) -> float:
+    low, high = problem.parts[gene.part].length
+    return max(0.0, math.log2((high - low) / (2 * KNOWN)))
+
+
+def _hidden(
+    genome: Genome,
+    predictor: Predictor,
+    bodies: Array,
+    programs: Array,
+    *,
+    modalities: Sequence[str],
+    rng: np.random.Generator,
+) -> dict[str, float]:
+    """Of how many bodies no reading shows another value of an unknown, by its name."""
+    unknowns = predictor.unknowns
+    found = {}
+    for column, gene in enumerate(genome.genes):
+        if gene.trait == "nuisance":
+            continue
+        others = bodies.copy()
+        least = 1 / gene.choices if gene.choices > 1 else _STEP
+        steps = rng.uniform(least, 1 - least, len(bodies)) if gene.choices else _STEP
+        others[:, column] = (others[:, column] + steps) % 1.0
+        differ: Flags = ~unknowns.forbidden(others) & ~unknowns.forbidden(bodies)
+        if gene.choices:
+            differ &= unknowns.decided(others)[:, column] != unknowns.decided(bodies)[:, column]
+        if differ.sum() < _FEWEST:
+            continue
+        alike = indistinguishable_points(
+            predictor, programs, modalities, bodies[differ], others[differ]
+        )
+        if alike.any():
+            found[gene.name] = float(alike.mean())
+    return found
+
+
+def _turned(
+    problem: Problem,
+    bodies: Sequence[Morphology],
+    programs: Array,
+    physics: ArrayPhysics,
+    modalities: Sequence[str],
+) -> float:
+    """Share of bodies that read like an image of theirs that the problem allows as well."""
+    alike = 0
+    for body in bodies:
+        others = [
+            image
+            for image in images(body)
+            if image != body
+            and all(
+                (rule.mount is None or one.mount == other.mount)
+                and (rule.hinge is None or one.hinge == other.hinge)
+                for rule, one, other in zip(problem.parts, body.parts, image.parts, strict=True)
+            )
+        ]
+        if others:
+            reference = Reference(body, programs, physics, modalities)
+            alike += any(map(reference.is_like, others))
+    return alike / len(bodies)

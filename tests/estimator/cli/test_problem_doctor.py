@@ -1,0 +1,137 @@
+"""What the doctor says of a problem before a robot has moved."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from estimator.cli.command_line import app
+from estimator.cli.doctor import ExaminedItem, Fitness, examine_problem
+from protocol.wire.capabilities import Capabilities
+from tests.estimator.model_robot import PROBLEM, make_capabilities
+
+ALL = ("touch", "tilt", "clearance")
+
+
+def examined(
+    problem: str | Path, robot: Capabilities | None = None, modalities: tuple[str, ...] = ALL
+) -> list[ExaminedItem]:
+    return list(examine_problem(str(problem), robot, modalities))
+
+
+def said(items: list[ExaminedItem], subject: str) -> str:
+    return " ".join(item.sentence for item in items if item.subject == subject)
+
+
+def written(folder: Path, text: str) -> Path:
+    file = folder / "problem.toml"
+    file.write_text(text, encoding="utf-8")
+    return file
+
+
+def lacking(*modalities: str) -> Capabilities:
+    robot = make_capabilities()
+    sensors = tuple(one for one in robot.sensors if one.modality not in modalities)
+    return replace(robot, sensors=sensors)
+
+
+def test_bodies_are_counted_and_movements_foreseen() -> None:
+    items = examined("topological")
+    assert {item.verdict for item in items} == {Fitness.FINE, Fitness.NOTE}
+    assert "7,962,624 ways to attach its parts (23 bits) and 4 lengths" in said(items, "bodies")
+    # 4! parents, 4 sides and 6 hinges each; found after five or six movements (docs/accuracy.md).
+    assert "attachments take about 5 movements" in said(items, "movements")
+    assert "None is given: one with 8 joints" in said(items, "robot")
+
+
+def test_what_is_allowed_is_counted_where_mounts_are_not_shared() -> None:
+    ways = re.findall(r"([\d.e+]+) ways", said(examined("hexapod-12"), "bodies"))
+    legs = 6 * 5 * 4 * 3 * 2  # six mounts on the body; three on each leg, four hinges a part
+    assert float(ways[0]) == pytest.approx(legs * 3**6 * 4**12, rel=0.2)
+
+
+def test_the_hinges_of_locked_parts_show_nowhere() -> None:
+    items = examined("topological-20")
+    assert (
+        "nobody can tell: hinge of part 5, hinge of part 6, hinge of part 7, hinge of part 8."
+        in (said(items, "unknowns"))
+    )
+
+
+def test_what_a_missing_sensor_would_tell_is_said() -> None:
+    items = examined("topological", modalities=("touch", "clearance"))
+    assert "turned by a quarter or a half, or mirrored" in said(items, "unknowns")
+    assert "With an accelerometer a movement would tell" in said(items, "sensors")
+    assert "show what nothing shows now: sides, and which way" in said(items, "sensors")
+    assert "With a distance sensor" not in said(items, "sensors")
+
+
+@pytest.mark.parametrize(
+    ("lost", "offered"),
+    [
+        ("touch", "With touch sensors"),
+        ("tilt", "With an accelerometer"),
+        ("clearance", "With a distance sensor"),
+    ],
+)
+def test_a_robot_that_lacks_a_sensor_is_told_what_it_would_bring(
+    tmp_path: Path, lost: str, offered: str
+) -> None:
+    text = re.sub(r"^sensor = .*\n", "", PROBLEM, flags=re.MULTILINE)
+    file = written(tmp_path, 'touch = "outermost"\n' + text)
+    items = examined(file, lacking(lost))
+    assert said(items, "sensors").startswith(f"{offered} a movement would tell ")
+    assert said(items, "robot") == ""
+
+
+def test_more_unknowns_than_movements_can_tell_is_bad(tmp_path: Path) -> None:
+    text = PROBLEM.replace('hinge = "up"', 'hinge = "unknown"').replace(
+        "interactions = 2", "interactions = 1"
+    )
+    items = examined(written(tmp_path, re.sub('mount = ".*"', 'mount = "unknown"', text)))
+    (bad,) = [item for item in items if item.verdict is Fitness.BAD]
+    assert "so many unknowns are more than these can tell. Give identify --interactions" in (
+        bad.sentence
+    )
+
+
+def test_without_sensors_nothing_is_learnt(tmp_path: Path) -> None:
+    text = re.sub(r"^sensor = .*\n", "", PROBLEM, flags=re.MULTILINE)
+    items = examined(written(tmp_path, text), lacking(*ALL))
+    assert items[-1].verdict is Fitness.BAD
+    assert "has no sensors, so nothing can be learnt from it" in items[-1].sentence
+
+
+def test_a_part_that_cannot_move_what_is_felt_is_found_out(tmp_path: Path) -> None:
+    """Legs too thin and short to lift anything, and an accelerometer alone."""
+    text = re.sub(r"^sensor = .*\n", "", PROBLEM, flags=re.MULTILINE)
+    text = text.replace("range_deg = [-30.0, 30.0]", "range_deg = [0.0, 30.0]")
+    items = examined(written(tmp_path, text), lacking("touch", "clearance"))
+    (bad,) = [item for item in items if item.verdict is Fitness.BAD]
+    assert bad.sentence == "By tilt no movement tells anything of the body."
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "words"),
+    [
+        (["--problem", "parametric"], 0, "lengths take about 4; the problem makes 4."),
+        (["--problem", "no-such"], 1, "there is no problem named 'no-such'"),
+        (["--problem", "parametric", "--modalities", "smell"], 1, "not smell"),
+        ([], 2, "give --robot, --problem, or both"),
+    ],
+)
+def test_the_command_line_says_it(arguments: list[str], code: int, words: str) -> None:
+    result = CliRunner().invoke(app, ["doctor", *arguments])
+    assert result.exit_code == code
+    assert words in " ".join(result.output.split())
+
+
+def test_a_problem_that_does_not_fit_the_robot_is_bad() -> None:
+    robot = replace(make_capabilities(), joints=make_capabilities().joints[:2], part_radii=None)
+    items = examined("parametric", robot)
+    assert [item.verdict for item in items] == [Fitness.BAD]
+    assert "has only 2 joints" in items[0].sentence
