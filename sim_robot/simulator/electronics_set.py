@@ -57,7 +57,7 @@ class ElectronicsSet(ABC):
     """
 
     summary: ClassVar[str]
-    lag: ClassVar[float] = TICK
+    lag: float = TICK
     notes: Sequence[str] = ()
 
     def __init__(self, body: Body) -> None:
