@@ -27,22 +27,29 @@ from robot.drivers.sensors.dmm32 import DMM32Settings
 from robot.drivers.sensors.gpio import GPIOSwitchSettings
 from robot.drivers.sensors.mpu6050 import MPU6050Settings
 from robot.drivers.sensors.vl6180x import VL6180XSettings
+from robot.drivers.servos.dynamixel import DynamixelSettings
+from robot.drivers.servos.feetech import FeetechSettings
 from robot.drivers.servos.pca9685 import PCA9685Settings
 from robot.drivers.servos.servo_bus import ServoBus, ServoSettings
-from robot.drivers.servos.sv203 import SV203, SV203Settings
+from robot.drivers.servos.sv203 import SV203Settings
 from robot.host.clock import Clock
 from robot.service.dry_run import NullServos
 from sim_robot.electronics.ads1115 import ADS1115Emulator
+from sim_robot.electronics.bus_servos import BusServos
 from sim_robot.electronics.dmm32 import DMM32Emulator
+from sim_robot.electronics.dynamixel import DynamixelEmulator
 from sim_robot.electronics.fault_switch import FaultSwitch
+from sim_robot.electronics.feetech import FeetechEmulator
 from sim_robot.electronics.gpio import LINES, Chip, GPIOEmulator
 from sim_robot.electronics.i2c_bus import I2CBus, I2CDevice
 from sim_robot.electronics.mpu6050 import MPU6050Emulator
 from sim_robot.electronics.pca9685 import PCA9685Emulator
 from sim_robot.electronics.serial_device import Follower
+from sim_robot.electronics.servos import Felt
 from sim_robot.electronics.sv203 import SV203Emulator
 from sim_robot.electronics.vl6180x import VL6180XEmulator
 from sim_robot.errors import BodyError
+from sim_robot.simulator.bus_servo_sets import BusServoSet
 from sim_robot.simulator.electronics_set import REACH_MM, ElectronicsSet
 from sim_robot.simulator.pi_set import commanded
 from sim_robot.simulator.wiring import Wiring
@@ -74,11 +81,18 @@ class OwnSet(ElectronicsSet):
         self.notes = tuple(self._said)
         self._switches: dict[str, FaultSwitch] = {}
         self._pwm: list[PCA9685Emulator] = []
-        self._serial: SV203Emulator | None = None
+        self._serial: SV203Emulator | BusServos[Any] | None = None
         self._stand_in: NullServos | None = None
         servos = self._config.servos
         if isinstance(servos, SV203Settings):
             self._serial = self._switches["servo_board"] = SV203Emulator(boards=servos.boards)
+        elif isinstance(servos, FeetechSettings | DynamixelSettings):
+            feetech = isinstance(servos, FeetechSettings)
+            emulator = FeetechEmulator if feetech else DynamixelEmulator
+            ids = [joint.output for joint in self._config.joints]
+            self._serial = emulator(ids, baud=servos.baud)
+            self._switches["feetech" if feetech else "dynamixel"] = self._serial
+            self.lag = BusServoSet.lag
         elif isinstance(servos, _StandInServos):
             self._stand_in = servos.driver
 
@@ -96,6 +110,8 @@ class OwnSet(ElectronicsSet):
         """Makes the emulators of all but a serial servo board."""
         self._wiring = wiring
         config = self._config
+        if isinstance(self._serial, BusServos):
+            self._serial.connect(clock)
         devices: defaultdict[int, list[I2CDevice]] = defaultdict(list)
         if isinstance(config.servos, PCA9685Settings):
             self._pwm = [PCA9685Emulator(clock, address=one) for one in config.servos.boards]
@@ -135,8 +151,8 @@ class OwnSet(ElectronicsSet):
 
         def port(path: str, baud: int) -> Any:
             servos = self._config.servos
-            ours = isinstance(servos, SV203Settings) and path == servos.port and self._serial
-            return open_serial(ours.port if ours else path, baud)
+            ours = self._serial if path == getattr(servos, "port", None) else None
+            return open_serial(ours.port if ours is not None else path, baud)
 
         return Buses(
             clock=clock,
@@ -151,11 +167,16 @@ class OwnSet(ElectronicsSet):
         held = self._held()
         return [held[joint.output] for joint in self._config.joints]
 
+    def feel(self, find: Callable[[], Sequence[Felt]]) -> None:
+        """Tells servos that answer where the world has their joints."""
+        if isinstance(self._serial, BusServos):
+            self._serial.feel(find)
+
     def follow(self, servos: ServoBus) -> Callable[[], None]:
         """Waits for the thread that reads a serial line."""
         if self._serial is None:
             return lambda: None
-        return Follower(self._serial, cast(SV203, servos))
+        return Follower(self._serial, cast(Any, servos))
 
     def begin_interaction(self) -> None:
         """The MPU-6050 alone counts its samples."""
@@ -172,6 +193,9 @@ class OwnSet(ElectronicsSet):
         servos = self._config.servos
         if self._stand_in is not None:
             return self._stand_in.read_counts(servos.outputs)
+        if isinstance(self._serial, BusServos):
+            ids = (joint.output for joint in self._config.joints)
+            return dict(zip(ids, self._serial.pulses(), strict=True))
         if self._serial is not None:
             return dict(zip(servos.outputs, self._serial.pulses(), strict=True))
         assert isinstance(servos, PCA9685Settings)
@@ -214,7 +238,8 @@ class OwnSet(ElectronicsSet):
         """The configuration with stand-ins for the drivers that there is no emulator of."""
         servos, daq, distance = config.servos, config.daq, config.distance
         tilt = config.accelerometer
-        if not isinstance(servos, SV203Settings | PCA9685Settings):
+        known = SV203Settings | PCA9685Settings | FeetechSettings | DynamixelSettings
+        if not isinstance(servos, known):
             self._say("servos", servos.name)
             servos = cast(ServoSettings, _StandInServos(servos))
         if daq is not None and not isinstance(daq, DMM32Settings | ADS1115Settings):

@@ -152,6 +152,19 @@ def test_a_robot_of_2006_is_wired_as_its_file_says(tmp_path: Path) -> None:
         assert loads == pytest.approx([0.0, 1.0, 2.0, 0.0], abs=0.01)
 
 
+@pytest.mark.parametrize("driver", ["feetech", "dynamixel"])
+def test_bus_servos_are_wired_by_their_ids(tmp_path: Path, driver: str) -> None:
+    text = robot_toml("pi", name=driver, joints=8, touch=4)
+    servos = f'[servos]\ndriver = "{driver}"\nport = "/dev/ttyUSB0"\n\n[motion]'
+    text = without(text, "servos").replace("[motion]", servos)
+    text = re.sub(r"^output = (\d+)", lambda at: f"output = {30 - int(at[1])}", text, flags=re.M)
+    text = re.sub(r"calibration = \[\[.*", "calibration = [[1024, -90], [3072, 90]]", text)
+    with rehearsal(config_of(tmp_path, text)) as parts:
+        assert driver in parts.electronics.switches
+        commanded, reached = moved(parts)
+        assert reached == pytest.approx(commanded, abs=0.01)
+
+
 def test_drivers_without_an_emulator_get_stand_ins_and_it_is_said(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
