@@ -50,7 +50,7 @@ class Table:
 
 
 def write(path: Path, joints: Sequence[str], observations: Sequence[Observation]) -> None:
-    """Writes observations whose ``angles`` are in the order of ``joints``."""
+    """Writes observations whose ``angles`` are in the order of ``joints``; as measured, if so."""
     modalities = MODALITIES.values()
     header = [f"{ANGLE}{joint}" for joint in joints]
     for modality in modalities:
@@ -60,7 +60,7 @@ def write(path: Path, joints: Sequence[str], observations: Sequence[Observation]
         rows = csv.writer(file)
         rows.writerow(header)
         for item in observations:
-            angles = [f"{math.degrees(angle):.4f}" for angle in item.angles]
+            angles = [f"{math.degrees(angle):.4f}" for angle in item.taken]
             cells = [
                 modality.cell(value) for modality in modalities for value in modality.values(item)
             ]

@@ -30,7 +30,7 @@ from protocol.text import brief, error_text
 from protocol.wire.capabilities import Capabilities
 from protocol.wire.messages import Ok, Perform, RobotRequest, State
 from robot.control.interaction import MotorProgramRunner
-from robot.control.jobs import NEWS, OFF, STOPPED, Job, JobQueue, Outbox, ended_by, refused
+from robot.control.jobs import LIMP, NEWS, OFF, STOPPED, Job, JobQueue, Outbox, ended_by, refused
 from robot.control.joint_watch import told
 from robot.control.watched_thread import WatchedThread
 from robot.errors import DeviceError, DriverError
@@ -70,7 +70,8 @@ class Controller:
         self._manager = manager or ServiceManager({})
         self._lock = threading.Condition()  # notified when there is work, or no more to come
         self._state = State.RELAXED if interaction.limp else State.IDLE
-        self._reason = OFF if interaction.limp else None
+        off = LIMP if interaction.measures else OFF
+        self._reason = off if interaction.limp else None
         self._leaving = False
         self._late = False
         self._ended = False

@@ -104,6 +104,11 @@ class MotorProgramRunner:
         """Whether the board sends no pulses to some joint."""
         return any(self._counts[output] == 0 for output in self._outputs)
 
+    @property
+    def measures(self) -> bool:
+        """Whether the servos say where they are."""
+        return self._answering is not None
+
     def now(self) -> float:
         """Robot time, s."""
         return self._clock.now()

@@ -58,6 +58,8 @@ OFF: Final = (
     "hold request switches them on, and each jumps to 0°."
 )
 
+LIMP: Final = "The servos are limp, as after power-up. A hold request holds each joint where it is."
+
 NEWS: Final = MappingProxyType(
     {
         Event.STOP: (logging.WARNING, f"stopped by client {{}}; frozen until: {CLEAR}"),

@@ -1,8 +1,11 @@
+import math
 from dataclasses import replace
 
 import pytest
 from pydantic import ValidationError
 
+from estimator.posterior.model.likelihood import Noise
+from estimator.posterior.model.sensor_data import SensorData
 from estimator.readings.observation import Observation, by_joint_name, touched
 from protocol.wire import messages
 from tests.estimator.model_robot import make_capabilities
@@ -36,6 +39,28 @@ def test_joints_come_in_motor_order_whatever_the_wire_says() -> None:
         (0.1, -0.1),
         0.05,
     )
+
+
+def test_a_joint_is_where_it_was_measured_and_else_where_it_was_sent() -> None:
+    reply = wire(measured={"left": 0.05, "back": 0.41}, off_target={"left": "sagging"})
+    observation = Observation.from_wire(reply, make_capabilities())
+    assert observation.measured == (0.05, None, None, 0.41)
+    assert observation.taken == (0.05, 0.2, 0.3, 0.41)
+    assert observation.angles == (0.1, 0.2, 0.3, 0.4)
+    assert observation.off_target == {"left": "sagging"}
+    assert Observation.from_wire(wire(), make_capabilities()).taken == (0.1, 0.2, 0.3, 0.4)
+    data = SensorData.of([observation], ("tilt",), cap=0.2)
+    assert data.programs.tolist() == [[0.05, 0.2, 0.3, 0.41]]
+
+
+def test_the_play_of_a_measured_joint_widens_the_noise_of_what_leans_on_it() -> None:
+    robot = make_capabilities()
+    loose = replace(
+        robot, joints=tuple(replace(joint, measured_noise=0.02) for joint in robot.joints)
+    )
+    tight, wide = Noise.announced(robot), Noise.announced(loose)
+    assert wide.tilt == pytest.approx(math.hypot(tight.tilt, 0.02))
+    assert wide.clearance == pytest.approx(math.hypot(tight.clearance, 0.02 * 0.07))
 
 
 def test_a_reading_that_was_not_taken_stays_absent() -> None:

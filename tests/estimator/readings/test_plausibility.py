@@ -33,6 +33,7 @@ def test_what_can_be_is_left_alone() -> None:
         ({"clearance": -0.006}, "a clearance of -6 mm"),
         ({"touch": (True,) * 3}, "3 touch bits of 4 touch sensors"),
         ({"touch": (True,) * 5}, "5 touch bits of 4 touch sensors"),
+        ({"measured": (0.1, None, None, None)}, "a measured angle of joint left"),
         ({"angles": (0.0, 1.02, 0.0, 0.0)}, "an angle of 58.44° of joint front, which reaches"),
     ],
 )

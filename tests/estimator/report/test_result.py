@@ -71,13 +71,19 @@ def test_doubtful_interactions_are_warned_about(tmp_path: Path) -> None:
         store.observe(
             1,
             Observation(
-                angles=(0.0,) * 4, touch=(True,) * 4, settled=False, saturated_joints=("left",)
+                angles=(0.0,) * 4,
+                touch=(True,) * 4,
+                settled=False,
+                saturated_joints=("left",),
+                measured=(0.0, 0.1, 0.0, 0.0),
+                off_target={"front": "sagging"},
             ),
         )
         warnings = summarise(store).warnings
     assert warnings == (
         "The robot was not at rest when interaction 2 was read.",
         "At the end of what they can reach stood, at times: left.",
+        "The joint front is sagging: it was not where it was sent in interaction 2.",
     )
 
 

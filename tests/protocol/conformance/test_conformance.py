@@ -59,7 +59,7 @@ def test_without_move_it_never_moves(calm: Controller) -> None:
 
 
 def test_the_simulated_robot_as_a_user_runs_it() -> None:
-    with simulator("--electronics", "pi") as robot:
+    with simulator("--electronics", "feetech") as robot:
         done = subprocess.run(
             [sys.executable, "-m", "protocol.conformance", robot.uri, "--move"],
             capture_output=True,

@@ -97,6 +97,14 @@ def test_a_robot_whose_servos_answer_nothing_notices_nothing_of_it() -> None:
         assert (reply.measured, reply.off_target) == (None, None)
 
 
+def test_a_robot_that_starts_limp_says_that_it_will_not_leap() -> None:
+    with emulation(
+        BODY, seed=0, levels=NO_NOISE, real_time=False, log=LOG, electronics="feetech"
+    ) as parts:
+        reason = robot_on(parts, LOG, operator=False).snapshot().reason
+        assert "A hold request holds each joint where it is." in (reason or "")
+
+
 def test_a_limp_robot_is_held_where_it_lies() -> None:
     with robot() as (parts, _, requests):
         stood = observed(requests, **{name: -0.35 for name in UP if "hip" in name}).angles
