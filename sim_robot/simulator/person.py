@@ -93,6 +93,7 @@ class SimulatedPerson:
         self._answers: tuple[tuple[str, Callable[[re.Match[str]], str]], ...] = (
             ("on the stand", self._on_the_stand),
             (r"(?P<name>.+) is limp; hold it", lambda _: ""),
+            (r"(?P<name>.+): limp, count \d+, was ", lambda _: "hold"),
             (r"(?P<name>.+): count (?P<count>\d+), was .* measured", self._at_a_count),
             (r"(?P<name>.+) at its new 0°", self._at_zero),
             ("accelerometer: six", lambda _: "six"),

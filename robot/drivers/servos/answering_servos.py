@@ -103,7 +103,11 @@ class AnsweringServos:
         check_counts(counts, self._counts, self._known)
         if not all(output in self._held for output in counts):
             raise CommandError("read the servos' counts before moving them")
-        found = self._resent(self._sound(list(self._held)))
+        repeats = self._chain.repeats
+        found = self._sound(list(self._held))
+        if self._chain.repeats > repeats:  # by then the first answers are old
+            found = self._sound(list(self._held))
+        found = self._resent(found)
         for output, registers in found.items():
             held = self._held[output]
             if held and registers.goal != held:

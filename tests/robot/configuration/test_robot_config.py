@@ -106,7 +106,7 @@ def test_the_example_holds_table_1_and_2_of_the_paper() -> None:
         (
             'driver = "sv203"',
             'driver = "sv204"',
-            ["servos.driver", "one of pca9685, sv203", "'sv204'"],
+            ["servos.driver", "one of dynamixel, feetech, pca9685, sv203", "'sv204'"],
         ),
         ("output = 2", "output = 9", ["joint 2 (hip_front).output", "is 9", "1 to 8"]),
         ("base = 0x300", 'device = "/dev/comedi0"', ["daq.device", "not a known key"]),

@@ -105,3 +105,21 @@ def test_what_never_arrives_is_a_fault(line: Line, act: Callable[[AnsweringServo
     with pytest.raises(DeviceDataError, match=r"did not (take what was sent|switch)"):
         act(line.servos)
     assert not line.moves
+
+
+def test_what_was_read_before_a_question_was_repeated_is_read_again(line: Line) -> None:
+    stand(line)
+    receive, asked = line.bus.receive, []
+
+    def lose(data: bytes) -> bytes:
+        answer = receive(data)
+        asked.append(data)
+        if len(asked) > 1:
+            return answer
+        line.bus.servos[0].send_to(3000)  # another program, after this servo was asked
+        return answer[: len(answer) // 2]  # the second one's is lost
+
+    line.bus.receive = lose  # type: ignore[method-assign]
+    with pytest.raises(DeviceDataError, match="has the goal 3000, not 2048: another program"):
+        line.servos.set_counts(dict.fromkeys(IDS, 2058))
+    assert not line.moves
