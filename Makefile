@@ -7,7 +7,7 @@ READY := $(VENV)/.installed
 COMPILED := $(VENV)/.compiled
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test test-newest wheel check docs format bench compare-engines reproduce power ablations self-calibration soak three screenshots latency attacks leaps calibration exports faults fuzz clean
+.PHONY: help install demo test test-newest wheel check docs format bench compare-engines reproduce power ablations self-calibration soak three animation docs-commands screenshots latency attacks leaps calibration faults fuzz exports clean
 
 help: ## List the targets
 	@awk -F':.*## ' '/^[a-z-]+:.*## / {printf "  make %-16s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -141,6 +141,12 @@ three: ## Bundle what the pages need of three.js, from npm: needs node
 docs: $(READY) ## Build the documentation as a site into build/docs
 	$(BIN)/python -m sphinx --quiet --fail-on-warning --builder html docs build/docs
 	@echo "build/docs/index.html"
+
+docs-commands: $(READY) ## Run the commands of README and first page as they stand; ten minutes
+	ALL_EFFORT=1 $(BIN)/python -m pytest -q --timeout 3600 tests/docs/test_readme.py
+
+animation: $(READY) ## Make README's moving picture of a body being found; a minute
+	PATH="$(abspath $(BIN)):$$PATH" $(BIN)/python -m bench.animation
 
 screenshots: $(READY) ## Take the documentation's pictures of report.html, of a run; three minutes
 	PATH="$(abspath $(BIN)):$$PATH" $(BIN)/python -m tests.estimator.report.page.screenshots docs/images

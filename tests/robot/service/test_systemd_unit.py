@@ -45,6 +45,7 @@ def test_it_keeps_the_ports_within_reach() -> None:
     assert "PrivateUsers" not in names
     assert setting("AmbientCapabilities") == setting("CapabilityBoundingSet") == "CAP_SYS_RAWIO"
     assert ("DeviceAllow", "/dev/port rw") in SETTINGS
+    assert ("DeviceAllow", "char-gpiochip rw") in SETTINGS
     assert setting("ProcSubset") == "all"  # /proc/ioports
     # libzmq sets its threads' scheduling at the first connection, and aborts where it may not.
     assert not any("@resources" in value for key, value in SETTINGS if key == "SystemCallFilter")
