@@ -25,6 +25,7 @@ CENTRE: Final = 4
 ACCELEROMETER: Final = 7  # and the one after it
 TILT_GAIN: Final = 9
 TOO_HIGH: Final = 10
+ROUND: Final = 11
 
 BASE_YAW: Final = slice(3, 5)
 PART_YAW: Final = slice(1, 3)
@@ -32,7 +33,7 @@ PART_YAW: Final = slice(1, 3)
 _NONE = -1
 _NUMBERS = ("parent", "mount", "hinge", "motor", "sensor")
 _TABLES = {"base_mounts": 7, "part_mounts": 5, "hinges": 3}  # columns
-_BASE_COLUMNS = 11
+_BASE_COLUMNS = 12
 _MEASURES = {"length", "radius", "density", "zero", "travel", "base", *_TABLES}
 _FLAGS = {"box", "limp"}
 _LARGEST = 1e6
@@ -61,9 +62,10 @@ class Bodies:
             sensor reads contact in every pose, whatever a back-end says.
         travel: How far the motor turns the hinge, as a factor on the command; a back-end is given
             the angle that it turns.
-        base: Shape (n, 11): extent of the main body along x, y and z, m, its mass, kg, its centre
+        base: Shape (n, 12): extent of the main body along x, y and z, m, its mass, kg, its centre
             of mass, m, and how its accelerometer is turned, rad; then how sensors stray from what a
-            back-end says: a factor on tilt, and what clearance is too large by, m.
+            back-end says: a factor on tilt, and what clearance is too large by, m; and 1 where the
+            main body is round, else 0.
         base_mounts: What the bodies' parts can sit on, of all bodies together, one mount a row:
             x, y, z, m, then cosine and sine of the yaw, and of the elevation.
         part_mounts: Rows of mounts on parts: fraction of the carrier's length, cosines and sines.
@@ -215,11 +217,12 @@ class Bodies:
         length, radius, density, zero = (np.zeros(shape) for _ in range(4))
         box = np.zeros(shape, dtype=bool)
         base = np.empty((len(count), _BASE_COLUMNS))
-        base[:, TILT_GAIN:] = 1.0, 0.0
+        base[:, TILT_GAIN:ROUND] = 1.0, 0.0
         base_mounts, part_mounts, hinges = _Rows(7), _Rows(5), _Rows(3)
         for row, body in enumerate(morphologies):
             own = body.base
             base[row, :TILT_GAIN] = *own.size, own.mass, *own.centre, *own.accelerometer
+            base[row, ROUND] = own.round
             density[row] = body.density
             on_base = base_mounts.start(
                 body.base.mounts,

@@ -47,7 +47,7 @@ BASE: Final = -1
 
 @dataclass(frozen=True, kw_only=True)
 class Base:
-    """The main body: a box.
+    """The main body: a box, or an upright cylinder.
 
     Attributes:
         size: Extent along x, y, z, m.
@@ -56,6 +56,7 @@ class Base:
         centre: Of its mass, from its middle, m.
         accelerometer: How far the accelerometer on it is turned about the x axis and then about
             the y axis, rad: where the body stands level it reads the first as left/right tilt.
+        round: Whether it is a cylinder, as wide as long.
     """
 
     size: Vector
@@ -63,6 +64,7 @@ class Base:
     mounts: tuple[BaseMount, ...] = ()
     centre: Vector = (0.0, 0.0, 0.0)
     accelerometer: tuple[float, float] = (0.0, 0.0)
+    round: bool = False
 
     def __post_init__(self) -> None:
         if len(self.size) != 3 or not all(0 < extent < math.inf for extent in self.size):
@@ -70,6 +72,9 @@ class Base:
             raise MorphologyError(
                 f"the main body's size must be three lengths above 0 m, not {sizes}"
             )
+        if self.round and self.size[0] != self.size[1]:
+            x, y, _ = self.size
+            raise MorphologyError(f"a round main body must be as wide as long, not {x:g} x {y:g}")
         if not 0 < self.mass < math.inf:
             raise MorphologyError(f"the main body's mass must be above 0, not {self.mass}")
         if not all(map(math.isfinite, (*self.centre, *self.accelerometer))):
@@ -80,7 +85,14 @@ class Base:
     @property
     def inertia(self) -> Vector:
         """Moments about the centre of mass, along x, y and z, kg·m²."""
+        if self.round:
+            return cylinder_inertia(self.radius, self.size[2], self.mass)
         return box_inertia(self.size, self.mass)
+
+    @property
+    def radius(self) -> float:
+        """Half its width, m."""
+        return self.size[0] / 2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -350,6 +362,12 @@ def box_inertia(size: Vector, mass: float) -> Vector:
     """Moments of a box about its middle, along x, y and z, kg·m²."""
     (x, y, z), share = size, mass / 12
     return share * (y * y + z * z), share * (x * x + z * z), share * (x * x + y * y)
+
+
+def cylinder_inertia(radius: float, length: float, mass: float) -> Vector:
+    """Moments of a cylinder along z about its middle, kg·m²."""
+    across = mass * (3 * radius**2 + length**2) / 12
+    return across, across, mass * radius**2 / 2
 
 
 @lru_cache(maxsize=1024)

@@ -157,6 +157,7 @@ def _body(capabilities: Capabilities) -> tuple[object, ...]:
         [joint.name for joint in capabilities.joints],
         [(sensor.modality, sensor.count, sensor.upper) for sensor in capabilities.sensors],
         capabilities.base_size,
+        capabilities.base_radius,
         capabilities.base_mass,
     )
 

@@ -165,10 +165,11 @@ class Reference:
         return self._physics.read([(body, program) for program in self._programs[programs]])
 
 
-def turned(body: Morphology, quarters: int) -> Morphology:
+def turned(body: Morphology, quarters: float) -> Morphology:
     """The body with everything that sits on its main body turned leftward by quarter turns.
 
-    On a square main body (and by two quarters on any) that is the same body, seen from elsewhere.
+    On a square main body (and by two quarters on any, by any turn on a round one) that is the same
+    body, seen from elsewhere.
 
     Raises:
         MorphologyError: There is no mount where a part would come to sit.
@@ -208,11 +209,18 @@ def mirrored(body: Morphology) -> Morphology:
 
 
 def images(body: Morphology) -> Iterator[Morphology]:
-    """The body turned by quarter turns, and its mirror image too, as far as it has the mounts."""
-    for quarters in range(4):
+    """The body turned, and its mirror image too, as far as it has the mounts.
+
+    By quarter turns; where the main body is round, by those that bring its first mount to another.
+    """
+    turns: Sequence[float] = range(4)
+    if body.base.round:
+        yaws = [math.atan2(*mount.at[1::-1]) for mount in body.base.mounts]
+        turns = [(yaw - yaws[0]) / (math.pi / 2) for yaw in yaws]
+    for quarters in turns:
         with suppress(MorphologyError):
             yield turned(body, quarters)
-    for quarters in range(4):
+    for quarters in turns:
         with suppress(MorphologyError):
             yield turned(mirrored(body), quarters)
 

@@ -159,8 +159,11 @@ def build(engine: Any, body: Morphology, settings: WorldSettings) -> Any:
     )
     main = spec.worldbody.add_body(name="main body", pos=(0, 0, body.planar_height))
     main.add_freejoint()
-    x, y, z = body.base.size
-    main.add_geom(type=shape.mjGEOM_BOX, size=(x / 2, y / 2, z / 2), **contact)
+    x, y, z = (extent / 2 for extent in body.base.size)
+    if body.base.round:
+        main.add_geom(type=shape.mjGEOM_CYLINDER, size=(x, z, 0), **contact)
+    else:
+        main.add_geom(type=shape.mjGEOM_BOX, size=(x, y, z), **contact)
     main.explicitinertial, main.mass, main.ipos = True, body.base.mass, body.base.centre
     main.inertia = body.base.inertia
     stiffness = GRAVITY * body.mass * body.reach / (_YIELD * settings.joint_tolerance)

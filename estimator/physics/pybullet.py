@@ -123,14 +123,20 @@ class PyBulletPhysics(Physics):
             engine.removeBody(self._body, physicsClientId=client)
         self._bodies += 1
         base, parts = morphology.base, morphology.parts
-        box = engine.createCollisionShape(
-            engine.GEOM_BOX,
-            halfExtents=[extent / 2 for extent in base.size],
-            physicsClientId=client,
-        )
+        form: dict[str, Any] = {
+            "shapeType": engine.GEOM_BOX,
+            "halfExtents": [extent / 2 for extent in base.size],
+        }
+        if base.round:
+            form = {
+                "shapeType": engine.GEOM_CYLINDER,
+                "radius": base.radius,
+                "height": base.size[2],
+            }
+        shape = engine.createCollisionShape(**form, physicsClientId=client)
         self._body = engine.createMultiBody(
             base.mass,
-            box,
+            shape,
             -1,
             (0.0, 0.0, morphology.planar_height),
             _UPRIGHT,
@@ -156,6 +162,8 @@ class PyBulletPhysics(Physics):
             flags=engine.URDF_MAINTAIN_LINK_ORDER,
             physicsClientId=client,
         )
+        if base.round:  # else its rim is rounded
+            engine.changeDynamics(self._body, -1, collisionMargin=0.0, physicsClientId=client)
         floor = settings.inertia_floor(morphology)
         for link, inertia in enumerate(_inertias(morphology), start=-1):
             engine.changeDynamics(

@@ -234,8 +234,14 @@ class Problem(Strict):
     def base(self, capabilities: Capabilities) -> Base:
         """Returns the main body, which the robot's capabilities describe, with its mounts."""
         x, y, z = capabilities.base_size
-        mounts = self.tables.base_mounts((x, y, z))
-        return Base(size=(x, y, z), mass=capabilities.base_mass, mounts=mounts)
+        radius = capabilities.base_radius
+        size = (x, y, z) if radius is None else (2 * radius, 2 * radius, z)
+        return Base(
+            size=size,
+            mass=capabilities.base_mass,
+            mounts=self.tables.base_mounts(size),
+            round=radius is not None,
+        )
 
     def settings(self, capabilities: Capabilities) -> WorldSettings:
         """The world in which models of this robot are simulated."""

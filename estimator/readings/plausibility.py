@@ -29,7 +29,10 @@ def implausible_body(robot: Capabilities) -> str | None:
     for name, length in [*sizes, *(("part_radii", radius) for radius in robot.part_radii or ())]:
         if not low <= length <= high:
             return f"{name} holds {length:g} m, and must lie in {low:g} to {high:g} m"
-    density = robot.base_mass / math.prod(robot.base_size)
+    volume = math.prod(robot.base_size)
+    if robot.base_radius is not None:
+        volume *= math.pi / 4
+    density = robot.base_mass / volume
     if not DENSITIES[0] <= density <= DENSITIES[1]:
         x, y, z = robot.base_size
         return (

@@ -98,7 +98,10 @@ def model_links(
     """
     angles = body.part_angles(np.zeros(body.motors))
     limbs = _limb_numbers(body)
-    links = [Link(name="main body", shapes=(Shape(kind="box", size=body.base.size),))]
+    main = Shape(kind="box", size=body.base.size)
+    if body.base.round:
+        main = Shape(kind="cylinder", size=(body.base.radius, body.base.size[2]))
+    links = [Link(name="main body", shapes=(main,))]
     for row, part in enumerate(body.parts):
         links.append(
             Link(
@@ -316,9 +319,8 @@ def _lowest(solids: Sequence[Solid], up: Array) -> float:
 
 def _belly_ray(solids: Sequence[Solid], up: Array) -> float:
     """From the belly's middle to the ground, m, if the body rests with ``up``."""
-    boxes = (item for item in solids if item.limb == MAIN_BODY and item.kind == "box")
-    box = next(boxes, None)
-    if box is None:  # a robot of another shape: nobody knows its belly
+    main = next((item for item in solids if item.limb == MAIN_BODY), None)
+    if main is None or main.kind == "sphere":  # nobody knows its belly
         return math.inf
-    belly = box.place - np.array([0.0, 0.0, box.size[2] / 2])
+    belly = main.place - np.array([0.0, 0.0, main.size[-1] / 2])
     return belly_ray(float(up @ belly - _lowest(solids, up)), up)

@@ -21,6 +21,7 @@ MODALITIES: Final = ("touch", "tilt", "clearance")
 _name = partial(field_checks.text, longest=field_checks.MAX_NAME)
 _positive = partial(field_checks.number, least=1e-9)
 _not_negative = partial(field_checks.number, least=0.0)
+_ROUNDING: Final = 1e-6  # m
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,6 +77,8 @@ class Capabilities(Record):
         software: Name and version of the daemon.
         config_hash: Changes whenever the daemon's configuration does.
         base_size: Main body along x, y, z, m.
+        base_radius: Of a main body that is round, an upright cylinder as high as ``base_size`` says
+            and as wide, m; ``None``: it is a box.
         base_mass: Mass of the main body, kg.
         part_radii: Radius of the part that each joint moves, in joint order, m; ``None`` where
             not all of them are known.
@@ -90,6 +93,7 @@ class Capabilities(Record):
     software: str = checked(_name)
     config_hash: str = checked(_name)
     base_size: tuple[float, ...] = checked(partial(field_checks.items, check=_positive, count=3))
+    base_radius: float | None = checked_optional(_positive)
     base_mass: float = checked(_positive)
     part_radii: tuple[float, ...] | None = checked_optional(
         partial(field_checks.items, check=_positive)
@@ -104,6 +108,13 @@ class Capabilities(Record):
         names = [joint.name for joint in self.joints]
         if not names or len(set(names)) != len(names):
             raise LocalProtocolError(f"'joints' must be one or more with different names: {names}")
+        if self.base_radius is not None:
+            wide = 2 * self.base_radius
+            if any(abs(extent - wide) > _ROUNDING for extent in self.base_size[:2]):
+                raise LocalProtocolError(
+                    f"'base_size' of a round main body must begin with its width twice, {wide:g}, "
+                    f"{wide:g}, not {', '.join(f'{extent:g}' for extent in self.base_size[:2])}"
+                )
         if self.part_radii is not None and len(self.part_radii) != len(names):
             raise LocalProtocolError(
                 f"'part_radii' must have one item per joint, not {len(self.part_radii)}"

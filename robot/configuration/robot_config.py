@@ -45,11 +45,13 @@ class BodyConfig:
 
     Attributes:
         size: x, y, z, m; ``hello`` makes it public.
+        radius: Of one that is round, an upright cylinder, m; ``None``: it is a box.
         mass: Of the main body, kg.
         lies_flat: Whether it lies on the ground with all joints at 0.
     """
 
     size: tuple[float, ...]
+    radius: float | None
     mass: float
     lies_flat: bool
 
@@ -156,7 +158,10 @@ class RobotConfig:
     def underside(self) -> Underside:
         """The belly, with a margin for the noise that ``hello`` announces."""
         return Underside.of(
-            self.body.size, tilt_noise=self.noise.tilt, clearance_noise=self.noise.clearance
+            self.body.size,
+            self.body.radius,
+            tilt_noise=self.noise.tilt,
+            clearance_noise=self.noise.clearance,
         )
 
     @property
@@ -176,15 +181,34 @@ def _all_different(table: str, names: Sequence[str], key: str, values: Sequence[
             )
 
 
-def _dense_enough(section: Section, size: Sequence[float], mass: float) -> float:
+_WIDTHS: Final = (5.0, 2000.0)  # mm, of a main body
+
+
+def _read_size(section: Section) -> tuple[tuple[float, ...], float | None]:
+    """Extents along x, y and z, m, and the radius of a round main body."""
+    if not (section.has("radius_mm") or section.has("height_mm")):
+        return tuple(mm / 1000 for mm in section.numbers("size_mm", 3, *_WIDTHS)), None
+    if section.has("size_mm"):
+        raise section.refuse("size_mm", "is that of a box; a round body has radius_mm, height_mm.")
+    for key, other in (("radius_mm", "height_mm"), ("height_mm", "radius_mm")):
+        if not section.has(key):
+            raise section.refuse(key, f"is missing: a round body has one beside its {other}.")
+    least, most = _WIDTHS
+    radius = section.number("radius_mm", least / 2, most / 2) / 1000
+    return (2 * radius, 2 * radius, section.number("height_mm", 1, most) / 1000), radius
+
+
+def _dense_enough(
+    section: Section, size: Sequence[float], radius: float | None, mass: float
+) -> float:
     """The mass, if there can be a body of that mass and size (x, y, z in m)."""
-    density = mass / math.prod(size)
+    density = mass / (math.prod(size) if radius is None else math.pi * radius**2 * size[2])
     if not DENSITIES[0] <= density <= DENSITIES[1]:
         raise section.refuse(
             "mass_kg",
             f"is {mass:g} for a body of {' x '.join(f'{1000 * m:g}' for m in size)} mm: that is "
             f"{density:.3g} kg per cubic metre, and foam has {DENSITIES[0]:g}, gold "
-            f"{DENSITIES[1]:g}; write kilograms, and size_mm in millimetres.",
+            f"{DENSITIES[1]:g}; write kilograms, and its size in millimetres.",
         )
     return mass
 
@@ -321,12 +345,13 @@ def read_config(path: Path) -> tuple[RobotConfig, Path | None]:
     settling = root.table("settling")
     noise = root.table("noise")
     try:
-        size = tuple(mm / 1000 for mm in body.numbers("size_mm", 3, 5, 2000))
+        size, radius = _read_size(body)
         config = RobotConfig(
             name=name,
             body=BodyConfig(
                 size=size,
-                mass=_dense_enough(body, size, body.number("mass_kg", 0.01, 100)),
+                radius=radius,
+                mass=_dense_enough(body, size, radius, body.number("mass_kg", 0.01, 100)),
                 lies_flat=body.choice("zero_pose", ("flat", "standing"), "flat") == "flat",
             ),
             servos=servos,

@@ -147,29 +147,39 @@ class Underside:
     Attributes:
         length: Along x, m.
         width: Along y, m.
+        round: Whether it is a disc, else a rectangle.
         margin: Metres by which distance and tilt may contradict each other.
     """
 
     length: float
     width: float
+    round: bool = False
     margin: float = LEAST_MARGIN
 
     @classmethod
-    def of(cls, size: Sequence[float], *, tilt_noise: float, clearance_noise: float) -> Underside:
+    def of(
+        cls,
+        size: Sequence[float],
+        radius: float | None = None,
+        *,
+        tilt_noise: float,
+        clearance_noise: float,
+    ) -> Underside:
         """The belly of a body, with a margin for the noise that its sensors announce.
 
         Args:
             size: Main body along x, y, z, m.
+            radius: Of one that is round, m.
             tilt_noise: Root mean square error of one observation of tilt, rad.
             clearance_noise: Root mean square error of one observation of clearance, m.
         """
         length, width = size[:2]
         lifted = _TILT_SIGMAS * tilt_noise * (length + width) / 2
         margin = max(LEAST_MARGIN, _DISTANCE_SIGMAS * clearance_noise + lifted)
-        return cls(length=length, width=width, margin=margin)
+        return cls(length=length, width=width, round=radius is not None, margin=margin)
 
     def check(self, clearance: float, tilt: tuple[float, float], *, sensor: str) -> None:
-        """Whether a clearance can go with a tilt: no corner of the belly is below the ground.
+        """Whether a clearance can go with a tilt: nothing of the belly is below the ground.
 
         Args:
             clearance: Belly to ground, m.
@@ -182,7 +192,8 @@ class Underside:
         along, across, upright = map(abs, up_of(tilt))
         if upright < _STEEPEST:
             return
-        least = (self.length * along + self.width * across) / 2 / upright
+        x, y = self.length * along / 2, self.width * across / 2
+        least = (math.hypot(x, y) if self.round else x + y) / upright
         if clearance < least - self.margin:
             lean = math.degrees(math.acos(upright))
             raise DeviceDataError(

@@ -143,6 +143,7 @@ def describe(config: RobotConfig, *, measured: bool = False) -> Capabilities:
         software=f"bodyschema {metadata.version('bodyschema')}",
         config_hash=config.hash,
         base_size=config.body.size,
+        base_radius=config.body.radius,
         base_mass=config.body.mass,
         part_radii=tuple(radii) if len(radii) == len(config.joints) else None,
         joints=tuple(

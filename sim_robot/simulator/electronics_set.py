@@ -143,7 +143,12 @@ def configuration(
     sensitivity = min(VOLTS_PER_NEWTON, full_load / (2 * body.mass * GRAVITY))
     return RobotConfig(
         name=body.name[:64],
-        body=BodyConfig(size=body.base_size, mass=body.base_mass, lies_flat=body.lies_flat),
+        body=BodyConfig(
+            size=body.base_size,
+            radius=body.base_radius,
+            mass=body.base_mass,
+            lies_flat=body.lies_flat,
+        ),
         servos=servos,
         joints=tuple(
             DrivenJoint(

@@ -75,8 +75,9 @@ class Body:
         name: The robot's name.
         robot: Its links and joints.
         base: Name of the root link.
-        base_size: Its box, m.
-        base_center: The middle of that box in the root link's frame, m.
+        base_size: Its extents, m.
+        base_radius: Of one that is round, an upright cylinder, m; ``None``: it is a box.
+        base_center: Its middle in the root link's frame, m.
         base_mass: Its mass, kg.
         lies_flat: Whether it lies on the ground with all joints at 0.
         mass: Of all links together, kg.
@@ -89,6 +90,7 @@ class Body:
     robot: Robot
     base: str
     base_size: tuple[float, float, float]
+    base_radius: float | None
     base_center: tuple[float, float, float]
     base_mass: float
     lies_flat: bool
@@ -133,15 +135,19 @@ def examine(path: Path) -> tuple[Body | None, tuple[BodyError, ...]]:
 def _body(robot: Robot, notes: tuple[str, ...]) -> Body:
     root = root_of(robot)
     (collision,) = root.collisions
-    box = collision.geometry.shape
-    assert isinstance(box, Box)
-    size, center = vector(box.size), vector(collision.origin.xyz)
+    shape, center = collision.geometry.shape, vector(collision.origin.xyz)
+    if isinstance(shape, Cylinder):
+        radius, size = shape.radius, (2 * shape.radius, 2 * shape.radius, shape.length)
+    else:
+        assert isinstance(shape, Box)
+        radius, size = None, vector(shape.size)
     moving = [joint for joint in robot.joints if joint.type == "revolute"]
     return Body(
         name=robot.name,
         robot=robot,
         base=root.name,
         base_size=size,
+        base_radius=radius,
         base_center=center,
         base_mass=root.mass,
         lies_flat=_lowest(robot, root.name) > center[2] - size[2] / 2 - _FLATNESS,

@@ -93,6 +93,8 @@ class PyBulletWorld(World):
                 localInertiaDiagonal=[max(MIN_INERTIA, value) for value in inertia],
                 physicsClientId=client,
             )
+        if self._body.base_radius is not None:  # else its rim is rounded
+            pybullet.changeDynamics(self._robot, -1, collisionMargin=0.0, physicsClientId=client)
         info = pybullet.getDynamicsInfo(self._robot, -1, physicsClientId=client)
         self._upright = info[4]
         self._inertial_to_link = pybullet.invertTransform(info[3], info[4])

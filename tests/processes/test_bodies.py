@@ -61,7 +61,7 @@ class Case:
 
 CASES = (
     Case("damaged_leg", "topological-20", (0.22, 0.22, 0.13, 0.22), 20),
-    Case("three_legs", "topological", (0.2,) * 3, 9),
+    Case("plate", "tripod", (0.18, 0.2, 0.22), 9),
     Case("leg_on_leg", "topological", (0.2, 0.18, 0.2, 0.2, 0.12), 15),
     Case("twisted_hinge", "topological", (0.19,) * 4, 12, "hip_back has its axis 30 degrees"),
 )

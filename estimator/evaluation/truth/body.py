@@ -103,7 +103,7 @@ class _Reader:
         self._motors = motors
         self._tables = tables
         self._links = {link.name: link for link in urdf.links}
-        self._base_size, middle = urdf.main_box
+        self._base_size, middle, _ = urdf.main_body
         self._poses = {urdf.root: _Pose(np.eye(3), -np.array(middle))}  # as seen from the box
         self._limb_of = {urdf.root: BASE}
         self._driven = []
@@ -301,11 +301,14 @@ def check_robot(path: Path, robot: Capabilities) -> None:
     known = tuple(joint.name for joint in robot.joints)
     if joints != known:
         raise _refusal(path, robot, f"the joints {', '.join(joints)}", ", ".join(known))
-    size, _ = urdf.main_box
+    size, _, is_round = urdf.main_body
     root = next(link for link in urdf.links if link.name == urdf.root)
     mass = None if root.inertial is None else root.inertial.mass.value
     if not np.allclose(size, robot.base_size, rtol=0.0, atol=_SIZE):
         raise _refusal(path, robot, f"a main body of {_mm(size)} mm", f"{_mm(robot.base_size)} mm")
+    if is_round != (robot.base_radius is not None):
+        shapes = ("a round main body", "a box")
+        raise _refusal(path, robot, *(shapes if is_round else reversed(shapes)))
     if mass is not None and not np.isclose(mass, robot.base_mass, rtol=_MASS, atol=0.0):
         raise _refusal(path, robot, f"a main body of {mass:g} kg", f"{robot.base_mass:g} kg")
 

@@ -172,11 +172,17 @@ class Urdf(_Element, tag="robot"):
         return next(link.name for link in self.links if link.name not in children)
 
     @property
-    def main_box(self) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
-        """Extents of the root's box, m, and its middle in the root's frame."""
+    def main_body(self) -> tuple[tuple[float, float, float], tuple[float, float, float], bool]:
+        """Extents of the root's shape, m, its middle in the root's frame, and whether it is round.
+
+        A round one is an upright cylinder, any other a box.
+        """
         (collision,) = next(link for link in self.links if link.name == self.root).collisions
-        assert collision.geometry.box is not None
-        return numbers(collision.geometry.box.size), numbers(collision.origin.xyz)
+        shape, middle = collision.geometry.shape, numbers(collision.origin.xyz)
+        if isinstance(shape, Cylinder):
+            return (2 * shape.radius, 2 * shape.radius, shape.length), middle, True
+        assert isinstance(shape, Box)
+        return numbers(shape.size), middle, False
 
 
 def read_urdf(path: Path) -> Urdf:
@@ -286,10 +292,11 @@ def _check_tree(path: Path, urdf: Urdf) -> None:
             raise TruthError(
                 f"{path}: link {link.name}: a geometry must be one box, cylinder or sphere."
             )
-    boxes = [
-        one for one in main.collisions if one.geometry.box and not any(numbers(one.origin.rpy))
+    straight = [
+        one for one in main.collisions if not (one.geometry.sphere or any(numbers(one.origin.rpy)))
     ]
-    if not len(boxes) == len(main.collisions) == 1:
+    if not len(straight) == len(main.collisions) == 1:
         raise TruthError(
-            f"{path}: link {main.name}: the main body must be one box, not turned: {_PRINTED}."
+            f"{path}: link {main.name}: the main body must be one box or cylinder, not turned: "
+            f"{_PRINTED}."
         )

@@ -31,11 +31,13 @@ from estimator.physics.kernel.lanes import (
     every,
     gather,
     load,
+    root,
     size,
     store,
 )
 from estimator.physics.kernel.parts import (
     AT,
+    CORNERS,
     DEEP,
     FIRM,
     GRAVITY,
@@ -47,6 +49,7 @@ from estimator.physics.kernel.parts import (
     NEXT,
     POINT_ROWS,
     RESTS,
+    ROUND,
     ROW,
     STANCE,
     STEP,
@@ -62,6 +65,7 @@ from estimator.physics.kernel.parts import (
     board_again,
     move,
     pick_out,
+    place_rims,
     work_space,
 )
 from estimator.physics.kernel.rest import (
@@ -93,6 +97,11 @@ _clearance_of: Final = compiled(definitions.clearance_of)
 _touches: Final = compiled(definitions.touches)
 _touch_is_doubtful: Final = compiled(definitions.touch_is_doubtful)
 
+_SINKS: Final = 1e-5
+"""A rim may sink in by so much beside where it last bore, m, until its points are placed anew."""
+
+_REFINED: Final = 4  # times that they are placed at most until they hardly move; not tuned
+_MOVED: Final = 1e-4  # rad; less is hardly
 _QUICK: Final = 8.0  # paces by which the body may turn in one and still be followed; not tuned
 
 
@@ -158,8 +167,14 @@ def _rest_alike(work: Work, least_cosine: float) -> int:
         store(work.lowest, part, lowest)
         deepest = choose(lowest > deepest, lowest, deepest)
     corner = size(up_x) * half_x + size(up_y) * half_y + size(up_z) * half_z
+    within = (size(x) < half_x) & (size(y) < half_y)
+    if work.main > CORNERS:
+        boxes = load(bodies, ROUND) <= 0.0
+        rim = root(up_x * up_x + up_y * up_y) * half_x + size(up_z) * half_z - _SINKS
+        corner = choose(boxes, corner, rim)
+        within = within & (boxes | (x * x + y * y < half_x * half_x))
     lowest = radius - dot((up_x, up_y, up_z), foot) + TOUCHING
-    flat = (size(x) < half_x) & (size(y) < half_y) & (deepest <= half_z + TOUCHING)
+    flat = within & (deepest <= half_z + TOUCHING)
     firm = (load(bodies, FIRM) > 0.0) & (deepest <= lowest) & (corner <= lowest)
     stays = (lies & flat) | ((load(bodies, LIES) <= 0.0) & firm & does)
     store(bodies, DEEP, choose(corner > deepest, corner, deepest))
@@ -206,16 +221,35 @@ def _turn_to(work: Work, lane: int, step: int, slew: Slew) -> None:
 def _come_to_rest(work: Work, lane: int, least_cosine: float) -> None:
     """Brings a body to rest that does not rest as before."""
     bodies = work.bodies
-    pick_out(work, lane)
-    _take_pose(work, lane)
     bodies[LIES, lane] = 0.0
     centre = bodies[MIDDLE, lane], bodies[MIDDLE + 1, lane], bodies[MIDDLE + 2, lane]
-    count = work.one.shape[1]
-    if bodies[FIRM, lane] == 0.0 or not follow(
-        work.one, count, centre, work.pose, work.stance, least_cosine
-    ):
-        _roll(work, lane, centre)
-    _keep_pose(work, lane)
+    is_round, count = bodies[ROUND, lane] > 0, work.one.shape[1]
+    for _ in range(_REFINED if is_round else 1):
+        x, y = _bears(work, lane, centre)
+        if is_round:
+            place_rims(work, lane, x, y)
+        pick_out(work, lane)
+        _take_pose(work, lane)
+        if bodies[FIRM, lane] == 0.0 or not follow(
+            work.one, count, centre, work.pose, work.stance, least_cosine
+        ):
+            _roll(work, lane, centre)
+        _keep_pose(work, lane)
+        now_x, now_y = _bears(work, lane, centre)
+        if x * now_x + y * now_y > 0 and abs(x * now_y - y * now_x) < _MOVED:
+            return
+
+
+@inlined
+def _bears(work: Work, lane: int, centre: Vector) -> tuple[float, float]:
+    """In which direction a main body is lowest, a unit vector; where it is level, its mass acts."""
+    x, y = -work.bodies[UP, lane], -work.bodies[UP + 1, lane]
+    if x * x + y * y < BALANCED * BALANCED:
+        x, y = centre[0], centre[1]
+    length = math.sqrt(x * x + y * y)
+    if length == 0.0:
+        return 1.0, 0.0
+    return x / length, y / length
 
 
 @inlined
@@ -244,7 +278,15 @@ def _keep_pose(work: Work, lane: int) -> None:
 
 @inlined
 def _undecided(work: Work, lane: int, centre: Vector, up: Vector) -> bool:
-    """Whether a body, which lies at rest, is balanced on the rim of its support."""
+    """Whether a body, which lies at rest, is balanced on the rim of its support.
+
+    Where a round main body bears on its rim, that rolls until its curve holds it.
+    """
+    if work.bodies[ROUND, lane] > 0:
+        across = math.sqrt(up[0] * up[0] + up[1] * up[1]) * work.bodies[HALF, lane]
+        lowest = across + abs(up[2]) * work.bodies[HALF + 2, lane]
+        if across > BALANCED and lowest > work.bodies[DEEP, lane] - _SINKS:
+            return False
     if work.bodies[FIRM, lane] != 0.0:
         least = math.inf
         for side in range(3):
@@ -280,23 +322,31 @@ def _read(
     readings: Readings,
 ) -> None:
     """What the sensors of a body say that has reached its targets and rests."""
-    bodies, own, rests = work.bodies, trees.base[body], work.counts[RESTS, lane] > 0
-    for axis in range(3):
-        readings.up[row, axis] = bodies[UP + axis, lane] if rests else math.nan
-    if not plumb:
-        return
+    bodies, own = work.bodies, trees.base[body]
     weight = bodies[WEIGHT, lane]
     centre = (
         bodies[MOMENTS, lane] / weight,
         bodies[MOMENTS + 1, lane] / weight,
         bodies[MOMENTS + 2, lane] / weight,
     )
-    if bodies[GRAVITY, lane] != 0 or bodies[GRAVITY + 1, lane] != 0:
+    inclined = bodies[GRAVITY, lane] != 0 or bodies[GRAVITY + 1, lane] != 0
+    if bodies[ROUND, lane] > 0 and bodies[LIES, lane] == 0:
+        # Where gravity inclines a rim rolls on, which is no other place to land: so back it goes.
+        for axis in range(3):
+            bodies[MIDDLE + axis, lane] = centre[axis]
+        _come_to_rest(work, lane, 0.0)
+        stays = False
+    elif plumb and inclined:
         pick_out(work, lane)
         _take_pose(work, lane)
         _roll(work, lane, centre)
         _keep_pose(work, lane)
         stays = False
+    rests = work.counts[RESTS, lane] > 0
+    for axis in range(3):
+        readings.up[row, axis] = bodies[UP + axis, lane] if rests else math.nan
+    if not plumb:
+        return
     up, deep = (bodies[UP, lane], bodies[UP + 1, lane], bodies[UP + 2, lane]), bodies[DEEP, lane]
     readings.balances[row] = _undecided(work, lane, centre, up)
     measured = _up_as_measured(up, own[ACCELEROMETER], own[ACCELEROMETER + 1])

@@ -3,7 +3,9 @@
 A part's frame has its origin where the part begins, and x along it. What it sits on is its carrier:
 another part, or the main body, whose frame is number 0; that of part j is number j + 1.
 
-A capsule on a plane is its two end spheres, a box its eight corners, of radius 0. A sphere inside
+A capsule on a plane is its two end spheres, a box its eight corners, of radius 0. A round main body
+has points on its rims, close together where it bears and some all around; they are placed anew
+where that changes. A sphere inside
 the cone between two others of a straight limb never touches first and has no weight: its radius is
 ``NOWHERE``, as is that of every point that a body does not have where its neighbours do.
 
@@ -13,8 +15,8 @@ Arrays, all of them of rows of ``LANES`` numbers, one for each body, for p parts
 
 * ``hinges`` (p × ``HINGE_ROWS``), the constants of each part; rows below.
 * ``frames`` (12 × (p + 1)): origin, then x, y and z axes, in the main body's frame.
-* ``points`` (4 × n): x, y, z in the main body's frame, and radius. The first eight are the main
-  body's corners; then those of the first part, and so on, of whichever body they are.
+* ``points`` (4 × n): x, y, z in the main body's frame, and radius. First come the main
+  body's corners, or rims; then those of the first part, and so on, of whichever body they are.
 * ``bodies`` (``BODY_ROWS``): what each body is and where; rows below.
 * ``counts`` (``COUNT_ROWS``), integers: likewise.
 * ``group`` (p), integers: the first part of those that are rigid on each other.
@@ -29,6 +31,7 @@ import numpy as np
 
 from estimator.body import geometry
 from estimator.body.arrays import CENTRE, Flags, Integers
+from estimator.body.arrays import ROUND as IS_ROUND
 from estimator.body.morphology import Array
 from estimator.body.mounts import Vector
 from estimator.physics.kernel.compiling import allocating, compiled, inlined
@@ -57,15 +60,16 @@ GRAVITY: Final = 3  # how far it is inclined: tangents towards x and y
 WEIGHT: Final = 5  # mass of the body, kg
 BASE_MOMENT: Final = 6  # mass of the main body times its centre of mass, kg·m
 HALF: Final = 9  # extents of the main body
-MOMENTS: Final = 12  # mass times centre of mass of the body, kg·m
-MIDDLE: Final = 15  # where its mass acts
-LIES: Final = 18  # 1: it still lies flat on its main body; else 0
-FIRM: Final = 19  # 1: it has three contacts around the centre of mass; else 0
-DEEP: Final = 20  # how far its lowest point lies below its origin, m
-STEP: Final = 21  # how many steps its joints have turned, and cosine and sine of so many
-STEP_COSINE: Final = 22
-STEP_SINE: Final = 23
-BODY_ROWS: Final = 24
+ROUND: Final = 12  # 1: the main body is an upright cylinder; else 0
+MOMENTS: Final = 13  # mass times centre of mass of the body, kg·m
+MIDDLE: Final = 16  # where its mass acts
+LIES: Final = 19  # 1: it still lies flat on its main body; else 0
+FIRM: Final = 20  # 1: it has three contacts around the centre of mass; else 0
+DEEP: Final = 21  # how far its lowest point lies below its origin, m
+STEP: Final = 22  # how many steps its joints have turned, and cosine and sine of so many
+STEP_COSINE: Final = 23
+STEP_SINE: Final = 24
+BODY_ROWS: Final = 25
 
 STANCE: Final = 0  # three contacts around the centre of mass, points
 ROW: Final = 3  # which row of the batch
@@ -80,6 +84,17 @@ FRAME_ROWS: Final = 12
 POINT_ROWS: Final = 4
 CORNERS: Final = 8
 NOWHERE: Final = -1e30
+
+_CLOSE: Final = tuple(math.radians(0.35 * 2**step) for step in range(5))
+_AROUND: Final = tuple(math.radians(15.0 * step) for step in range(1, 12))
+_TURNS: Final = (
+    *(0.0, math.pi),
+    *(side * turn for turn in (*_CLOSE, *_AROUND) for side in (1.0, -1.0)),
+)
+_COSINES: Final = tuple(map(math.cos, _TURNS))
+_SINES: Final = tuple(map(math.sin, _TURNS))
+RIM: Final = len(_TURNS)
+"""Points of a rim: where it bears, and others at these turns from there; not tuned."""
 
 _ends: Final = compiled(geometry.ends)
 _volume: Final = compiled(geometry.volume)
@@ -126,6 +141,7 @@ class Work(NamedTuple):
     """Work space for ``LANES`` bodies at a time; see above.
 
     Attributes:
+        main: Points of the main body, at most; more than ``CORNERS``: some are round.
         first: Of each part, its first point.
         end: To before here.
         boxed: Whether it may be a box.
@@ -143,6 +159,7 @@ class Work(NamedTuple):
     bodies: Array
     counts: Integers
     group: Integers
+    main: int
     first: Integers
     end: Integers
     boxed: Flags
@@ -163,10 +180,13 @@ def work_space(trees: Trees, which: Integers, start: int, end: int) -> Work:
     """Room for some of the bodies."""
     parts = trees.parent.shape[1]
     boxed = np.zeros(parts, np.bool_)
+    main = CORNERS
     for row in range(start, end):
+        if trees.base[which[row], IS_ROUND] > 0:
+            main = 2 * RIM
         for part in range(parts):
             boxed[part] |= trees.box[which[row], part]
-    firsts, ends, points = np.zeros(parts, np.int64), np.zeros(parts, np.int64), CORNERS
+    firsts, ends, points = np.zeros(parts, np.int64), np.zeros(parts, np.int64), main
     for part in range(parts):
         firsts[part] = points
         points += CORNERS if boxed[part] else 2
@@ -178,6 +198,7 @@ def work_space(trees: Trees, which: Integers, start: int, end: int) -> Work:
         np.zeros((BODY_ROWS, LANES)),
         np.zeros((COUNT_ROWS, LANES), np.int64),
         np.zeros((parts, LANES), np.int64),
+        main,
         firsts,
         ends,
         boxed,
@@ -214,6 +235,7 @@ def board(trees: Trees, row: int, program: Array, slew: Slew, work: Work, lane: 
     for axis in range(3):
         bodies[HALF + axis, lane] = 0.5 * base[axis]
         bodies[BASE_MOMENT + axis, lane] = base[3] * base[CENTRE + axis]
+    bodies[ROUND, lane] = base[IS_ROUND]
     _set_corners(work, lane)
     for part in range(trees.parent.shape[1]):
         if part < trees.parts[row]:
@@ -300,7 +322,7 @@ def board_again(work: Work, lane: int, other: int) -> None:
         work.group[part, lane] = work.group[part, other]
     for point in range(work.one.shape[1]):
         work.points[POINT_ROWS * point + 3, lane] = work.points[POINT_ROWS * point + 3, other]
-    for row in range(WEIGHT, HALF + 3):
+    for row in range(WEIGHT, ROUND + 1):
         work.bodies[row, lane] = work.bodies[row, other]
     _set_corners(work, lane)
     work.counts[LAST, lane] = work.counts[LAST, other]
@@ -308,13 +330,39 @@ def board_again(work: Work, lane: int, other: int) -> None:
 
 @inlined
 def _set_corners(work: Work, lane: int) -> None:
-    """Puts the main body's corners where they are."""
-    points = work.points
+    """Puts the main body's corners where they are, or its rims anywhere."""
+    points, several = work.points, work.main > CORNERS
+    if several:
+        is_round = work.bodies[ROUND, lane] > 0
+        for point in range(work.main):
+            points[POINT_ROWS * point + 3, lane] = 0.0 if is_round or point < CORNERS else NOWHERE
+        if is_round:
+            place_rims(work, lane, 1.0, 0.0)
+            return
     for axis in range(3):
         half = work.bodies[HALF + axis, lane]
-        if points[axis, lane] != -half:  # else the body before was as large
+        if several or points[axis, lane] != -half:  # else the body before was as large
             for corner in range(CORNERS):
                 points[POINT_ROWS * corner + axis, lane] = half if corner >> axis & 1 else -half
+
+
+@inlined
+def place_rims(work: Work, lane: int, x: float, y: float) -> None:
+    """Gives a round main body the points of its rims, closest together in one direction.
+
+    Args:
+        work: Holds the body.
+        lane: Of it.
+        x: Of the direction, in the main body's frame; a unit vector.
+        y: Of it.
+    """
+    radius, half = work.bodies[HALF, lane], work.bodies[HALF + 2, lane]
+    for point in range(2 * RIM):
+        cosine, sine = _COSINES[point % RIM], _SINES[point % RIM]
+        first = POINT_ROWS * point
+        work.points[first, lane] = radius * (x * cosine - y * sine)
+        work.points[first + 1, lane] = radius * (y * cosine + x * sine)
+        work.points[first + 2, lane] = -half if point < RIM else half
 
 
 @inlined

@@ -104,8 +104,9 @@ class Description:
 
     Attributes:
         robot: Its name.
-        base: Name of the main body, a box in the middle of its frame.
-        size: Of the box along x, y and z.
+        base: Name of the main body, in the middle of its frame: a box, or an upright cylinder.
+        size: Of the main body along x, y and z.
+        round: Whether it is a cylinder.
         mass: Of the main body, kg.
         inertia: Of the main body about its centre of mass, kg·m².
         centre: Of its mass, from its middle.
@@ -118,6 +119,7 @@ class Description:
     robot: str
     base: str
     size: Vector
+    round: bool
     mass: float
     inertia: Vector
     centre: Vector
@@ -186,6 +188,7 @@ def describe(
         robot=printable(robot),
         base=base,
         size=body.base.size,
+        round=body.base.round,
         mass=body.base.mass,
         inertia=body.base.inertia,
         centre=_vector(body.base.centre),

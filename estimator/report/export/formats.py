@@ -53,7 +53,12 @@ def urdf(body: Description) -> str:
         SubElement(SubElement(root, "material", name=name), "color", rgba=colour)
     main = SubElement(root, "link", name=body.base)
     _add_inertial(main, body.mass, body.inertia, body.centre)
-    SubElement(_collision(main, 0.0), "box", size=_numbers(body.size))
+    width, _, height = body.size
+    if body.round:
+        plate = SubElement(_collision(main, 0.0), "cylinder", radius=repr(width / 2))
+        plate.set("length", repr(height))
+    else:
+        SubElement(_collision(main, 0.0), "box", size=_numbers(body.size))
     for link in body.links:
         element = SubElement(root, "link", name=link.name)
         _add_inertial(element, link.mass, link.inertia, (link.middle, 0, 0))
@@ -154,11 +159,14 @@ def mjcf(body: Description) -> str:
     _remark(default, _SERVOS)
     world = SubElement(root, "worldbody")
     SubElement(world, "geom", type="plane", size="0 0 1", contype="1", conaffinity="0")
-    belly = body.size[2] / 2
+    width, _, belly = (extent / 2 for extent in body.size)
     main = SubElement(world, "body", name=body.base, pos=_numbers((0, 0, body.height)))
     SubElement(main, "freejoint")
     _add_mass(main, body.mass, body.inertia, body.centre)
-    SubElement(main, "geom", type="box", size=_numbers(extent / 2 for extent in body.size))
+    if body.round:
+        SubElement(main, "geom", type="cylinder", size=_numbers((width, belly)))
+    else:
+        SubElement(main, "geom", type="box", size=_numbers(extent / 2 for extent in body.size))
     (c, s), (d, t) = ((math.cos(turn / 2), math.sin(turn / 2)) for turn in body.accelerometer)
     SubElement(main, "site", name="middle", quat=_numbers((c * d, s * d, c * t, s * t)))
     # A rangefinder looks along its site's z axis.

@@ -115,7 +115,9 @@ class LivePage:
             return
         self._shown = body
         main = body[0]
-        ahead = main.turn @ np.array([main.size[0] / 2, 0.0, main.size[2] / 2])
+        x, _, z = _extents(main)
+        x = x if main.kind == "cylinder" else x / 2  # its radius
+        ahead = main.turn @ np.array([x, 0.0, z / 2])
         with self._server.atomic():
             self._body.show([body])
             self._ahead.position = main.place + 1.2 * ahead

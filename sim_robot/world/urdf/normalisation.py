@@ -4,7 +4,8 @@
 In the file                      What it is taken as
 ================================ ================================================================
 a mesh                           the box around it
-a main body that is not one box  the box around its shapes
+a main body that is neither one  the box around its shapes
+box nor one upright cylinder
 a ``continuous`` joint           a revolute one of ±180°
 limits beyond ±180°              ±180°
 a range without 0                the same range, counted from its end nearest to 0
@@ -33,6 +34,7 @@ from numpy.typing import NDArray
 from sim_robot.world.urdf.declarations import (
     Box,
     Collision,
+    Cylinder,
     Frame,
     Geometry,
     Inertial,
@@ -55,6 +57,7 @@ _AMPLE: Final = 2.0 * 9.81  # N·m for each kg of the robot
 _HALF_TURN: Final = math.pi
 _RADIANS: Final = 2 * math.pi + 0.01  # what lies beyond is hardly meant in radians
 _THINNEST: Final = 1e-4  # m
+_UPRIGHT: Final = 1e-6  # below 1, of the cosine of a turn
 
 
 def normalise(
@@ -94,7 +97,7 @@ def normalise(
     if whole:
         main = _root(robot)
         if main is not None:
-            _make_box(main, note)
+            _make_simple(main, note)
         mend_inertia(robot, note)
     effort = _AMPLE * sum(link.mass for link in robot.links)
     for joint in robot.joints:
@@ -287,14 +290,18 @@ class _MeshBoxes:
             return str(getattr(error, "strerror", None) or error)
 
 
-def _make_box(main: Link, note: Say) -> None:
-    """Makes a main body one box along its own axes, around all its shapes."""
+def _make_simple(main: Link, note: Say) -> None:
+    """Makes a main body an upright cylinder, or one box along its axes around all its shapes."""
     whole = [collision.geometry.shape for collision in main.collisions]
     if not whole or None in whole:
         return  # for the checks to say
     first = main.collisions[0]
     box = isinstance(whole[0], Box) and len(whole) == 1
     if box and not any(vector(first.origin.rpy)):
+        return
+    upright = abs(first.origin.frame[2, 2]) > 1 - _UPRIGHT
+    if isinstance(whole[0], Cylinder) and len(whole) == 1 and upright:
+        first.origin = Origin(xyz=first.origin.xyz)
         return
     ends = np.array([collision.bounds(np.eye(4)) for collision in main.collisions])
     low, high = ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)
@@ -311,10 +318,10 @@ def _make_box(main: Link, note: Say) -> None:
         return
     note(
         where,
-        f"is taken as the box around its shapes, {extents} mm, for main bodies are boxes, here and "
-        "in the estimator's models: on the ground it tips over the edges of that box, where the "
-        "real one rolls or rests on other points; what is found of it holds for the real one only "
-        "while its main body is off the ground, or lies flat",
+        f"is taken as the box around its shapes, {extents} mm, for main bodies are boxes or "
+        "upright cylinders, here and in the estimator's models: on the ground it tips over the "
+        "edges of that box, where the real one rolls or rests on other points; what is found of it "
+        "holds for the real one only while its main body is off the ground, or lies flat",
     )
 
 

@@ -151,3 +151,11 @@ def test_impossible_bodies_are_refused() -> None:
 def test_a_short_motor_program_is_refused() -> None:
     with pytest.raises(MorphologyError, match="1 angles, but the body has 4 motors"):
         part_frames(table_1(), [0.0])
+
+
+def test_a_plate_has_the_inertia_of_a_cylinder() -> None:
+    plate = Base(size=(0.14, 0.14, 0.02), mass=0.4, round=True)
+    across = 0.4 * (3 * 0.07**2 + 0.02**2) / 12
+    assert plate.inertia == pytest.approx((across, across, 0.4 * 0.07**2 / 2))
+    with pytest.raises(MorphologyError, match=r"as wide as long, not 0\.14 x 0\.2"):
+        Base(size=(0.14, 0.2, 0.02), mass=0.4, round=True)

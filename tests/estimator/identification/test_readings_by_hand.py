@@ -40,6 +40,11 @@ def test_three_lines_by_hand_are_a_robot(tmp_path: Path) -> None:
     assert observation.clearance == pytest.approx(0.04)
 
 
+def test_a_round_robot_by_hand(tmp_path: Path) -> None:
+    link = opened(tmp_path, robot={**ROBOT, "base_radius": 0.07})
+    assert link.capabilities.base_radius == 0.07
+
+
 def test_a_modality_without_a_column_is_a_sensor_that_the_robot_lacks(tmp_path: Path) -> None:
     link = opened(tmp_path, "angle_deg_a,touch_1\n30,1\n", driven=(0,))
     assert [sensor.modality for sensor in link.capabilities.sensors] == ["touch"]
@@ -63,6 +68,7 @@ def test_joints_that_are_not_driven_need_no_column(tmp_path: Path) -> None:
         ([1], (0,), "must hold an object"),
         ({"base_size": [1, 2, 3]}, (0,), "lacks base_mass"),
         ({**ROBOT, "base_mass": -1}, (0,), "'base_mass' must be at least"),
+        ({**ROBOT, "base_radius": 0.1}, (0,), "of a round main body must begin with its width"),
         ({**ROBOT, "base_size": [0.1, 0.1]}, (0,), "'base_size' must have 3 items"),
     ],
 )

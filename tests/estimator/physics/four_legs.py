@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from estimator.body.morphology import BASE, Array, Base, Morphology, Part, part_frames
+from estimator.body.mounts import BaseMount
 from estimator.physics.base import Pair, Physics
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.readings.observation import PredictedReadings
@@ -85,3 +86,32 @@ def assert_links_where_kinematics_says(
         matrix = np.reshape(engine.getMatrixFromQuaternion(state[5]), (3, 3))
         assert np.array(state[4]) - base == pytest.approx(origins[link], abs=1e-5)
         assert matrix == pytest.approx(rotations[link], abs=1e-5)
+
+
+PLATE = (0.14, 0.02)  # width and height, m
+STILT = 0.08  # m
+
+
+def plate(turn: float = 0.0) -> Morphology:
+    """A round plate with a leg on its rim, which lifts; all turned about the plate's axis, rad."""
+    width, height = PLATE
+    at = (width / 2 * math.cos(turn), width / 2 * math.sin(turn), 0.0)
+    base = Base(
+        size=(width, width, height),
+        mass=1.0,
+        mounts=(BaseMount(name="rim", at=at, yaw=turn),),
+        round=True,
+    )
+    leg = Part(parent=BASE, mount=0, hinge=2, length=STILT, radius=0.006, motor=0, sensor=0)
+    return Morphology(base=base, parts=(leg,), density=1000.0)
+
+
+def plate_lean() -> tuple[float, float]:
+    """How far the plate leans on its leg, straight down, rad, and its clearance, m.
+
+    A sphere at the leg's end and the rim opposite touch the ground.
+    """
+    (width, height), radius = PLATE, 0.006
+    rise = STILT - radius - height / 2
+    lean = math.atan2(rise, width) + math.asin(radius / math.hypot(width, rise))
+    return lean, width / 2 * math.tan(lean)

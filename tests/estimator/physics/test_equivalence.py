@@ -1,12 +1,14 @@
 """Bodies that no sensor can tell apart, and bodies that it can."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from estimator.body.morphology import BASE, Base, Morphology, Part
-from estimator.physics.equivalence import Reference, agree, mirrored, turned
+from estimator.body.mounts import BaseMount
+from estimator.physics.equivalence import Reference, agree, images, mirrored, turned
 from estimator.physics.statics import StaticsPhysics
 
 ALL = ("touch", "tilt", "clearance")
@@ -52,6 +54,30 @@ def test_without_tilt_a_square_body_may_be_turned_and_mirrored(
     blind = Reference(BODY, PROGRAMS, statics, ("touch", "clearance"))
     assert blind.is_like(turned(BODY, 2))
     assert blind.is_like(mirrored(BODY))
+
+
+def test_without_tilt_a_round_body_may_be_turned_to_wherever_it_has_a_mount(
+    statics: StaticsPhysics,
+) -> None:
+    yaws = (0.0, 2 * math.pi / 3, -2 * math.pi / 3)
+    mounts = tuple(
+        BaseMount(name="rim", at=(0.07 * math.cos(yaw), 0.07 * math.sin(yaw), 0.0), yaw=yaw)
+        for yaw in yaws
+    )
+    base = Base(size=(0.14, 0.14, 0.03), mass=0.3, mounts=mounts, round=True)
+    legs = tuple(
+        Part(parent=BASE, mount=leg, hinge=2, length=length, radius=0.006, motor=leg, sensor=leg)
+        for leg, length in enumerate((0.16, 0.18, 0.2))
+    )
+    plate = Morphology(base=base, parts=legs, density=1000.0)
+    turns = [tuple(part.mount for part in image.parts) for image in images(plate)]
+    assert turns[:3] == [(0, 1, 2), (1, 2, 0), (2, 0, 1)]
+    blind = Reference(plate, PROGRAMS[:, :3], statics, ("touch", "clearance"))
+    assert all(map(blind.is_like, images(plate)))
+    square = replace(plate, base=replace(base, round=False))
+    assert not Reference(square, PROGRAMS[:, :3], statics, ("touch", "clearance")).is_like(
+        turned(square, 4 / 3)
+    )
 
 
 def hanging(body: Morphology) -> Morphology:

@@ -24,6 +24,8 @@ from tests.estimator.physics.four_legs import (
     RIGHT_ANGLE,
     MakeBody,
     legs,
+    plate,
+    plate_lean,
     random_pairs,
     read_one,
 )
@@ -65,6 +67,19 @@ def test_thick_legs_carry_the_body_at_zero(physics: Physics) -> None:
     felt = read_one(physics, legs(0.22, radius=0.05), 0, 0, 0, 0)
     assert felt.clearance == pytest.approx([0.05 - BELLY], abs=1e-4)
     assert felt.touch.all()
+
+
+def test_a_plate_on_one_leg_rests_on_its_rim(physics: Physics) -> None:
+    """Nothing but the curve of the rim keeps it from falling to a side."""
+    # Bullet keeps contacts of a moment ago, which hold a rim that rolls.
+    rolled = math.radians(3.0 if isinstance(physics, PyBulletPhysics) else 0.1)
+    for turn in (0.0, 0.3):
+        lean, clearance = plate_lean()
+        felt = read_one(physics, plate(turn), -RIGHT_ANGLE)
+        left, ahead = np.sin(felt.tilt[0])
+        assert math.asin(math.hypot(left, ahead)) == pytest.approx(lean, abs=math.radians(0.1))
+        assert math.atan2(left, ahead) == pytest.approx(turn, abs=rolled)
+        assert felt.clearance == pytest.approx([clearance], abs=3e-4)
 
 
 @pytest.mark.parametrize("radius", [0.006, 0.013])

@@ -12,13 +12,21 @@ import numpy as np
 import pytest
 
 from estimator.body.arrays import Bodies, Integers
-from estimator.body.morphology import BASE, Array, Base, Morphology, Part
+from estimator.body.morphology import BASE, Array, Base, Morphology, Part, part_frames
 from estimator.errors import MorphologyError, PhysicsError
 from estimator.physics.base import WorldSettings
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import PACE, StaticsPhysics
 from estimator.readings.observation import PredictedReadings
-from tests.estimator.physics.four_legs import BELLY, BODY, MakeBody, legs, random_pairs
+from tests.estimator.physics.four_legs import (
+    BELLY,
+    BODY,
+    MakeBody,
+    legs,
+    plate,
+    plate_lean,
+    random_pairs,
+)
 
 SURE = math.radians(8)
 
@@ -53,6 +61,58 @@ def test_four_equal_legs_lift_the_body_level(
     assert felt.valid.all()
     assert not (felt.undecided | felt.saturated | felt.touch_doubtful).any()
     assert felt.speed.tolist() == [0.0]
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.1, 1.0, 2.5])
+def test_a_plate_on_one_leg_rests_on_its_rim(statics: StaticsPhysics, turn: float) -> None:
+    """Plane geometry, and nothing but the curve of the rim keeps it from falling to a side."""
+    lean, clearance = plate_lean()
+    felt = read_one(statics, plate(turn), -90)
+    left, ahead = np.sin(felt.tilt[0])
+    assert math.asin(math.hypot(left, ahead)) == pytest.approx(lean, abs=1e-5)
+    assert math.atan2(left, ahead) == pytest.approx(turn, abs=math.radians(0.2))
+    assert felt.clearance == pytest.approx([clearance], abs=1e-5)
+    assert felt.valid.all()
+    assert not felt.undecided.any()
+
+
+def test_a_plate_lies_where_any_lean_would_lift_its_centre_of_mass(
+    statics: StaticsPhysics, random_tree: MakeBody
+) -> None:
+    rng = np.random.default_rng(3)
+    rims = 0
+    for _ in range(60):
+        tree = random_tree(rng)
+        base = replace(tree.base, size=(0.14, 0.14, 0.03), round=True)
+        body = replace(
+            tree, base=base, parts=tuple(replace(part, shape="capsule") for part in tree.parts)
+        )
+        program = rng.uniform(-0.6, 0.6, 8)
+        felt = statics.read([(body, program)])
+        x, y = np.sin(felt.tilt[0])[::-1]
+        if felt.saturated[0] or felt.undecided[0]:
+            continue  # who knows whether it lies on its back, and balanced it may stay
+        up = np.array([x, y, math.sqrt(1 - x * x - y * y)])
+        rest, bears = height(body, program, up)
+        rims += bears
+        for turn in np.arange(16) * math.pi / 8:
+            aside = np.cross(up, [math.cos(turn), math.sin(turn), 0.3])
+            lifted, _ = height(body, program, up + 0.01 * aside / np.linalg.norm(aside))
+            assert lifted > rest
+    assert rims > 10
+
+
+def height(body: Morphology, program: Array, up: Array) -> tuple[float, bool]:
+    """Of the centre of mass over the ground, m, and whether the round main body bears."""
+    up = up / np.linalg.norm(up)
+    places, turns = part_frames(body, program)
+    moment, below = np.zeros(3), -math.inf
+    for part, place, turn, mass in zip(body.parts, places, turns, body.masses, strict=True):
+        moment += mass * (place + part.middle * turn[:, 0])
+        for end in (part.near, part.far):
+            below = max(below, part.radius - float(up @ (place + end * turn[:, 0])))
+    rim = body.base.radius * math.hypot(up[0], up[1]) + body.base.size[2] / 2 * abs(up[2])
+    return max(rim, below) + float(up @ moment) / body.mass, rim > below - 1e-6
 
 
 def test_raised_legs_leave_the_body_flat(statics: StaticsPhysics) -> None:
@@ -337,6 +397,20 @@ def test_a_reading_depends_on_its_own_pair_only(
             if not coarse_step:
                 theirs = statics.path_margins_of_bodies(bodies[some], programs[some])
                 assert np.array_equal(theirs, margins[some])
+
+
+def test_round_and_square_bodies_read_together_as_each_does_alone(
+    statics: StaticsPhysics, random_quadruped: MakeBody
+) -> None:
+    rng = np.random.default_rng(5)
+    pairs = [(random_quadruped(rng), rng.uniform(-0.5, 0.5, 4)) for _ in range(40)]
+    pairs = [
+        (replace(body, base=replace(body.base, round=bool(row % 2))), program)
+        for row, (body, program) in enumerate(pairs)
+    ]
+    together = statics.read(pairs)
+    for row, pair in enumerate(pairs):
+        assert_same(together[np.array([row])], statics.read([pair]))
 
 
 def test_one_program_serves_many_bodies(

@@ -61,6 +61,7 @@ def test_touch_bits_of_a_robot_without_touch_sensors_are_impossible() -> None:
     [
         ({"base_size": (140.0, 140.0, 85.0)}, "base_size holds 140 m"),
         ({"base_size": (1.4, 1.4, 0.85)}, "has a density of 0.18 kg/m³"),
+        ({"base_size": (1.4, 1.4, 0.85), "base_radius": 0.7}, "has a density of 0.229 kg/m³"),
         ({"base_mass": 300.0}, "has a density of 5.1e[+]05 kg/m³"),
         ({"part_radii": (6.0, 13.0, 6.0, 13.0)}, "part_radii holds 13 m"),
         ({"sensors": (replace(ROBOT.sensors[2], upper=200.0),)}, "clearance reaches 200 m"),

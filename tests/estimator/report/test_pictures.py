@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -89,10 +90,11 @@ def test_solids_are_where_the_kinematics_says(random_tree: MakeBody) -> None:
         assert min(map(abs, reach)) < 1e-9
 
 
-def test_a_body_on_its_back_is_shown_on_its_back() -> None:
-    upright = at_rest([box()], Observation(angles=(), tilt=(0.0, 0.0), clearance=0.0))
+@pytest.mark.parametrize("main", [box(), replace(box(), kind="cylinder", size=(0.07, 0.02))])
+def test_a_body_on_its_back_is_shown_on_its_back(main: Solid) -> None:
+    upright = at_rest([main], Observation(angles=(), tilt=(0.0, 0.0), clearance=0.0))
     overturned = at_rest(
-        [box()], Observation(angles=(), tilt=(0.0, 0.0), clearance=0.2, clearance_saturated=True)
+        [main], Observation(angles=(), tilt=(0.0, 0.0), clearance=0.2, clearance_saturated=True)
     )
     assert upright[0].turn[2, 2] == pytest.approx(1)
     assert overturned[0].turn[2, 2] == pytest.approx(-1)

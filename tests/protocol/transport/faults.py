@@ -201,6 +201,12 @@ FAULTS: dict[str, tuple[str, Fault]] = {
         "7.1",
         replies("status", lambda f: {key: f[key] for key in f if key != "sequence"}),
     ),
+    "is a plate as wide as no box around it": (
+        "7.1",
+        replies(
+            "welcome", lambda f: f | {"capabilities": f["capabilities"] | {"base_radius": 0.5}}
+        ),
+    ),
     "has a touch too few": ("7.7", replies("observation", lambda f: f | {"touch": f["touch"][1:]})),
     "forgets an angle": (
         "7.7",

@@ -34,6 +34,11 @@ Map = dict[str, Any]
             "welcome: capabilities: sensors 1: missing unit",
         ),
         (
+            lambda said: said.update(base_radius=0.08),
+            "welcome: capabilities: 'base_size' of a round main body must begin with its width "
+            "twice, 0.16, 0.16, not 0.14, 0.14",
+        ),
+        (
             lambda said: said.update(base_size=[1, 2]),
             "welcome: capabilities: 'base_size' must have 3 items, not 2",
         ),

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from robot.configuration.robot_config import load_config
 from robot.errors import ConfigError
 
+SIZE = "size_mm = [140, 140, 85]"
 HIP_COUNTS = "joint 1 (hip_left).calibration"
 HIP_LIMITS = "joint 1 (hip_left).limits_deg"
 EXAMPLE = Path(str(resources.files("robot") / "robot.toml"))
@@ -51,7 +52,12 @@ def test_the_example_holds_table_1_and_2_of_the_paper() -> None:
         ("mass_kg = 0.6", "", ["body.mass_kg", "missing"]),
         ("mass_kg = 0.6", 'mass_kg = "heavy"', ["body.mass_kg", "number"]),
         ("[body]", '[body]\nzero_pose = "sits"', ["body.zero_pose", "flat, standing", "'sits'"]),
-        ("size_mm = [140, 140, 85]", "size_mm = [140, 140]", ["body.size_mm", "3 numbers"]),
+        (SIZE, "size_mm = [140, 140]", ["body.size_mm", "3 numbers"]),
+        (SIZE, "radius_mm = 70", ["body.height_mm", "missing", "beside its radius_mm"]),
+        (SIZE, "height_mm = 20", ["body.radius_mm", "missing", "beside its height_mm"]),
+        ("[body]", "[body]\nradius_mm = 70", ["body.size_mm", "of a box", "radius_mm, height_mm"]),
+        (SIZE, "radius_mm = -70\nheight_mm = 20", ["body.radius_mm", "millimetres"]),
+        (SIZE, "radius_mm = 14\nheight_mm = 20", ["body.mass_kg", "28 x 28 x 20 mm"]),
         ("speed_deg_s = 60", "speed_deg_s = 90", ["motion.speed_deg_s", "60"]),
         ("speed_deg_s = 60", "speed_deg_s = nan", ["motion.speed_deg_s"]),
         ("base = 0x300", "base = 0x310", ["daq.base", "0x300, 0x340", "not 0x310"]),
@@ -171,6 +177,15 @@ def test_whether_the_zero_pose_is_flat(tmp_path: Path) -> None:
     assert load_config(EXAMPLE).body.lies_flat
     file.write_text(text.replace("# zero_pose", "zero_pose"), encoding="utf-8")
     assert not load_config(file).body.lies_flat
+
+
+def test_a_round_body(tmp_path: Path) -> None:
+    file, text = tmp_path / "robot.toml", EXAMPLE.read_text(encoding="utf-8")
+    file.write_text(text.replace(SIZE, "radius_mm = 70\nheight_mm = 3"), encoding="utf-8")
+    body = load_config(file).body
+    assert body.size == pytest.approx((0.14, 0.14, 0.003))
+    assert body.radius == pytest.approx(0.07)
+    assert load_config(EXAMPLE).body.radius is None
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:

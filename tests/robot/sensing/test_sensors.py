@@ -144,6 +144,17 @@ def test_a_belly_that_leans_is_not_on_the_ground() -> None:
         belly.check(least - LEAST_MARGIN - 1e-6, (lean, 0.0), sensor="ruler")
 
 
+def test_a_round_belly_has_no_corners() -> None:
+    lean = math.radians(20) / math.sqrt(2)  # over what would be a corner
+    least = (
+        0.07 * math.hypot(math.sin(lean), math.sin(lean)) / math.sqrt(1 - 2 * math.sin(lean) ** 2)
+    )
+    belly = Underside.of((0.14, 0.14, 0.01), 0.07, tilt_noise=0.0, clearance_noise=0.0)
+    belly.check(least - LEAST_MARGIN + 1e-6, (lean, lean), sensor="ruler")
+    with pytest.raises(DeviceDataError, match="at least 26 mm up"):
+        belly.check(least - LEAST_MARGIN - 1e-6, (lean, lean), sensor="ruler")
+
+
 @pytest.mark.parametrize(
     ("size", "tilt_deg", "clearance", "margin"),
     [

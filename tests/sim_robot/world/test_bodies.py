@@ -22,6 +22,7 @@ JOINTS = {
     "hexapod_12": 12,
     "hexapod_18": 18,
     "leg_on_leg": 5,
+    "plate": 3,
     "quadruped": 8,
     "three_legs": 3,
     "tripod": 3,

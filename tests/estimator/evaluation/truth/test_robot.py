@@ -31,6 +31,7 @@ def test_the_robots_own_urdf_is_taken(truth: Path) -> None:
     ("robot", "sentence"),
     [
         (replace(ROBOT, base_size=(0.14, 0.20, 0.03)), "140 x 140 x 30 mm, and model, .*140 x 200"),
+        (replace(ROBOT, base_radius=0.07), "it has a box, and model, .*, a round main body"),
         (replace(ROBOT, joints=ROBOT.joints[:3], part_radii=None), "the joints"),
         (replace(ROBOT, joints=ROBOT.joints[::-1]), "the run talked to, back, right, front, left"),
     ],

@@ -67,11 +67,11 @@ def test_what_does_not_shape_a_body_is_skipped(tmp_path: Path) -> None:
         (f"<robot>{BODY.replace('1 1 1', '1 -1 1')}</robot>", "must be three numbers above 0"),
         (
             f"<robot>{BODY.replace('<geom', '<origin rpy=`0 0 1`/><geom')}</robot>",
-            "must be one box, not t",
+            "must be one box or cylinder, not t",
         ),
         (
             f"<robot>{BODY.replace('box size', 'sphere radius').replace('1 1 1', '1')}</robot>",
-            "must be one box, not",
+            "must be one box or cylinder, not",
         ),
         (
             f"<robot xmlns:xacro='http://www.ros.org/wiki/xacro'>{BODY}<xacro:arm/></robot>",
@@ -121,4 +121,4 @@ def test_what_people_also_write_is_skipped(tmp_path: Path) -> None:
         f"<robot name='r' version='1.0'>{BODY.replace('<coll', f'{inertial}<coll')}{LEG}"
         f"{joint(more=limit)}<transmission/><gazebo reference='leg'/></robot>"
     )
-    assert read_urdf(path).main_box == ((1, 1, 1), (0, 0, 0))
+    assert read_urdf(path).main_body == ((1, 1, 1), (0, 0, 0), False)

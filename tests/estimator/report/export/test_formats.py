@@ -80,6 +80,26 @@ def test_yourdfpy_finds_each_link_where_it_is(tree: Morphology, tmp_path: Path) 
         assert limit.velocity == JOINTS[motor].speed
 
 
+def test_a_round_main_body_is_a_cylinder(tmp_path: Path) -> None:
+    leg = Part(parent=BASE, mount=1, hinge=2, length=0.2, radius=0.006, motor=0)
+    base = Base(size=(0.14, 0.14, 0.03), mass=0.4, round=True)
+    body = described(Morphology(base=base, parts=(leg,), density=1000.0))
+    model = mujoco.MjModel.from_xml_string(mjcf(body))
+    plate = next(geom for geom in map(model.geom, range(model.ngeom)) if geom.bodyid[0] == 1)
+    assert plate.type[0] == mujoco.mjtGeom.mjGEOM_CYLINDER
+    assert plate.size[:2] == pytest.approx((0.07, 0.015))
+    given = model.body("body").inertia
+    text = mjcf(body).replace("<compiler ", '<compiler inertiafromgeom="true" ')
+    density = 0.4 / (math.pi * 0.07**2 * 0.03)
+    bare = text.replace('type="cylinder"', f'type="cylinder" density="{density}"')
+    assert given == pytest.approx(mujoco.MjModel.from_xml_string(bare).body("body").inertia)
+    path = tmp_path / "plate.urdf"
+    path.write_text(urdf(body), encoding="utf-8")
+    found = load_body(path)
+    assert (found.base_radius, found.base_size) == (0.07, (0.14, 0.14, 0.03))
+    assert found.notes == ()
+
+
 def test_a_body_that_stands_starts_on_its_feet() -> None:
     under = BaseMount(name="under", at=(0.0, 0.0, -0.05), yaw=0.0, elevation=-math.pi / 2)
     leg = Part(parent=BASE, mount=0, hinge=2, length=0.2, radius=0.006, motor=0)

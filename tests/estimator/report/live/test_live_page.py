@@ -15,7 +15,7 @@ import pytest
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
-from estimator.body.morphology import tips
+from estimator.body.morphology import Base, tips
 from estimator.errors import EstimatorError
 from estimator.readings.observation import Observation
 from estimator.report.canvas import leg_colour
@@ -151,6 +151,14 @@ def test_each_leg_has_its_colour(random_quadruped: MakeBody) -> None:
     light = np.array([list(bytes.fromhex(leg_colour(leg)[1:])) for leg in range(4)])
     expected = np.rint(255 * (light / 255) ** 2.2)
     assert cylinders.colours[:8].tolist() == np.tile(expected, (2, 1)).astype(int).tolist()
+
+
+def test_a_round_main_body_is_a_cylinder() -> None:
+    plate = Base(size=(0.14, 0.14, 0.03), mass=0.4, round=True)
+    (solid,) = posed(plate, None, None)
+    assert (solid.kind, solid.size) == ("cylinder", (0.07, 0.03))
+    assert solid.place == pytest.approx((0, 0, 0.015))
+    assert instances([[solid]], "cylinder").scales[0] == pytest.approx((0.07, 0.07, 0.03))
 
 
 def test_before_anything_is_known_there_is_the_main_body() -> None:

@@ -231,7 +231,20 @@ def test_a_main_body_that_is_not_one_box_is_the_box_around_it_and_what_that_cost
     printed = tmp_path / "printed.urdf"  # printed, and what scores are taken against
     printed.write_text(body.urdf)
     assert load_body(printed).notes == ()
-    assert read_truth(printed).main_box == (body.base_size, body.base_center)
+    assert read_truth(printed).main_body == (body.base_size, body.base_center, False)
+
+
+@pytest.mark.parametrize("turn", ["0 0 1", "3.141592653589793 0 0"])
+def test_an_upright_cylinder_is_a_round_main_body(tmp_path: Path, turn: str) -> None:
+    shape = f'<origin xyz="0 0 0.1" rpy="{turn}"/><geometry><cylinder radius="0.07" length="0.03"/>'
+    base = f'<link name="base">{INERTIAL}<collision>{shape}</geometry></collision></link>'
+    body = taken(tmp_path, base, LEG, joint("revolute", "base", "leg", LIMIT))
+    assert body.notes == ()
+    assert body.base_size == (0.14, 0.14, 0.03)
+    assert body.base_radius == 0.07
+    printed = tmp_path / "printed.urdf"
+    printed.write_text(body.urdf)
+    assert read_truth(printed).main_body == (body.base_size, (0.0, 0.0, 0.1), True)
 
 
 @pytest.mark.parametrize("values", [("0.7", "-0.2"), ("-1000", "1000"), ("-90", "45"), ("0", "90")])
