@@ -5,6 +5,7 @@ Servos answer nothing, so no daemon can notice any of these faults by itself.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import ClassVar
@@ -24,7 +25,13 @@ class Servos(FaultSwitch):
             "dead": "the n-th servo gets no power and goes limp",
             "jammed": "the n-th servo stays where it is when the fault begins",
             "swapped": "the n-th servo and the next one have exchanged their plugs",
+            "slipped": "the n-th servo's horn has slipped by so many degrees",
+            "travel": "the n-th servo turns so many percent as far as it is told",
         }
+    )
+
+    AMOUNTS: ClassVar[Mapping[str, tuple[float, float]]] = MappingProxyType(
+        {"slipped": (-45.0, 45.0), "travel": (20.0, 200.0)}
     )
 
     def __init__(self, count: int) -> None:
@@ -54,3 +61,12 @@ class Servos(FaultSwitch):
             self._jammed = None
         self._last = tuple(driven)
         return self._last
+
+    def turned(self, index: int, angle: float) -> float:
+        """Where the servo of an index brings its joint that a pulse asks to an angle, rad."""
+        faults = self.faults
+        if faults.get("travel") == index + 1:
+            angle *= self.amount("travel") / 100
+        if faults.get("slipped") == index + 1:
+            angle += math.radians(self.amount("slipped"))
+        return angle

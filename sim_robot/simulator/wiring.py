@@ -20,6 +20,8 @@ from robot.configuration.robot_config import RobotConfig
 from robot.drivers.sensors.analogue import AnalogueAxes, StrainGauge
 from robot.drivers.sensors.contracts import SensorSettings
 from robot.sensing.sensors import TouchPoint
+from sim_robot.electronics.sensors import Sensors
+from sim_robot.electronics.servos import Servos
 from sim_robot.world.sensor_noise import Noise
 from sim_robot.world.simulation import World
 
@@ -50,9 +52,15 @@ class Wiring:
         truth: How the electronics are really calibrated, whatever the daemon believes.
         world: The world.
         noise: The sensors' noise.
+
+    Attributes:
+        servos: Between the board's outputs and the joints.
+        sensors: Between the body and the inputs.
     """
 
     def __init__(self, truth: RobotConfig, world: World, noise: Noise):
+        self.servos = Servos(max(joint.output for joint in truth.joints))
+        self.sensors = Sensors(len(truth.gauges))
         assert truth.distance is not None
         assert truth.axes is not None
         inputs = [gauge.channel for gauge in truth.gauges.values()]
@@ -68,12 +76,13 @@ class Wiring:
         self._read_at = -1
         self._volts: dict[int, float] = {}
 
-    def drive(self, pulses: Sequence[float]) -> None:
+    def drive(self, pulses: Sequence[int]) -> None:
         """Passes counts, one for each joint, on to the servos; 0 is limp."""
+        carried = self.servos.carry(pulses)
         self._world.set_targets(
             [
-                scale.angle(count) if count else None
-                for scale, count in zip(self._scales, pulses, strict=False)
+                self.servos.turned(index, scale.angle(count)) if count else None
+                for index, (scale, count) in enumerate(zip(self._scales, carried, strict=False))
             ]
         )
 
@@ -93,12 +102,13 @@ class Wiring:
         if math.isinf(ray):
             return None
         measured = (ray + self._noise.clearance()) / self._belly.scale
-        return (measured + self._belly.zero) * 1000
+        return (measured + self._belly.zero) * 1000 + self.sensors.too_high
 
     def acceleration(self) -> list[float]:
         """What the accelerometer reads along x, y and z of the body, in its unit."""
         x, y, z = self._world.up()
-        left_right, forward_back = self._noise.tilt()
+        turned = map(math.radians, self.sensors.turned)
+        left_right, forward_back = map(sum, zip(self._noise.tilt(), turned, strict=True))
         x, y = _turned(x, forward_back), _turned(y, left_right)
         z = math.copysign(math.sqrt(max(0.0, 1 - x * x - y * y)), z)
         axes = zip(self._axes.zero, self._axes.per_g, (x, y, z), strict=True)
@@ -106,8 +116,11 @@ class Wiring:
 
     def _gauges(self) -> list[float]:
         return [
-            bridge.tare + bridge.volts_per_newton * (load + self._noise.load())
-            for bridge, load in zip(self._bridges, self._world.loads(), strict=True)
+            bridge.tare
+            + bridge.volts_per_newton * (self.sensors.load(index, load) + self._noise.load())
+            for index, (bridge, load) in enumerate(
+                zip(self._bridges, self._world.loads(), strict=True)
+            )
         ]
 
 

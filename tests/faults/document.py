@@ -73,14 +73,16 @@ GRAMMAR = """
     sim-robotd --electronics pi --fault pwm.reset@4i
     sim-robotd --control ipc:///tmp/faults
     python -m sim_robot.faults.control_socket ipc:///tmp/faults inject servo_board.unplugged
+    python -m sim_robot.faults.control_socket ipc:///tmp/faults inject body.cut=2:50
     python -m sim_robot.faults.control_socket ipc:///tmp/faults mend
     python -m sim_robot.faults.control_socket ipc:///tmp/faults report
 
 The control socket is for this computer alone: a Unix-domain socket (`ipc://PATH`), or a loopback
 port (`tcp://127.0.0.1:PORT`), which every user of the computer can reach.
 
-A fault is written `DEVICE.FAULT[=N][@START][+DURATION]`. START is `3i`, in the zero pose of the
-third interaction, or `12.5s`, at that robot time; without it the fault begins at once. DURATION is
+A fault is written `DEVICE.FAULT[=N[:AMOUNT]][@START][+DURATION]`: `body.cut=2:50` leaves half of
+the second motor's leg. START is `3i`, in the zero pose of the third interaction, or `12.5s`, at
+that robot time; without it the fault begins at once. DURATION is
 `2i` (interactions), `5s` (robot time) or `5w` (seconds on the wall: the virtual time of a robot
 that is down stands still); without it the fault lasts until it is mended.
 
