@@ -52,6 +52,7 @@ Room               What is in it
 ``posterior``      every body that explains the readings, as samples with weights
 ``storage``        a run on disk: settings, interactions, generations, posteriors
 ``problem``        what is known and what is to be found; genes to bodies
+``parameters``     what of a robot may be otherwise than its problem says: one table
 ``physics``        what a body's sensors read at rest: back-ends by name
 ``readings``       what was observed and what is predicted; the modalities
 ``body``           a body as a tree of parts, and its kinematics

@@ -19,13 +19,13 @@ Flags: TypeAlias = NDArray[np.bool_]
 
 _Entry = TypeVar("_Entry")
 
-DENSITY: Final = 4
-"""Column of ``Bodies.base``, as are the following."""
+CENTRE: Final = 4
+"""Column of ``Bodies.base``, and the two after it; so are the following."""
 
-CENTRE: Final = 5  # and the two after it
-ACCELEROMETER: Final = 8  # and the one after it
-TILT_GAIN: Final = 10
-TOO_HIGH: Final = 11
+ACCELEROMETER: Final = 7  # and the one after it
+LEVEL: Final = slice(9, 13)
+TOO_HIGH: Final = 13
+DISTANCE_GAIN: Final = 14
 
 BASE_YAW: Final = slice(3, 5)
 PART_YAW: Final = slice(1, 3)
@@ -33,7 +33,9 @@ PART_YAW: Final = slice(1, 3)
 _NONE = -1
 _NUMBERS = ("parent", "mount", "hinge", "motor", "sensor")
 _TABLES = {"base_mounts": 7, "part_mounts": 5, "hinges": 3}  # columns
-_MEASURES = {"length", "radius", "zero", "travel", "base", *_TABLES}
+_BASE_COLUMNS = 15
+_TRUE_SENSORS = (1.0, 0.0, 0.0, 1.0, 0.0, 1.0)
+_MEASURES = {"length", "radius", "density", "zero", "travel", "base", *_TABLES}
 _FLAGS = {"box", "limp"}
 _LARGEST = 1e6
 """Of any extent (m), mass (kg) or density (kg/m³): beyond it arithmetic cannot be trusted."""
@@ -54,16 +56,20 @@ class Bodies:
         sensor: −1 where there is none.
         length: m.
         radius: m.
+        density: kg/m³.
         box: Whether the part is one; else it is a capsule.
         zero: Angle of the hinge where the motor stands at 0, rad.
         limp: Whether the part hangs from a joint that nothing holds, or from such a part: then its
             sensor reads contact in every pose, whatever a back-end says.
+        stuck: What the part's touch sensor reads in every pose: 1 contact, −1 none; 0: what it
+            feels.
         travel: How far the motor turns the hinge, as a factor on the command; a back-end is given
             the angle that it turns.
-        base: Shape (n, 12): extent of the main body along x, y and z, m, its mass, kg, the density
-            of the parts, kg/m³, the main body's centre of mass, m, and how its accelerometer is
-            turned, rad; then how sensors stray from what a back-end says: a factor on tilt, and
-            what clearance is too large by, m.
+        base: Shape (n, 15): extent of the main body along x, y and z, m, its mass, kg, its centre
+            of mass, m, and how its accelerometer is turned about x and y, rad; then how sensors
+            stray from what a back-end says: the matrix, row by row, that makes what the
+            accelerometer shows of gravity leftward and forward, what clearance is too large by, m,
+            and a factor on it.
         base_mounts: What the bodies' parts can sit on, of all bodies together, one mount a row:
             x, y, z, m, then cosine and sine of the yaw, and of the elevation.
         part_mounts: Rows of mounts on parts: fraction of the carrier's length, cosines and sines.
@@ -81,9 +87,11 @@ class Bodies:
     sensor: Integers
     length: Array
     radius: Array
+    density: Array
     box: Flags
     zero: Array
     limp: Flags
+    stuck: Integers
     travel: Array
     base: Array
     base_mounts: Array
@@ -97,7 +105,7 @@ class Bodies:
             kind = np.dtype(
                 float if item.name in _MEASURES else bool if item.name in _FLAGS else np.int64
             )
-            own = {"count": (rows,), "base": (rows, 12)}.get(item.name, (rows, columns))
+            own = {"count": (rows,), "base": (rows, _BASE_COLUMNS)}.get(item.name, (rows, columns))
             shape = (len(array), _TABLES[item.name]) if item.name in _TABLES else own
             if array.shape != shape or array.dtype != kind:
                 raise MorphologyError(
@@ -118,11 +126,12 @@ class Bodies:
             ("sensor", self.sensor >= _NONE),
             ("length", (self.length >= 0) & (self.length <= _LARGEST)),
             ("radius", (self.radius > 0) & (self.radius <= _LARGEST)),
+            ("density", (self.density > 0) & (self.density <= _LARGEST)),
             ("zero", np.isfinite(self.zero)),
         ):
             _check(getattr(self, name), possible | ~used, name)
         sizes, rest = self.base[:, :CENTRE], self.base[:, CENTRE:]
-        _check(sizes, (sizes > 0) & (sizes <= _LARGEST), "main body or density")
+        _check(sizes, (sizes > 0) & (sizes <= _LARGEST), "main body")
         _check(rest, np.abs(rest) <= _LARGEST, "centre of mass, accelerometer or sensors")
 
     def __len__(self) -> int:
@@ -194,11 +203,11 @@ class Bodies:
     def deviates(self) -> bool:
         """Whether any of these bodies, or of those they are a part of, has odd servos or sensors.
 
-        What they do is then not what a back-end says; see ``limp``, ``travel`` and ``base``.
+        What they do is then not what a back-end says; see ``limp``, ``stuck``, ``travel`` and
+        ``base``.
         """
-        servos = np.any(self.limp) or np.any(self.travel != 1)
-        sensors = np.any(self.base[:, TILT_GAIN] != 1) or np.any(self.base[:, TOO_HIGH] != 0)
-        return bool(servos or sensors)
+        servos = np.any(self.limp) or np.any(self.stuck) or np.any(self.travel != 1)
+        return bool(servos or np.any(self.base[:, LEVEL.start :] != _TRUE_SENSORS))
 
     def _most(self, numbers: Integers) -> int:
         used = np.arange(numbers.shape[1]) < self.count[:, None]
@@ -210,20 +219,15 @@ class Bodies:
         count = np.array([len(body.parts) for body in morphologies], dtype=np.int64)
         shape = (len(count), int(count.max(initial=0)))
         numbers = {name: np.full(shape, _NONE, dtype=np.int64) for name in _NUMBERS}
-        length, radius, zero = (np.zeros(shape) for _ in range(3))
+        length, radius, density, zero = (np.zeros(shape) for _ in range(4))
         box = np.zeros(shape, dtype=bool)
-        base = np.empty((len(count), 12))
-        base[:, TILT_GAIN:] = 1.0, 0.0
+        base = np.empty((len(count), _BASE_COLUMNS))
+        base[:, LEVEL.start :] = _TRUE_SENSORS
         base_mounts, part_mounts, hinges = _Rows(7), _Rows(5), _Rows(3)
         for row, body in enumerate(morphologies):
             own = body.base
-            base[row, :TILT_GAIN] = (
-                *own.size,
-                own.mass,
-                body.density,
-                *own.centre,
-                *own.accelerometer,
-            )
+            base[row, : LEVEL.start] = *own.size, own.mass, *own.centre, *own.accelerometer
+            density[row] = body.density
             on_base = base_mounts.start(
                 body.base.mounts,
                 lambda mount: (*mount.at, *heading(mount.yaw), *heading(mount.elevation)),
@@ -245,9 +249,11 @@ class Bodies:
             count=count,
             length=length,
             radius=radius,
+            density=density,
             box=box,
             zero=zero,
             limp=np.zeros(shape, dtype=bool),
+            stuck=np.zeros(shape, dtype=np.int64),
             travel=np.ones(shape),
             base=base,
             base_mounts=base_mounts.array(),
@@ -262,7 +268,7 @@ _ROWS: Final = frozenset(name for name in _ARRAYS if name not in _TABLES)  # a r
 _DERIVED: Final = {
     "motors": {"count", "motor"},
     "sensors": {"count", "sensor"},
-    "deviates": {"limp", "travel", "base"},
+    "deviates": {"limp", "stuck", "travel", "base"},
 }
 _SHARED: Final = (*_TABLES, *_DERIVED)  # by all that are chosen from some
 

@@ -14,7 +14,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from estimator.body.arrays import DENSITY, TILT_GAIN, Bodies, Flags, Integers
+from estimator.body.arrays import CENTRE, LEVEL, Bodies, Flags, Integers
 from estimator.body.morphology import BASE, Array, Base, Morphology, Part
 from estimator.errors import SearchStateError
 from estimator.problem.genes import Gene, GeneColumns, Traits, genes_of
@@ -199,8 +199,9 @@ class Genome:
             changes["sensor"] = outermost_sensors(traits.parent, self._problem.sensors)
         if self._nuisances.listed:
             nuisances, changes["zero"] = self._nuisance_values(values)
+            changes["density"] = nuisances[:, :1].repeat(bodies.density.shape[1], axis=1)
             changes["base"] = bodies.base.copy()
-            changes["base"][:, DENSITY:TILT_GAIN] = nuisances
+            changes["base"][:, CENTRE : LEVEL.start] = nuisances[:, 1:]
         return bodies.changed(**changes)
 
     @cached_property

@@ -98,9 +98,9 @@ class Nuisances:
             genes: Shape (n, parameters), each in [0, 1].
 
         Returns:
-            Density of the parts, centre of the main body's mass (3) and how its accelerometer is
-            turned (2), as the last columns of ``Bodies.base``: shape (n, 6); and the angle of each
-            part's hinge where its motor stands at 0, shape (n, parts).
+            Density of the parts, then centre of the main body's mass (3) and how its accelerometer
+            is turned (2), as in ``Bodies.base``: shape (n, 6); and the angle of each part's hinge
+            where its motor stands at 0, shape (n, parts).
         """
         values = np.tile(self._known, (len(genes), 1))
         for one, shares in zip(self.listed, genes.T, strict=True):

@@ -19,7 +19,7 @@ from typing import Any, Final
 import numpy as np
 
 from estimator.body import geometry
-from estimator.body.arrays import Flags, Integers
+from estimator.body.arrays import ACCELEROMETER, CENTRE, Flags, Integers
 from estimator.body.morphology import Array
 from estimator.body.mounts import Vector
 from estimator.physics.kernel.compiling import compiled, entrance, stamp
@@ -105,7 +105,7 @@ def settle(
     for column in range(FRAME_COLUMNS):
         frame[0, column] = 1.0 if column in (3, 7, 11) else 0.0
     for axis in range(3):
-        frame[0, 12 + axis] = base[3] * base[5 + axis]
+        frame[0, 12 + axis] = base[3] * base[CENTRE + axis]
     for each in range(several):
         for axis in range(3):
             ups[each, axis] = 1.0 if axis == 2 else 0.0
@@ -318,7 +318,7 @@ def _make_rest(sources: int) -> Any:
                 balances[row] = undecided(work, links, points, each)
                 up = vector(work.up[each])
                 deep = depth(work.points, points, up)
-                measured = _up_as_measured(up, own[8], own[9])
+                measured = _up_as_measured(up, own[ACCELEROMETER], own[ACCELEROMETER + 1])
                 tilt[row, 0], tilt[row, 1] = _tilt_of(measured)
                 ray = _belly_ray(deep - 0.5 * own[2] * up[2], up)
                 clearance[row], saturated[row] = _clearance_of(ray, cap)

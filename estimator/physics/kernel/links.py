@@ -88,6 +88,7 @@ class Trees(NamedTuple):
     sensor: Integers
     length: Array
     radius: Array
+    density: Array
     box: Flags
     base: Array
     base_mounts: Array
@@ -166,7 +167,7 @@ def assemble(trees: Trees, row: int, program: Array, slew: Slew, work: Work) -> 
     """
     parent, mount, hinge = trees.parent[row], trees.mount[row], trees.hinge[row]
     motor, length, radius = trees.motor[row], trees.length[row], trees.radius[row]
-    box = trees.box[row]
+    density, box = trees.density[row], trees.box[row]
     base, base_mounts, part_mounts = trees.base[row], trees.base_mounts, trees.part_mounts
     tree, joint, place, at = work.tree, work.joint, work.place, work.at
     hinges, parts = trees.hinges, trees.parts[row]
@@ -213,7 +214,7 @@ def assemble(trees: Trees, row: int, program: Array, slew: Slew, work: Work) -> 
         place[part] = link
         at[part, 0], at[part, 1], at[part, 2], at[part, 3] = x, y, east, north
         near, far = _ends(length[part], radius[part], box[part])
-        mass = base[4] * _volume(far - near, radius[part], box[part])
+        mass = density[part] * _volume(far - near, radius[part], box[part])
         middle = 0.5 * (near + far)
         joint[link, MASS] += mass
         joint[link, MOMENT_X] += mass * (x + middle * east)

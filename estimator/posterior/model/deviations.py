@@ -25,9 +25,8 @@ from estimator.body.arrays import (
     ACCELEROMETER,
     BASE_YAW,
     CENTRE,
-    DENSITY,
+    LEVEL,
     PART_YAW,
-    TILT_GAIN,
     TOO_HIGH,
     Bodies,
     Integers,
@@ -148,32 +147,25 @@ class OffZero(Deviation):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ScaledFigure(Deviation):
-    """A figure of ``Bodies.base`` that is some times what it should be.
-
-    Attributes:
-        column: Of ``Bodies.base``.
-    """
+class Density(Deviation):
+    """Parts that are heavier or lighter for their size."""
 
     is_factor: ClassVar[bool] = True
-    column: ClassVar[int]
+
+    def _built(self, bodies: Bodies, amounts: Array) -> Bodies:
+        return bodies.changed(density=_times(bodies.density, amounts, self.part))
+
+
+@dataclass(frozen=True, kw_only=True)
+class TiltGain(Deviation):
+    """An accelerometer that makes more or less of tilt."""
+
+    is_factor: ClassVar[bool] = True
 
     def _built(self, bodies: Bodies, amounts: Array) -> Bodies:
         base = bodies.base.copy()
-        base[:, self.column] *= amounts
+        base[:, LEVEL] *= amounts[:, None]
         return bodies.changed(base=base)
-
-
-class Density(ScaledFigure):
-    """Parts that are heavier or lighter for their size."""
-
-    column = DENSITY
-
-
-class TiltGain(ScaledFigure):
-    """An accelerometer that makes more or less of tilt."""
-
-    column = TILT_GAIN
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,7 +6,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from estimator.body.arrays import DENSITY, Bodies
+from estimator.body.arrays import Bodies
 from estimator.body.morphology import BASE, Base, Morphology, Part
 from estimator.errors import MorphologyError, SearchStateError
 from estimator.problem.genome import Genome
@@ -98,9 +98,9 @@ def test_bodies_chosen_from_chosen_ones_are_those_of_the_first() -> None:
     assert len(chosen) == 2
     for same in (chosen, pickle.loads(pickle.dumps(chosen))):
         assert_same(same, Bodies.of([several[4], several[5]]))
-    heavier = chosen.changed(base=2 * chosen.base)
+    heavier = chosen.changed(density=2 * chosen.density)
     assert heavier.origin[0] is heavier
-    assert bodies.base[4, DENSITY] == 1004.0
+    assert bodies.density[4].tolist() == [1004.0, 1004.0]
     assert not hasattr(chosen, "colour")
 
 
@@ -133,6 +133,7 @@ def test_joined_bodies_keep_their_own_mounts_and_hinges() -> None:
         ("length", np.nan, "length cannot be nan"),
         ("length", 1e7, "length cannot be"),
         ("radius", 0.0, "radius cannot be 0.0"),
+        ("density", np.inf, "body 1, part 2: its density cannot be inf"),
         ("zero", np.nan, "zero cannot be nan"),
     ],
 )
@@ -148,12 +149,12 @@ def test_impossible_arrays_are_refused() -> None:
     whole = Bodies.of([SMALL])
     with pytest.raises(MorphologyError, match="number of parts cannot be 3"):
         replace(whole, count=np.array([3]))
-    with pytest.raises(MorphologyError, match="main body or density cannot be inf"):
-        replace(whole, base=np.full((1, 12), np.inf))
+    with pytest.raises(MorphologyError, match="main body cannot be inf"):
+        replace(whole, base=np.full((1, 15), np.inf))
     with pytest.raises(
         MorphologyError, match="body 1: its centre of mass, accelerometer or sensors"
     ):
-        replace(whole, base=np.where(np.arange(12) < 5, whole.base, np.nan))
+        replace(whole, base=np.where(np.arange(15) < 4, whole.base, np.nan))
     with pytest.raises(MorphologyError, match=r"length of 1 bodies of 2 parts must be float64"):
         replace(whole, length=np.zeros((1, 3)))
     with pytest.raises(MorphologyError, match="mount of 1 bodies"):

@@ -213,6 +213,25 @@ def test_only_shares_of_mass_matter(statics: StaticsPhysics, random_tree: MakeBo
     assert_same(statics.read(pairs), statics.read(heavy))
 
 
+def test_a_part_of_fourfold_density_is_as_heavy_as_four_in_its_place(
+    statics: StaticsPhysics,
+) -> None:
+    """Where they touch nothing: the mass of one raised leg decides which way the body tips."""
+    body = legs(0.15, 0.15, 0.15, 0.25)
+    raised = [replace(body.parts[1], motor=motor, sensor=None) for motor in range(4, 8)]
+    one = Bodies.of([replace(body, parts=(*body.parts, raised[0]))])
+    four = Bodies.of([replace(body, parts=(*body.parts, *raised))])
+    density = one.density.copy()
+    density[0, 4] *= 4  # the other front leg stays as it is
+    program = np.radians([-30, 10, -30, *[10] * 5])
+    light, heavy, several = (
+        statics.read_bodies(bodies, program) for bodies in (one, one.changed(density=density), four)
+    )
+    assert heavy.tilt == pytest.approx(several.tilt, abs=1e-12)
+    assert heavy.clearance == pytest.approx(several.clearance, abs=1e-12)
+    assert np.degrees(np.abs(heavy.tilt - light.tilt)).max() > 5
+
+
 def test_a_larger_robot_rests_like_a_small_one(
     statics: StaticsPhysics, random_tree: MakeBody
 ) -> None:
