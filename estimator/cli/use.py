@@ -1,10 +1,12 @@
-"""``estimator pose``: what an identified body is used for."""
+"""``estimator pose`` and ``diagnose``: what an identified body is used for."""
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 import sys
+import time
 import uuid
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
@@ -14,21 +16,28 @@ from typing import Annotated, Final
 import numpy as np
 import typer
 
-from estimator.cli.console import Screen, err, errors_as_sentences, out
+from estimator.cli.console import Screen, err, errors_as_sentences, out, print_run_directory
 from estimator.cli.options import CORES, Directory, Jobs, Keys, Robot
 from estimator.errors import EstimatorError
 from estimator.identification.robot_link import RobotLink
 from estimator.identification.run import open_same_robot
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.fitted import FittedPosterior
-from estimator.readings.observation import Observation
+from estimator.readings.observation import Observation, Program
+from estimator.report.run_files import write_report
 from estimator.report.tables import plain_table
 from estimator.storage.records import first_id
 from estimator.storage.store import RunStore
+from estimator.use.causes import Weigher
+from estimator.use.changes import causes_of
+from estimator.use.diagnosis import MOVEMENTS, Verdict, said
+from estimator.use.diagnosis import diagnose as find_cause
 from estimator.use.pose import SAFE, Goal, Pose, feet, find_pose, perform, standing_on
+from estimator.use.record import write_run
 
 Yes = Annotated[bool, typer.Option("--yes", help="Move the robot without asking first.")]
 Seed = Annotated[int, typer.Option(help="Of what is drawn.")]
+_SHOWN: Final = 4  # causes
 _LENGTH: Final = re.compile(r"(\d+(?:\.\d*)?)\s*(mm|cm|m)")
 _METRES: Final = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 
@@ -105,6 +114,58 @@ def pose(
         _print_readings(known, goal, found, observed)
         if not goal.is_met_by(observed, known.noise):
             out.print("It does not stand as wanted.", style="yellow")
+
+
+def diagnose(
+    directory: Directory,
+    robot: Robot,
+    *,
+    movements: Annotated[
+        int, typer.Option(min=1, help="At most, those that put a cause to the test included.")
+    ] = MOVEMENTS,
+    place: Annotated[
+        Path | None,
+        typer.Option("--out", help="Run directory of the body as it is now. Default: a new one."),
+    ] = None,
+    yes: Yes = False,
+    seed: Seed = 0,
+    jobs: Jobs = CORES,
+    keys: Keys = None,
+) -> None:
+    """Find out by a few movements what has changed on the robot since it was identified."""
+    out_directory = place or directory.with_name(
+        f"{directory.name}-{time.strftime('%Y%m%d-%H%M%S')}"
+    )
+    with errors_as_sentences(None), identified(directory, jobs) as (store, known):
+        may_move(yes, f"Move the robot at {robot}, up to {movements} times?")
+        rng = np.random.default_rng(seed)
+        weigher = Weigher(known, causes_of(known, rng), rng)
+        with Screen(err) as screen, closing(same_robot(store, robot, screen, keys)) as link:
+            made = itertools.count()
+
+            def act(program: Program, reason: str) -> Observation:
+                number = next(made)
+                screen.chosen(number, reason, None)
+                observation = perform(link, program, number, screen)
+                screen.observed(number, observation)
+                return observation
+
+            found = find_cause(weigher, act, movements=movements)
+        out.print(found.in_words(known), style="bold", soft_wrap=True)
+        for one, share in list(
+            zip(found.weighed.particles, found.weighed.probabilities, strict=True)
+        )[:_SHOWN]:
+            out.print(f"{share:8.3f}  {said(one, known)}", soft_wrap=True)
+        if found.verdict in (Verdict.CHANGED, Verdict.UNCHANGED):
+            write_run(out_directory, store, weigher, found, robot)
+            with RunStore.open(out_directory, to_write=False) as written:
+                write_report(written)
+            print_run_directory(out_directory)
+        else:
+            raise EstimatorError(
+                "nothing is named, so there is no body to go on with: look at the robot, and "
+                "identify it anew"
+            )
 
 
 @contextmanager

@@ -51,6 +51,8 @@ _UNKNOWN: Final = "not identified: hardly narrower than the prior"
 def print_posterior(console: Console, result: Result, posterior: PosteriorReport) -> None:
     """The verdict, the body with its probabilities, rivals, each movement, what it cost."""
     print_verdict(console, posterior)
+    for change in posterior.changes:
+        console.print(Text(f"Changed since it was identified: {change}.", style="bold"))
     state = "complete" if result.complete else "not finished"
     console.print(
         Text.assemble(

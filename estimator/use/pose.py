@@ -170,7 +170,7 @@ def find_pose(
     low, high = known.program_range.T
 
     def near(posterior: FittedPosterior, programs: Array) -> Array:
-        readings = posterior.predict(_attainable(known, programs))
+        readings = posterior.predict(attainable(known, programs))
         return _nearness(goal, readings) @ posterior.weights
 
     def sure(programs: Array) -> Array:
@@ -188,7 +188,7 @@ def find_pose(
             spreads=_SPREADS,
         )
         if scores[0] > best[0]:
-            best = float(scores[0]), _attainable(known, programs[0])
+            best = float(scores[0]), attainable(known, programs[0])
         if best[0] >= _SURELY:
             break
     return _pose(known, goal, best[1])
@@ -208,7 +208,7 @@ def _check(known: FittedPosterior, goal: Goal) -> None:
             )
 
 
-def _attainable(known: FittedPosterior, programs: Array) -> Array:
+def attainable(known: FittedPosterior, programs: Array) -> Array:
     """Programs in steps of what each servo resolves, from the end of its range."""
     joints = known.capabilities.joints
     lower = np.array([joint.lower for joint in joints])
@@ -240,7 +240,7 @@ def _holds(goal: Goal, readings: PredictedReadings) -> Flags:
 
 def _score(known: FittedPosterior, goal: Goal, program: Array, least_margin: float) -> float:
     """Share in which a goal holds surely; nearness and margin decide where shares are alike."""
-    attained = _attainable(known, program)
+    attained = attainable(known, program)
     readings = known.predict(attained)
     margins = np.minimum(known.margins(attained), _WIDEST_MARGIN)
     holds = _holds(goal, readings) & (margins >= least_margin)

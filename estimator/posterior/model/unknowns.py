@@ -198,6 +198,10 @@ class Predictor:
         """A predictor of bodies that deviate from the problem; physics is shared."""
         return Predictor(self.unknowns.deviating(deviations), self._physics)
 
+    def over(self, unknowns: Unknowns) -> Predictor:
+        """A predictor of other unknowns; physics is shared."""
+        return Predictor(unknowns, self._physics)
+
     @property
     def simulations(self) -> int:
         """How many interactions were simulated so far."""
