@@ -7,7 +7,7 @@ READY := $(VENV)/.installed
 COMPILED := $(VENV)/.compiled
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test test-newest wheel check format bench compare-engines reproduce parametric power ablations self-calibration soak three screenshots latency leaps calibration faults fuzz clean
+.PHONY: help install demo demo-damage test test-newest wheel check format bench compare-engines reproduce parametric power ablations self-calibration soak three screenshots latency leaps calibration faults fuzz clean
 
 help: ## List the targets
 	@awk -F':.*## ' '/^[a-z-]+:.*## / {printf "  make %-16s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -36,6 +36,9 @@ $(READY): pyproject.toml constraints.txt
 
 demo: $(READY) ## A simulated robot is identified over the wire, and the result is scored
 	PATH="$(abspath $(BIN)):$$PATH" docs/demo.sh demo
+
+demo-damage: $(READY) ## The robot is identified, loses half of a leg, notices, and finds out
+	PATH="$(abspath $(BIN)):$$PATH" docs/demo-damage.sh demo-damage
 
 # Tests start hundreds of processes: what these import is compiled once.
 unexport PYTHONDONTWRITEBYTECODE

@@ -45,7 +45,7 @@ Room               What is in it
                    URDF, MJCF or JSON
 ``evaluation``     how good a run is: beside the true body (objective error), and on fresh motor
                    programs (prediction error)
-``use``            what an identified body is good for: poses on demand
+``use``            what an identified body is good for: poses on demand; has it changed, and how?
 ``identification`` a run: act, sense, model; the robot, a table or a recorded run that it acts on.
                    Two methods: ``posterior_method`` and, with its search and objectives, ``paper``
 ``exploration``    which motor program is next: the rules

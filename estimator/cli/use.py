@@ -1,8 +1,9 @@
-"""``estimator pose`` and ``diagnose``: what an identified body is used for."""
+"""``estimator pose``, ``monitor`` and ``diagnose``: what an identified body is used for."""
 
 from __future__ import annotations
 
 import itertools
+import json
 import math
 import re
 import sys
@@ -16,7 +17,14 @@ from typing import Annotated, Final
 import numpy as np
 import typer
 
-from estimator.cli.console import Screen, err, errors_as_sentences, out, print_run_directory
+from estimator.cli.console import (
+    Screen,
+    err,
+    errors_as_sentences,
+    out,
+    print_run_directory,
+    unless_unwritable,
+)
 from estimator.cli.options import CORES, Directory, Jobs, Keys, Robot
 from estimator.errors import EstimatorError
 from estimator.identification.robot_link import RobotLink
@@ -34,6 +42,16 @@ from estimator.use.diagnosis import MOVEMENTS, Verdict, said
 from estimator.use.diagnosis import diagnose as find_cause
 from estimator.use.pose import SAFE, Goal, Pose, feet, find_pose, perform, standing_on
 from estimator.use.record import write_run
+from estimator.use.watch import FALSE_ALARMS, Watch
+
+CHANGED: Final = 3
+"""Exit code where the body has changed."""
+
+ONCE: Final = 6
+"""Movements of ``monitor --once``."""
+
+LOG: Final = "monitor.jsonl"
+"""A line a movement of ``monitor``, in the run directory."""
 
 Yes = Annotated[bool, typer.Option("--yes", help="Move the robot without asking first.")]
 Seed = Annotated[int, typer.Option(help="Of what is drawn.")]
@@ -114,6 +132,83 @@ def pose(
         _print_readings(known, goal, found, observed)
         if not goal.is_met_by(observed, known.noise):
             out.print("It does not stand as wanted.", style="yellow")
+
+
+def monitor(
+    directory: Directory,
+    robot: Robot,
+    *,
+    every: Annotated[float, typer.Option(min=0, help="Seconds between two movements.")] = 60.0,
+    movements: Annotated[
+        int | None, typer.Option(min=1, help="End after so many. Default: never.")
+    ] = None,
+    once: Annotated[
+        bool, typer.Option("--once", help=f"End after {ONCE} movements, without a pause.")
+    ] = False,
+    patrol: Annotated[
+        int,
+        typer.Option(
+            min=0,
+            help="Make so many movements in turn. Default: each is the one that tells most.",
+        ),
+    ] = 0,
+    false_alarms: Annotated[
+        float,
+        typer.Option(min=1e-12, max=0.1, help="Per movement, were the models exact."),
+    ] = FALSE_ALARMS,
+    yes: Yes = False,
+    seed: Seed = 0,
+    jobs: Jobs = CORES,
+    keys: Keys = None,
+) -> None:
+    """Move the robot now and then, and say whether its body is still the same; 3: it is not."""
+    if once:
+        every, movements = 0.0, ONCE
+    with errors_as_sentences(None), identified(directory, jobs) as (store, known):
+        may_move(yes, f"Move the robot at {robot} now and then, also while nobody looks?")
+        rng = np.random.default_rng(seed)
+        watch = Watch(Weigher(known, causes_of(known, rng), rng), rate=false_alarms)
+        rounds = watch.patrol(patrol) if patrol else []
+        with Screen(err) as screen:
+            while movements is None or watch.movements < movements:
+                number = watch.movements
+                if number:
+                    time.sleep(every)
+                program = rounds[number % patrol] if rounds else watch.next_movement()
+                with closing(same_robot(store, robot, screen, keys)) as link:
+                    observation = perform(link, tuple(program.tolist()), number, screen)
+                screen.observed(number, observation)
+                watch.take(observation)
+                _log(directory, watch, observation)
+                screen.say(f"Odds that the body has changed: {watch.odds:.2g} to 1.")
+                if watch.alarm:
+                    break
+        if not watch.alarm:
+            out.print(f"Not changed, by {watch.movements} movements ({watch.odds:.2g} to 1).")
+            return
+        out.print("The body has changed.", style="bold red")
+        for one, share in watch.suspects():
+            out.print(f"{share:8.3f}  {said(one, known)}", soft_wrap=True)
+        out.print(f"Find out with: estimator diagnose {directory} --robot {robot}", soft_wrap=True)
+    raise typer.Exit(CHANGED)
+
+
+def _log(directory: Path, watch: Watch, observation: Observation) -> None:
+    """A line of JSON for programs that look on."""
+    (suspect, share), *_ = watch.suspects(1)
+    assert suspect.cause is not None
+    line = {
+        "time": time.time(),
+        "movement": watch.movements,
+        "odds": watch.odds,
+        "threshold": watch.threshold,
+        "alarm": watch.alarm,
+        "suspect": suspect.cause.name,
+        "share": share,
+        "observation": observation.model_dump(mode="json"),
+    }
+    with unless_unwritable(directory), open(directory / LOG, "a", encoding="utf-8") as log:
+        log.write(json.dumps(line) + "\n")
 
 
 def diagnose(

@@ -44,17 +44,22 @@ class Hypotheses:
 
     @classmethod
     def of(
-        cls, weigher: Weigher, groups: Sequence[tuple[Particles, float]], count: int = HYPOTHESES
+        cls,
+        weigher: Weigher,
+        groups: Sequence[tuple[Particles, float]],
+        count: int | None = None,
     ) -> Hypotheses:
         """From particles of causes, each with its share; in random order.
 
         Args:
             weigher: Builds their bodies.
             groups: Particles, and their shares, adding up to 1.
-            count: How many bodies.
+            count: How many bodies; default: ``HYPOTHESES``.
         """
         shares = np.array([share for _, share in groups])
-        numbers = np.bincount(systematic(shares, count, 0.5), minlength=len(groups)).tolist()
+        numbers = np.bincount(
+            systematic(shares, count or HYPOTHESES, 0.5), minlength=len(groups)
+        ).tolist()
         drawn = [
             (index, one.drawn(number, 0.5))
             for index, ((one, _), number) in enumerate(zip(groups, numbers, strict=True))
@@ -94,14 +99,14 @@ def best_of(
 
     def bits(programs: Array, draws: int, *, margins: bool) -> Array:
         programs = attainable(known, programs)
-        predicted = _read(known, hypotheses.bodies, programs)
+        predicted = readings_in(known, hypotheses.bodies, programs)
         predictions = Predictions.of(predicted, len(hypotheses))
         if margins:
-            near = _near_forks(known, hypotheses.bodies, programs)
+            near = near_forks(known, hypotheses.bodies, programs)
             predictions.no_prediction[near] = True
         told = gain.of(predictions, hypotheses.scales, hypotheses.groups, rng, draws=draws)
         if margins and safe_for is not None:
-            told = told - 10.0 * _near_forks(known, safe_for, programs).mean(axis=1)
+            told = told - 10.0 * near_forks(known, safe_for, programs).mean(axis=1)
         return told
 
     programs, told = best_programs(
@@ -115,13 +120,13 @@ def best_of(
     return attainable(known, programs[0]), float(told[0])
 
 
-def _read(known: FittedPosterior, bodies: Bodies, programs: Array) -> PredictedReadings:
+def readings_in(known: FittedPosterior, bodies: Bodies, programs: Array) -> PredictedReadings:
     """Readings of all bodies in one program and the next."""
     rows, each = _all_in_each(len(bodies), programs)
     return known.predictor.read(bodies, rows, each, coarse_step=True)
 
 
-def _near_forks(known: FittedPosterior, bodies: Bodies, programs: Array) -> NDArray[np.bool_]:
+def near_forks(known: FittedPosterior, bodies: Bodies, programs: Array) -> NDArray[np.bool_]:
     """Which bodies may fall elsewhere in which programs, shape (programs, bodies)."""
     rows, each = _all_in_each(len(bodies), programs)
     margins = known.predictor.margins(bodies, rows, each, most=SAFE)
