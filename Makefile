@@ -7,7 +7,7 @@ READY := $(VENV)/.installed
 COMPILED := $(VENV)/.compiled
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo demo-damage test test-newest wheel check format bench compare-engines reproduce parametric power ablations self-calibration soak three screenshots latency leaps calibration faults fuzz clean
+.PHONY: help install demo demo-damage test test-newest wheel check format bench compare-engines reproduce parametric after power ablations self-calibration soak three screenshots latency leaps calibration faults fuzz clean
 
 help: ## List the targets
 	@awk -F':.*## ' '/^[a-z-]+:.*## / {printf "  make %-16s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -109,6 +109,10 @@ ablations: $(READY) ## The method with one part left out at a time, on developme
 
 parametric: $(READY) ## Leg lengths on the reported seeds; writes docs/parametric.md
 	$(BIN)/python -m bench.parametric
+
+AFTER ?=
+after: $(READY) ## Poses, changes noticed and named, false alarms; hours; AFTER='--seeds 1 --quiet 40 --goals 20'
+	$(BIN)/python -m bench.after $(AFTER)
 
 SOAK ?=
 soak: $(READY) ## 24 virtual hours of random commands, faults, clients; 40 minutes; SOAK='--electronics pi'
