@@ -233,7 +233,7 @@ def _poses(known: FittedPosterior, uri: str, count: int, rng: np.random.Generato
             felt = _perform(client, tuple(rng.uniform(low, high).tolist()))
             if None in felt.tilt or felt.clearance is None or felt.clearance < 0.01:
                 continue
-            feet = frozenset(np.flatnonzero(felt.touch).tolist())
+            feet = frozenset(np.flatnonzero([bool(bit) for bit in felt.touch]).tolist())
             left, forward = felt.tilt
             goal = Goal(
                 tilt_left=left,
@@ -328,7 +328,8 @@ def page(runs: Sequence[AfterRun], root: Path) -> str:
         "# Life after identification: every run\n\n`make after` wrote this page. "
         f"{made_by(root, runs)} Movements until noticed: median {median(noticed or [0]):g}, "
         f"most {max(noticed, default=0)}.\n\n| | | of |\n|---|---|---|\n{table}\n\n"
-        "| robot | fault | noticed after | verdict | named | probability | movements | CPU (s) | |\n"
+        "| robot | fault | noticed after | verdict | named | probability | movements | "
+        "CPU (s) | |\n"
         f"|---|---|---|---|---|---|---|---|---|\n{every}\n"
     )
 
