@@ -27,7 +27,7 @@ from estimator.readings.observation import Observation, PredictedReadings, Progr
 from estimator.storage.records import InteractionRecord
 
 SAFE: Final = math.radians(2.0)
-"""Path margin below which a body may fall elsewhere; see ``docs/statics.md``."""
+"""Path margin below which a body may fall elsewhere; see ``docs/how-it-works.md``."""
 
 REACHABLE: Final = 0.5
 """Share of the samples in which a goal must hold for the robot to be asked for it."""
