@@ -15,6 +15,7 @@ from typer.testing import CliRunner, Result
 
 from estimator import FittedPosterior, load
 from estimator.body.arrays import Bodies
+from estimator.cli import use
 from estimator.cli.command_line import app
 from estimator.exploration import best_programs
 from estimator.readings.observation import Observation, Program
@@ -23,7 +24,7 @@ from estimator.use.causes import Weigher
 from estimator.use.changes import Cause, causes_of
 from estimator.use.diagnosis import Diagnosis, Verdict, diagnose
 from estimator.use.watch import HAZARD, Watch
-from tests.estimator.model_robot import TRUE_LENGTHS, ModelRobot, serving
+from tests.estimator.model_robot import TRUE_LENGTHS, ModelRobot, serving, without_plots
 from tests.estimator.posterior_run import make_posterior_run
 from tests.estimator.use.test_pose import SPREAD, TRUTH, sampled
 
@@ -38,6 +39,7 @@ def little_effort(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(best_programs, "_LIKELY", 20)
     monkeypatch.setattr(best_programs, "_FINALISTS", 6)
     monkeypatch.setattr(diagnosis, "_CHAINS", 24)
+    monkeypatch.setattr(use, "write_report", without_plots)
     monkeypatch.setattr(diagnosis, "_TEMPERATURES", np.append(0.0, np.geomspace(5e-3, 1.0, 10)))
 
 
