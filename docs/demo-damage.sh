@@ -24,9 +24,9 @@ until grep -q serving "$out/sim-robotd.log"; do
 done
 robot=$(grep -m 1 -o 'serving [^,]*' "$out/sim-robotd.log" | grep -o 'tcp://.*')
 printf 'The robot is at %s\n' "$robot"
-pose="--tilt-forward 6 --tilt-left 0 --clearance 40mm --yes"
+pose="--tilt-forward 5 --tilt-left 0 --yes"
 
-# Which legs has it, and how long are they? Then: stand with the nose up, and the belly 40 mm above the ground.
+# Which legs has it, and how long are they? Then: stand with the nose up by 5 degrees.
 show estimator identify --robot "$robot" --problem topological --interactions 6 --seed "$seed" --out "$out/body"
 show estimator pose "$out/body" --robot "$robot" $pose
 
