@@ -7,7 +7,7 @@ READY := $(VENV)/.installed
 COMPILED := $(VENV)/.compiled
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test test-newest wheel check docs format bench compare-engines reproduce power ablations self-calibration soak three animation docs-commands screenshots latency attacks leaps calibration faults fuzz exports clean
+.PHONY: help install demo demo-damage test test-newest wheel check docs format bench compare-engines reproduce after power ablations self-calibration soak three animation docs-commands screenshots latency attacks leaps calibration faults fuzz exports clean
 
 help: ## List the targets
 	@awk -F':.*## ' '/^[a-z-]+:.*## / {printf "  make %-16s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -36,6 +36,9 @@ $(READY): pyproject.toml constraints.txt
 
 demo: $(READY) ## A simulated robot is identified over the wire, and the result is scored
 	PATH="$(abspath $(BIN)):$$PATH" docs/demo.sh demo
+
+demo-damage: $(READY) ## The robot is identified, loses half of a leg, notices, and finds out
+	PATH="$(abspath $(BIN)):$$PATH" docs/demo-damage.sh demo-damage
 
 # Tests start hundreds of processes: what these import is compiled once.
 unexport PYTHONDONTWRITEBYTECODE
@@ -103,6 +106,10 @@ power: $(READY) ## Each method on the reported seeds, other bodies, faults; writ
 
 ablations: $(READY) ## The method with one part left out at a time, on development seeds; twenty minutes
 	$(BIN)/python -m bench.power.ablations
+
+AFTER ?=
+after: $(READY) ## Poses, changes noticed and named, false alarms; hours; AFTER='--seeds 1 --quiet 40 --goals 20'
+	$(BIN)/python -m bench.after $(AFTER)
 
 SOAK ?=
 soak: $(READY) ## 24 virtual hours of random commands, faults, clients; 40 minutes; SOAK='--electronics pi'

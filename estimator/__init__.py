@@ -17,6 +17,7 @@ Name                    What it is
 ``Result``              a run in numbers; ``Listener`` hears of it while it goes on
 ``load``                what a run knows of the body: ``FittedPosterior``, with ``Attachment``
 ``best_programs``       the motor programs that are best by a score of your own
+``find_pose``           the motor program after which the robot reads as a ``Goal`` says: ``Pose``
 ``RunConfig``           what is asked of a run; ``METHODS`` are the methods by name
 ``BACKENDS``            what a body's sensors read at rest: ``Physics`` is the base class of
                         back-ends, ``ArrayPhysics`` of those that take whole populations,
@@ -44,12 +45,14 @@ Room               What is in it
                    URDF, MJCF or JSON
 ``evaluation``     how good a run is: beside the true body (objective error), and on fresh motor
                    programs (prediction error)
+``use``            what an identified body is good for: poses on demand; has it changed, and how?
 ``identification`` a run: act, sense, model; the robot, a table or a recorded run that it acts on.
                    Two methods: ``posterior_method`` and, with its search and objectives, ``paper``
 ``exploration``    which motor program is next: the rules
 ``posterior``      every body that explains the readings, as samples with weights
 ``storage``        a run on disk: settings, interactions, generations, posteriors
 ``problem``        what is known and what is to be found; genes to bodies
+``parameters``     what of a robot may be otherwise than its problem says: one table
 ``physics``        what a body's sensors read at rest: back-ends by name
 ``readings``       what was observed and what is predicted; the modalities
 ``body``           a body as a tree of parts, and its kinematics

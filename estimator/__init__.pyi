@@ -36,5 +36,8 @@ from .readings.observation import Observation as Observation
 from .readings.observation import PredictedReadings as PredictedReadings
 from .report.result import Result as Result
 from .storage.run_config import RunConfig as RunConfig
+from .use.pose import Goal as Goal
+from .use.pose import Pose as Pose
+from .use.pose import find_pose as find_pose
 
 __all__: list[str]

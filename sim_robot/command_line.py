@@ -259,8 +259,8 @@ def _faults() -> str:
     width = max(map(len, KNOWN))
     lines = "\n".join(f"  {name:{width}}  {what}" for name, what in KNOWN.items())
     return (
-        "faults: SPEC is DEVICE.FAULT[=N][@START][+DURATION], with START 3i (third interaction)\n"
-        "or 12.5s (robot time) and DURATION 2i, 5s or 5w (wall clock):\n\n" + lines
+        "faults: SPEC is DEVICE.FAULT[=N[:AMOUNT]][@START][+DURATION], with START 3i (third\n"
+        "interaction) or 12.5s (robot time) and DURATION 2i, 5s or 5w (wall clock):\n\n" + lines
     )
 
 

@@ -23,9 +23,10 @@ CENTRE: Final = 4
 """Column of ``Bodies.base``, and the two after it; so are the following."""
 
 ACCELEROMETER: Final = 7  # and the one after it
-TILT_GAIN: Final = 9
-TOO_HIGH: Final = 10
-ROUND: Final = 11
+LEVEL: Final = slice(9, 13)
+TOO_HIGH: Final = 13
+DISTANCE_GAIN: Final = 14
+ROUND: Final = 15
 
 BASE_YAW: Final = slice(3, 5)
 PART_YAW: Final = slice(1, 3)
@@ -33,7 +34,8 @@ PART_YAW: Final = slice(1, 3)
 _NONE = -1
 _NUMBERS = ("parent", "mount", "hinge", "motor", "sensor")
 _TABLES = {"base_mounts": 7, "part_mounts": 5, "hinges": 3}  # columns
-_BASE_COLUMNS = 12
+_BASE_COLUMNS = 16
+_TRUE_SENSORS = (1.0, 0.0, 0.0, 1.0, 0.0, 1.0)
 _MEASURES = {"length", "radius", "density", "zero", "travel", "base", *_TABLES}
 _FLAGS = {"box", "limp"}
 _LARGEST = 1e6
@@ -60,12 +62,15 @@ class Bodies:
         zero: Angle of the hinge where the motor stands at 0, rad.
         limp: Whether the part hangs from a joint that nothing holds, or from such a part: then its
             sensor reads contact in every pose, whatever a back-end says.
+        stuck: What the part's touch sensor reads in every pose: 1 contact, −1 none; 0: what it
+            feels.
         travel: How far the motor turns the hinge, as a factor on the command; a back-end is given
             the angle that it turns.
-        base: Shape (n, 12): extent of the main body along x, y and z, m, its mass, kg, its centre
-            of mass, m, and how its accelerometer is turned, rad; then how sensors stray from what a
-            back-end says: a factor on tilt, and what clearance is too large by, m; and 1 where the
-            main body is round, else 0.
+        base: Shape (n, 16): extent of the main body along x, y and z, m, its mass, kg, its centre
+            of mass, m, and how its accelerometer is turned about x and y, rad; then how sensors
+            stray from what a back-end says: the matrix, row by row, that makes what the
+            accelerometer shows of gravity leftward and forward, what clearance is too large by, m,
+            and a factor on it; and 1 where the main body is round, else 0.
         base_mounts: What the bodies' parts can sit on, of all bodies together, one mount a row:
             x, y, z, m, then cosine and sine of the yaw, and of the elevation.
         part_mounts: Rows of mounts on parts: fraction of the carrier's length, cosines and sines.
@@ -87,6 +92,7 @@ class Bodies:
     box: Flags
     zero: Array
     limp: Flags
+    stuck: Integers
     travel: Array
     base: Array
     base_mounts: Array
@@ -198,11 +204,11 @@ class Bodies:
     def deviates(self) -> bool:
         """Whether any of these bodies, or of those they are a part of, has odd servos or sensors.
 
-        What they do is then not what a back-end says; see ``limp``, ``travel`` and ``base``.
+        What they do is then not what a back-end says; see ``limp``, ``stuck``, ``travel`` and
+        ``base``.
         """
-        servos = np.any(self.limp) or np.any(self.travel != 1)
-        sensors = np.any(self.base[:, TILT_GAIN] != 1) or np.any(self.base[:, TOO_HIGH] != 0)
-        return bool(servos or sensors)
+        servos = np.any(self.limp) or np.any(self.stuck) or np.any(self.travel != 1)
+        return bool(servos or np.any(self.base[:, LEVEL.start : ROUND] != _TRUE_SENSORS))
 
     def _most(self, numbers: Integers) -> int:
         used = np.arange(numbers.shape[1]) < self.count[:, None]
@@ -217,11 +223,11 @@ class Bodies:
         length, radius, density, zero = (np.zeros(shape) for _ in range(4))
         box = np.zeros(shape, dtype=bool)
         base = np.empty((len(count), _BASE_COLUMNS))
-        base[:, TILT_GAIN:ROUND] = 1.0, 0.0
+        base[:, LEVEL.start : ROUND] = _TRUE_SENSORS
         base_mounts, part_mounts, hinges = _Rows(7), _Rows(5), _Rows(3)
         for row, body in enumerate(morphologies):
             own = body.base
-            base[row, :TILT_GAIN] = *own.size, own.mass, *own.centre, *own.accelerometer
+            base[row, : LEVEL.start] = *own.size, own.mass, *own.centre, *own.accelerometer
             base[row, ROUND] = own.round
             density[row] = body.density
             on_base = base_mounts.start(
@@ -249,6 +255,7 @@ class Bodies:
             box=box,
             zero=zero,
             limp=np.zeros(shape, dtype=bool),
+            stuck=np.zeros(shape, dtype=np.int64),
             travel=np.ones(shape),
             base=base,
             base_mounts=base_mounts.array(),
@@ -263,7 +270,7 @@ _ROWS: Final = frozenset(name for name in _ARRAYS if name not in _TABLES)  # a r
 _DERIVED: Final = {
     "motors": {"count", "motor"},
     "sensors": {"count", "sensor"},
-    "deviates": {"limp", "travel", "base"},
+    "deviates": {"limp", "stuck", "travel", "base"},
 }
 _SHARED: Final = (*_TABLES, *_DERIVED)  # by all that are chosen from some
 

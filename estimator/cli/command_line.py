@@ -1,6 +1,6 @@
 """``estimator``: identifies a robot's body, and says how good the result is.
 
-Exit codes: 0 done, 1 failed (with a sentence), 2 wrong usage.
+Exit codes: 0 done, 1 failed (with a sentence), 2 wrong usage, 3 ``monitor`` found the body changed.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from estimator.cli import doctor, evaluate, identify, live, reproduce, results, resume
+from estimator.cli import doctor, evaluate, identify, live, reproduce, results, resume, use
 
 app = typer.Typer(
     help="Identifies a robot's body from what its sensors read when it moves.",
@@ -25,6 +25,9 @@ app.command("score")(evaluate.score)
 app.command("report")(results.report)
 app.command("compare")(results.compare)
 app.command("validate")(evaluate.validate)
+app.command("pose")(use.pose)
+app.command("monitor")(use.monitor)
+app.command("diagnose")(use.diagnose)
 app.command("export")(results.export)
 app.command("watch")(live.watch)
 app.command("doctor")(doctor.doctor)

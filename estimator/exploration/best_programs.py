@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -33,12 +33,13 @@ def best_programs(
     candidates: ArrayLike | None = None,
     rough: Score | None = None,
     sure: Score | None = None,
+    spreads: Sequence[float] = _SPREADS,
 ) -> tuple[Array, Array]:
     """Motor programs that score well.
 
-    The best of many random ones are varied twice, the second time less. A joint whose target is 0
-    stays there. One in ten candidates is scored by ``score``, those that ``rough`` finds best; and
-    only finalists by ``sure``.
+    The best of many random ones are varied, again and again. A joint whose target is 0 stays
+    there. A hundred candidates are scored by ``score``, those that ``rough`` finds best; and only
+    finalists by ``sure``.
 
     Args:
         score: To be maximised.
@@ -48,6 +49,8 @@ def best_programs(
         candidates: What to begin with, rad, shape (p, joints); by default 1,000 from that range.
         rough: A cheaper score, for the candidates; by default ``score``.
         sure: A dearer one, which ranks the finalists; by default ``score`` has ranked them already.
+        spreads: Standard deviation of the targets each time programs are varied, rad; by default
+            twice, the second time by less.
 
     Returns:
         The finalists, rad, best first, shape (20, joints), or fewer where there are fewer
@@ -71,7 +74,7 @@ def best_programs(
         )
     programs = _best(programs, _scored(rough or score, programs), _LIKELY)
     scores = _scored(score, programs)
-    for spread in _SPREADS:
+    for spread in spreads:
         best = np.repeat(_best(programs, scores, _REFINED), _VARIANTS, axis=0)
         near = np.clip(best + rng.normal(0, spread, best.shape), low, high)
         near = np.where(best == 0, 0.0, near)

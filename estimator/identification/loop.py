@@ -152,7 +152,7 @@ def carry_out(
     except RobotRestartedError as error:
         raise InteractionError(
             f"interaction {number + 1}: the robot's daemon restarted while the motion was under "
-            "way, so nobody knows whether the robot moved. Resuming performs it again."
+            "way, so nobody knows whether the robot moved. Going on performs it again."
         ) from error
     except RobotUnreachableError as error:
         raise InteractionError(f"interaction {number + 1}: {error}") from error

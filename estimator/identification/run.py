@@ -128,14 +128,46 @@ def reconnect(
         InteractionError: Another robot answers there.
         BodyschemaError: The robot cannot be reached.
     """
-    link = open_robot(
+    return open_same_robot(
+        store.problem,
+        store.capabilities,
         uri,
-        driven=_driven(store.problem),
+        listener,
         client_id=store.client_id,
         first_id=store.new_connection(),
         keys=keys,
     )
-    was, now = store.capabilities, link.capabilities
+
+
+def open_same_robot(
+    problem: Problem,
+    was: Capabilities,
+    uri: str,
+    listener: Listener,
+    *,
+    client_id: str,
+    first_id: int,
+    keys: Path | None = None,
+) -> RobotLink:
+    """The robot that was identified, under the name of a client of one's own.
+
+    Args:
+        problem: Of the run that identified it.
+        was: What the robot said of itself then.
+        uri: Where it is now.
+        listener: Hears what is odd about it.
+        client_id: The name under which requests reach it.
+        first_id: The first request id that this connection may use.
+        keys: The key directory, where the robot asks for keys.
+
+    Raises:
+        InteractionError: Another robot answers there.
+        BodyschemaError: The robot cannot be reached.
+    """
+    link = open_robot(
+        uri, driven=_driven(problem), client_id=client_id, first_id=first_id, keys=keys
+    )
+    now = link.capabilities
     if _body(was) != _body(now):
         link.close()
         raise InteractionError(

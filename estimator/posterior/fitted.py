@@ -14,9 +14,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel, ConfigDict
 
-from estimator.body.limbs import leg_lengths
+from estimator.body.arrays import Bodies
+from estimator.body.limbs import driven_limbs, leg_lengths
 from estimator.body.morphology import Array, Morphology
 from estimator.errors import EstimatorError
+from estimator.parameters.changes import Within, changes_of
+from estimator.parameters.table import Parameter
 from estimator.physics.backends import open_arrays
 from estimator.physics.base import ArrayPhysics, WorldSettings
 from estimator.posterior.model.deviations import Alternative
@@ -77,6 +80,8 @@ class FittedPosterior:
             back-end simulated come before the others, in its order.
         alternatives: Bodies that deviate from the problem and explain the readings as well, while a
             run goes on.
+        changes: What has changed since the body was identified, in the order of the posterior's
+            ``amounts``.
     """
 
     problem: Problem
@@ -91,6 +96,7 @@ class FittedPosterior:
     searched: Array | None = None
     ranking: NDArray[np.intp] | None = None
     alternatives: tuple[Alternative, ...] = ()
+    changes: tuple[Parameter, ...] = ()
 
     # --- as a run has it --------------------------------------------------------------------------
 
@@ -119,7 +125,21 @@ class FittedPosterior:
         with reading(store.directory):
             best = np.array(stored.best, dtype=float)
             posterior = load_posterior(stored, Unknowns(store.genome))
-        return replace(cls.in_run(store, posterior, observations), best=best, summary=stored)
+            fitted = cls.in_run(store, posterior, observations)
+            fitted = replace(fitted, best=best, summary=stored)
+            return fitted.changed_by([change.name for change in stored.changes])
+
+    def changed_by(self, names: Sequence[str]) -> FittedPosterior:
+        """This posterior, with changes by their names in ``possible_changes``.
+
+        Raises:
+            ValueError: There is no such change.
+        """
+        rows = {row.name: row for row in self.possible_changes} if names else {}
+        unknown = [name for name in names if name not in rows]
+        if unknown:
+            raise ValueError(f"there is no change {', '.join(unknown)}")
+        return replace(self, changes=tuple(rows[name] for name in names))
 
     @classmethod
     def _of_population(cls, store: RunStore) -> FittedPosterior | None:
@@ -234,8 +254,14 @@ class FittedPosterior:
 
     @cached_property
     def leg_lengths(self) -> Array:
-        """Length of each leg of each sample, m, shape (n, legs), in motor order."""
-        return leg_lengths(self.genome.decode_all(self.samples))
+        """Length of each leg of each sample by now, m, shape (n, legs), in motor order."""
+        bodies = self.genome.decode_all(self.samples)
+        lengths = leg_lengths(bodies)
+        for row, theta in zip(self.changes, self._amounts.T, strict=True):
+            if isinstance(row, Within):
+                legs = [limb.motor for limb in driven_limbs(bodies[0])]
+                lengths[:, legs.index(row.motor)] *= row.amounts(1.0, theta)
+        return lengths
 
     # --- what is stated ---------------------------------------------------------------------------
 
@@ -266,12 +292,37 @@ class FittedPosterior:
     @cached_property
     def unknowns(self) -> Unknowns:
         """What the posterior is over."""
-        return Unknowns(self.genome)
+        return _Changed(self.genome, self.changes) if self.changes else Unknowns(self.genome)
 
     @cached_property
     def predictor(self) -> Predictor:
         """Computes readings."""
-        return self.open_predictor()
+        predictor = self.open_predictor()
+        return predictor.over(self.unknowns) if self.changes else predictor
+
+    @cached_property
+    def body_arrays(self) -> Bodies:
+        """The bodies of all samples as they are by now."""
+        return self.unknowns.bodies(self._points)
+
+    @cached_property
+    def possible_changes(self) -> tuple[Parameter, ...]:
+        """What may change on the robot while it is in use."""
+        body = self.best_body
+        if body is None:
+            return ()
+        joints = [joint.name for joint in self.capabilities.joints]
+        return changes_of(body, joints, [part.name for part in self.problem.parts])
+
+    @property
+    def _points(self) -> Array:
+        """Samples with the amounts of what has changed."""
+        return np.hstack([self.samples, self._amounts]) if self.changes else self.samples
+
+    @property
+    def _amounts(self) -> Array:
+        amounts = self.posterior.amounts
+        return np.empty((len(self), 0)) if amounts is None else amounts
 
     @cached_property
     def noise(self) -> Noise:
@@ -308,7 +359,7 @@ class FittedPosterior:
         """
         angles = self._checked(programs)
         several = np.atleast_2d(angles)
-        bodies, count = self.unknowns.bodies(self.samples), len(self)
+        bodies, count = self.body_arrays, len(self)
         at_once, pieces = max(1, _AT_ONCE // max(1, count)), []
         for start in range(0, len(several), at_once):
             some = several[start : start + at_once]
@@ -329,9 +380,7 @@ class FittedPosterior:
         angles = self._checked(programs)
         several, count = np.atleast_2d(angles), len(self)
         rows = np.tile(np.arange(count), len(several))
-        margins = self.predictor.margins(
-            self.unknowns.bodies(self.samples), rows, np.repeat(several, count, axis=0)
-        )
+        margins = self.predictor.margins(self.body_arrays, rows, np.repeat(several, count, axis=0))
         return margins.reshape(*angles.shape[:-1], count)
 
     def log_likelihood(self, program: ArrayLike, observation: Observation) -> Array:
@@ -363,7 +412,7 @@ class FittedPosterior:
             )
         observed = SensorData.of([observation], self.modalities, self.clearance_cap)
         likelihood = Likelihood(replace(observed, programs=angles[None]), self.noise)
-        return likelihood.normalised(self.predictor, self.samples, self.scales)[:, 0]
+        return likelihood.normalised(self.predictor, self._points, self.scales)[:, 0]
 
     def _checked(self, programs: ArrayLike) -> Array:
         """Programs as an array of one or two dimensions."""
@@ -394,7 +443,31 @@ def load_posterior(stored: StoredPosterior, unknowns: Unknowns) -> Posterior:
             for key, mode, point in zip(unknowns.keys(points), stored.modes, points, strict=True)
         ),
         adequate_fit=stored.probability_within_problem is not None,
+        amounts=(
+            np.array([change.amounts for change in stored.changes]).T if stored.changes else None
+        ),
     )
+
+
+class _Changed(Unknowns):
+    """The cube of a problem, with a column more for the amount of each change since.
+
+    Args:
+        genome: The code between genes and bodies.
+        changes: What has changed.
+    """
+
+    def __init__(self, genome: Genome, changes: Sequence[Parameter]):
+        super().__init__(genome)
+        self._genes = genome.size
+        self._changes = tuple(changes)
+
+    def bodies(self, values: Array) -> Bodies:
+        """The bodies of n points, each changed by its own amounts."""
+        bodies = super().bodies(values[:, : self._genes])
+        for row, theta in zip(self._changes, values[:, self._genes :].T, strict=True):
+            bodies = row.applied(bodies, row.amounts(row.wide or 1.0, theta))
+        return bodies
 
 
 def _opened(genome: Genome, physics: str, world: WorldSettings) -> Predictor:

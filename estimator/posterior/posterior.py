@@ -45,6 +45,8 @@ class Posterior:
         weights: Of the samples, adding up to 1, shape (n,).
         modes: The most probable first.
         adequate_fit: Whether the readings are explained so well that something can be probable.
+        amounts: Of what has changed on the samples since they were identified, standard normal
+            before any reading, shape (n, changes); ``None``: nothing.
     """
 
     values: Array
@@ -52,9 +54,12 @@ class Posterior:
     weights: Array
     modes: tuple[Mode, ...]
     adequate_fit: bool
+    amounts: Array | None = None
 
     @classmethod
-    def equally_likely(cls, values: Array, scales: Array | None = None) -> Self:
+    def equally_likely(
+        cls, values: Array, scales: Array | None = None, amounts: Array | None = None
+    ) -> Self:
         """Samples that are as good as each other, under the announced noise by default."""
         count = len(values)
         return cls(
@@ -63,12 +68,14 @@ class Posterior:
             weights=np.full(count, 1 / count),
             modes=(),
             adequate_fit=False,
+            amounts=amounts,
         )
 
     def sample(self, count: int, rng: np.random.Generator) -> Self:
         """At most ``count`` equally likely samples, drawn by their weights."""
         rows = systematic(self.weights, min(count, len(self.weights)), float(rng.random()))
-        return self.equally_likely(self.values[rows], self.scales[rows])
+        amounts = None if self.amounts is None else self.amounts[rows]
+        return self.equally_likely(self.values[rows], self.scales[rows], amounts)
 
 
 def systematic(weights: Array, count: int, start: float) -> Columns:

@@ -14,7 +14,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from estimator.body.arrays import CENTRE, TILT_GAIN, Bodies, Flags, Integers
+from estimator.body.arrays import CENTRE, LEVEL, Bodies, Flags, Integers
 from estimator.body.morphology import BASE, Array, Base, Morphology, Part
 from estimator.errors import SearchStateError
 from estimator.problem.genes import Gene, GeneColumns, Traits, genes_of
@@ -201,7 +201,7 @@ class Genome:
             nuisances, changes["zero"] = self._nuisance_values(values)
             changes["density"] = nuisances[:, :1].repeat(bodies.density.shape[1], axis=1)
             changes["base"] = bodies.base.copy()
-            changes["base"][:, CENTRE:TILT_GAIN] = nuisances[:, 1:]
+            changes["base"][:, CENTRE : LEVEL.start] = nuisances[:, 1:]
         return bodies.changed(**changes)
 
     @cached_property

@@ -82,6 +82,8 @@ def print_result(
     console.print(Text(f"{state}{headline(result)}.", style=style))
     if judged is not None:
         console.print(Text(judged.verdict))
+    for change in () if result.posterior is None else result.posterior.changes:
+        console.print(Text(f"Changed since it was identified: {change}.", style="bold"))
     for table in _body(result):
         console.print(table)
     posterior = result.posterior

@@ -122,6 +122,7 @@ class PosteriorReport(PosteriorSummary):
             together with what models leave, 0.2° and 0.8 mm.
         steps: One per interaction.
         samples: How many stand for the posterior.
+        changes: What has changed since the robot was identified, as sentences.
     """
 
     contradictions: tuple[str, ...]
@@ -135,6 +136,7 @@ class PosteriorReport(PosteriorSummary):
     noise: dict[str, Interval]
     steps: tuple[Step, ...]
     samples: int
+    changes: tuple[str, ...] = ()
 
     # mypy knows no decorators on properties; pydantic's manual says to ignore that.
     @computed_field  # type: ignore[prop-decorator]
@@ -178,6 +180,7 @@ def posterior_report(store: RunStore) -> PosteriorReport | None:
             for interaction, one in zip(store.interactions(), summaries, strict=False)
         ),
         samples=len(genes),
+        changes=tuple(f"{one.sentence} ({one.probability:.2f})" for one in stored.changes),
     )
 
 

@@ -222,6 +222,22 @@ class StoredMode(_Record):
     found: tuple[bool, ...]
 
 
+class StoredChange(_Record):
+    """What has changed on the robot since it was identified.
+
+    Attributes:
+        name: Of its row in the table of changes.
+        sentence: It, with its amount.
+        probability: That it is this.
+        amounts: Of each sample, standard normal before any reading.
+    """
+
+    name: str
+    sentence: str
+    probability: Share
+    amounts: tuple[Reading, ...]
+
+
 class StoredPosterior(PosteriorSummary):
     """The posterior after some interactions, with its samples.
 
@@ -232,6 +248,8 @@ class StoredPosterior(PosteriorSummary):
         best: Genome of the first mode's attachments with its samples' lengths: each leg's is their
             median.
         modes: Sets of attachments, the most probable first.
+        changes: What has changed since, the first one first.
+        diagnosed: Whether it is a diagnosis's, and complete without a simulator's last word.
     """
 
     genes: tuple[tuple[Gene, ...], ...]
@@ -239,11 +257,15 @@ class StoredPosterior(PosteriorSummary):
     weights: tuple[Share, ...]
     best: tuple[Gene, ...]
     modes: tuple[StoredMode, ...]
+    changes: tuple[StoredChange, ...] = ()
+    diagnosed: bool = False
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         if not len(self.genes) == len(self.scales) == len(self.weights):
             raise ValueError("samples, their noise and their weights are not equally many")
+        if any(len(change.amounts) != len(self.genes) for change in self.changes):
+            raise ValueError("samples and the amounts of a change are not equally many")
         if abs(sum(self.weights) - 1) > ROUNDING * len(self.weights):
             raise ValueError(f"weights add up to {sum(self.weights):g}, not to 1")
         bodies = (*self.genes, self.best, *(mode.genes for mode in self.modes))

@@ -356,7 +356,7 @@ class RunStore(Closable):
         """Whether the run has come to its end: nothing is left that ``resume`` would do."""
         if self.settings.keeps_samples:
             stored = self.posteriors()
-            return bool(stored) and stored[-1][0].simulated > 0
+            return bool(stored) and (stored[-1][0].simulated > 0 or stored[-1][0].diagnosed)
         return self.search_end.is_reached
 
     # --- the database -----------------------------------------------------------------------------

@@ -199,9 +199,9 @@ class BusServos(SerialDevice, Generic[S]):
                 return range(len(self.servos) + 1)
         return super().numbers(fault)
 
-    def inject(self, fault: str, value: int = 0) -> None:
+    def inject(self, fault: str, value: int = 0, amount: float = 0.0) -> None:
         """Switches a fault on, or makes an event happen."""
-        super().inject(fault, value)
+        super().inject(fault, value, amount)
         self._condition()
 
     def mend(self, fault: str | None = None) -> None:

@@ -19,38 +19,47 @@ class FaultSwitch:
         FAULTS: What each lasting fault does, by name; subclasses fill it in.
         EVENTS: What each event does, which happens once and is over, by name.
         NUMBERS: The numbers that make sense, by name, of those that take one.
+        AMOUNTS: Least and most of those that take an amount as well, by name.
     """
 
     FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType({})
     EVENTS: ClassVar[Mapping[str, str]] = MappingProxyType({})
     NUMBERS: ClassVar[Mapping[str, range]] = MappingProxyType({})
+    AMOUNTS: ClassVar[Mapping[str, tuple[float, float]]] = MappingProxyType({})
 
     def __init__(self) -> None:
         self._faults: dict[str, int] = {}
+        self._amounts: dict[str, float] = {}
 
     @property
     def faults(self) -> Mapping[str, int]:
         """The faults that are on, with their numbers."""
         return dict(self._faults)
 
-    def inject(self, fault: str, value: int = 0) -> None:
+    def amount(self, fault: str) -> float:
+        """How much of a fault there is; 0 of one that takes no amount."""
+        return self._amounts.get(fault, 0.0)
+
+    def inject(self, fault: str, value: int = 0, amount: float = 0.0) -> None:
         """Switches a fault on, or makes an event happen; may be called from any thread.
 
         Raises:
             CommandError: See ``check``.
         """
-        self.check(fault, value)
+        self.check(fault, value, amount)
         if fault in self.EVENTS:
             self._happen(fault, value)
         else:
+            self._amounts[fault] = amount  # first: others look at the faults at any time
             self._faults[fault] = value
 
-    def check(self, fault: str, value: int) -> None:
+    def check(self, fault: str, value: int, amount: float = 0.0) -> None:
         """Finds out whether a fault can be injected.
 
         Args:
             fault: Its name.
             value: Its number, 0 for none.
+            amount: How much of it, 0 where it takes none.
 
         Raises:
             CommandError: There is no such fault here, or none of this number.
@@ -69,6 +78,15 @@ class FaultSwitch:
                 f"{fault} needs {needed}, {given}"
                 if numbers[-1]
                 else f"{fault} takes no number; leave out ={value}"
+            )
+
+        least, most = self.AMOUNTS.get(fault, (0.0, 0.0))
+        if not least <= amount <= most or (least < most and not amount):
+            raise CommandError(
+                f"{fault} needs an amount from {least:g} to {most:g}, as in "
+                f"{fault}={value}:{most:g}"
+                if most
+                else f"{fault} takes no amount; leave out :{amount:g}"
             )
 
     def numbers(self, fault: str) -> Sequence[int]:

@@ -119,9 +119,9 @@ class GPIOEmulator(FaultSwitch):
         """How many files of chips and lines are open."""
         return len(self._files) + len(self._lines)
 
-    def inject(self, fault: str, value: int = 0) -> None:
+    def inject(self, fault: str, value: int = 0, amount: float = 0.0) -> None:
         """Switches a fault on; may be called from any thread."""
-        super().inject(fault, value)
+        super().inject(fault, value, amount)
         if fault == "unplugged":
             for line in list(self._lines.values()):
                 line.alive = False

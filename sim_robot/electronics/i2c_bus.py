@@ -134,9 +134,9 @@ class I2CBus(FaultSwitch):
         self.handles.add(handle)
         return handle
 
-    def inject(self, fault: str, value: int = 0) -> None:
+    def inject(self, fault: str, value: int = 0, amount: float = 0.0) -> None:
         """Switches a fault on; may be called from any thread."""
-        super().inject(fault, value)
+        super().inject(fault, value, amount)
         for handle in list(self.handles):
             handle.alive = False
 

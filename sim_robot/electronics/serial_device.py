@@ -92,9 +92,9 @@ class SerialDevice(FaultSwitch, ABC):
                 lambda: self.bytes_read >= count or self._link is None, timeout
             )
 
-    def inject(self, fault: str, value: int = 0) -> None:
+    def inject(self, fault: str, value: int = 0, amount: float = 0.0) -> None:
         """Switches a fault on, or makes an event happen; may be called from any thread."""
-        super().inject(fault, value)
+        super().inject(fault, value, amount)
         if fault == "unplugged":
             self.unplug()
 

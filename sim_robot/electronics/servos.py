@@ -6,6 +6,7 @@ say where they are it can.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, ClassVar, Final, NamedTuple
@@ -37,7 +38,13 @@ class Servos(FaultSwitch):
             "blocked": "the n-th servo turns only by some degrees from where it is when the fault "
             "begins",
             "swapped": "the n-th servo and the next one have exchanged their plugs",
+            "slipped": "the n-th servo's horn has slipped by so many degrees",
+            "travel": "the n-th servo turns so many percent as far as it is told",
         }
+    )
+
+    AMOUNTS: ClassVar[Mapping[str, tuple[float, float]]] = MappingProxyType(
+        {"slipped": (-45.0, 45.0), "travel": (20.0, 200.0)}
     )
 
     def __init__(self, count: int) -> None:
@@ -69,6 +76,24 @@ class Servos(FaultSwitch):
             driven[faults["dead"] - 1] = 0
         self._last = tuple(driven)
         return self._last
+
+    def turned(self, index: int, angle: float) -> float:
+        """Where the servo of an index brings its joint that a pulse asks to an angle, rad."""
+        faults = self.faults
+        if faults.get("travel") == index + 1:
+            angle *= self.amount("travel") / 100
+        if faults.get("slipped") == index + 1:
+            angle += math.radians(self.amount("slipped"))
+        return angle
+
+    def angle_of(self, index: int, angle: float) -> float:
+        """The angle that the servo of an index itself stands at, its joint being at one, rad."""
+        faults = self.faults
+        if faults.get("slipped") == index + 1:
+            angle -= math.radians(self.amount("slipped"))
+        if faults.get("travel") == index + 1:
+            angle *= 100 / self.amount("travel")
+        return angle
 
     def feel(self, pulses: Sequence[int], felt: Sequence[Felt]) -> list[Felt]:
         """What servos that measure find, commanded to ``pulses``, in the order of the outputs.

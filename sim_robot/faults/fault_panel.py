@@ -1,9 +1,9 @@
 """Faults to inject: which one, from when on, for how long.
 
-A fault is written ``DEVICE.FAULT[=N][@START][+DURATION]``, for instance ``servo_board.unplugged``,
-``daq.stuck_channel=3@2i``, ``distance.nak@12.5s+3i``, ``servo_board.brown_out@4i``.
+A fault is written ``DEVICE.FAULT[=N[:AMOUNT]][@START][+DURATION]``, for instance
+``servo_board.unplugged``, ``daq.stuck_channel=3@2i``, ``distance.nak@12.5s+3i``, ``body.cut=2:50``.
 
-* ``DEVICE.FAULT`` is one of ``KNOWN``, and N its number, where it needs one.
+* ``DEVICE.FAULT`` is one of ``KNOWN``, N its number, where it needs one, and AMOUNT how much.
 * START is ``3i``, at the zero pose of the third interaction, or ``12.5s``, at that robot time.
   Without it the fault begins at once.
 * DURATION is ``2i`` (interactions), ``5s`` (robot time) or ``5w`` (seconds on the wall; virtual
@@ -32,10 +32,12 @@ from sim_robot.electronics.gpio import GPIOEmulator
 from sim_robot.electronics.i2c_bus import I2CBus
 from sim_robot.electronics.mpu6050 import MPU6050Emulator
 from sim_robot.electronics.pca9685 import PCA9685Emulator
+from sim_robot.electronics.sensors import Sensors
 from sim_robot.electronics.servos import Servos
 from sim_robot.electronics.sv203 import SV203Emulator
 from sim_robot.electronics.vl6180x import VL6180XEmulator
 from sim_robot.errors import FaultError
+from sim_robot.world.damage import Damage
 
 DEVICES: Final[Mapping[str, type[FaultSwitch]]] = MappingProxyType(
     {
@@ -51,6 +53,8 @@ DEVICES: Final[Mapping[str, type[FaultSwitch]]] = MappingProxyType(
         "i2c": I2CBus,
         "gpio": GPIOEmulator,
         "clock": HostClock,
+        "sensors": Sensors,
+        "body": Damage,
     }
 )
 """What can fail."""
@@ -66,7 +70,7 @@ KNOWN: Final[Mapping[str, str]] = MappingProxyType(
 
 _SPEC: Final = re.compile(
     r"(?P<name>\w+\.\w+)"
-    r"(?:=(?P<value>-?\d{1,9}))?"
+    r"(?:=(?P<value>-?\d{1,9})(?::(?P<amount>-?\d{1,6}(?:\.\d{1,6})?))?)?"
     r"(?:@(?P<start>\d+(?:\.\d+)?[si]))?"
     r"(?:\+(?P<duration>\d+(?:\.\d+)?[siw]))?"
 )
@@ -95,6 +99,7 @@ class FaultSpec:
     device: str
     fault: str
     value: int = 0
+    amount: float = 0.0
     start: Span | None = None
     duration: Span | None = None
 
@@ -108,15 +113,22 @@ class FaultSpec:
         match = _SPEC.fullmatch(text)
         if match is None:
             raise FaultError(
-                f"{text!r} is no fault: write DEVICE.FAULT[=N][@START][+DURATION], for instance "
-                "daq.stuck_channel=3@2i+10s."
+                f"{text!r} is no fault: write DEVICE.FAULT[=N[:AMOUNT]][@START][+DURATION], for "
+                "instance daq.stuck_channel=3@2i+10s."
             )
         name = check_name(match["name"])
         device, _, fault = name.partition(".")
         duration = Span.parse(match["duration"])
         if duration is not None and fault in DEVICES[device].EVENTS:
             raise FaultError(f"{text!r}: {name} happens once, so leave out the duration.")
-        return cls(device, fault, int(match["value"] or 0), Span.parse(match["start"]), duration)
+        return cls(
+            device,
+            fault,
+            int(match["value"] or 0),
+            float(match["amount"] or 0),
+            Span.parse(match["start"]),
+            duration,
+        )
 
     @property
     def name(self) -> str:
@@ -125,6 +137,7 @@ class FaultSpec:
 
     def __str__(self) -> str:
         number = f"={self.value}" if self.value else ""
+        number += f":{self.amount:g}" if self.amount else ""
         start = f"@{self.start}" if self.start else ""
         return f"{self.name}{number}{start}{f'+{self.duration}' if self.duration else ''}"
 
@@ -171,7 +184,7 @@ class FaultPanel:
         if spec.device not in self._devices:
             raise FaultError(f"This robot has no {spec.device}; it has {', '.join(self._devices)}.")
         try:
-            self._devices[spec.device].check(spec.fault, spec.value)
+            self._devices[spec.device].check(spec.fault, spec.value, spec.amount)
         except CommandError as error:
             raise FaultError(f"{spec.device}.{error}.") from None
         with self._lock:
@@ -197,7 +210,7 @@ class FaultPanel:
     def active(self) -> list[str]:
         """The faults that are on, with their numbers."""
         return [
-            str(FaultSpec(device, fault, value))
+            str(FaultSpec(device, fault, value, switch.amount(fault)))
             for device, switch in self._devices.items()
             for fault, value in switch.faults.items()
         ]
@@ -243,7 +256,7 @@ class FaultPanel:
 
     def _begin(self, spec: FaultSpec) -> None:
         device = self._devices[spec.device]
-        device.inject(spec.fault, spec.value)
+        device.inject(spec.fault, spec.value, spec.amount)
         length = spec.duration
         if length is None:
             return

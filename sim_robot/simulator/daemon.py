@@ -17,7 +17,6 @@ from robot.drivers.buses import Buses
 from robot.service.daemon import HOUSEKEEPING, build_controller
 from robot.service.devices import Devices, open_devices
 from sim_robot.electronics.clock import HostClock, RealTimeClock, VirtualClock
-from sim_robot.electronics.servos import Servos
 from sim_robot.faults.fault_panel import FaultPanel
 from sim_robot.simulator.bus_servo_sets import DynamixelSet, FeetechSet
 from sim_robot.simulator.electronics_set import ElectronicsSet
@@ -26,6 +25,7 @@ from sim_robot.simulator.pc104_set import PC104Set
 from sim_robot.simulator.pi_set import PiSet
 from sim_robot.simulator.wiring import Wiring, miscalibrated
 from sim_robot.world.body import Body
+from sim_robot.world.damage import Damage
 from sim_robot.world.sensor_noise import Noise, NoiseLevels
 from sim_robot.world.simulation import DEFAULT_ENGINE, World, open_world
 
@@ -144,18 +144,21 @@ def emulation(
             config = apply_calibration(config, calibrated, file=str(calibration))
         wiring = Wiring(truth, world, noise)
 
-        servos = Servos(len(config.joints))
+        damage = Damage(body)
 
         def advance(time: float) -> None:
             panel.advance()
-            wiring.drive(servos.carry(boards.pulses()))
+            if (changed := damage.new_body()) is not None:
+                world.become(changed)
+            wiring.drive(boards.pulses())
             world.advance_to(time)
-            boards.feel(lambda: servos.feel(boards.pulses(), wiring.felt()))
+            boards.feel(lambda: wiring.servos.feel(boards.pulses(), wiring.felt()))
 
         clock = RealTimeClock(advance) if real_time else VirtualClock(advance)
         host = HostClock(clock)
         boards.connect(wiring, clock)
-        panel = FaultPanel({**boards.switches, "servos": servos, "clock": host}, host.now)
+        switches = {"servos": wiring.servos, "sensors": wiring.sensors, "body": damage}
+        panel = FaultPanel({**boards.switches, **switches, "clock": host}, host.now)
         stack.callback(panel.close)
         buses = boards.buses(host)
         devices = open_devices(config, buses)

@@ -20,7 +20,8 @@ from robot.configuration.robot_config import RobotConfig
 from robot.drivers.sensors.analogue import AnalogueAxes, StrainGauge, SwitchSettings
 from robot.drivers.sensors.contracts import SensorSettings
 from robot.sensing.sensors import TouchPoint
-from sim_robot.electronics.servos import Felt
+from sim_robot.electronics.sensors import Sensors
+from sim_robot.electronics.servos import Felt, Servos
 from sim_robot.world.sensor_noise import Noise
 from sim_robot.world.simulation import World
 
@@ -51,9 +52,15 @@ class Wiring:
         truth: How the electronics are really calibrated, whatever the daemon believes.
         world: The world.
         noise: The sensors' noise.
+
+    Attributes:
+        servos: Between the board's outputs and the joints.
+        sensors: Between the body and the inputs.
     """
 
     def __init__(self, truth: RobotConfig, world: World, noise: Noise):
+        self.servos = Servos(len(truth.joints))
+        self.sensors = Sensors(len(truth.touch))
         self._gauges = _gauges_of(truth)
         inputs = [point.driver.channels[0] for _, point in self._gauges]
         if isinstance(truth.axes, AnalogueAxes):
@@ -69,12 +76,13 @@ class Wiring:
         self._read_at = -1
         self._volts: dict[int, float] = {}
 
-    def drive(self, pulses: Sequence[float]) -> None:
+    def drive(self, pulses: Sequence[int]) -> None:
         """Passes counts, one for each joint, on to the servos; 0 is limp."""
+        carried = self.servos.carry(pulses)
         self._world.set_targets(
             [
-                scale.angle(count) if count else None
-                for scale, count in zip(self._scales, pulses, strict=False)
+                self.servos.turned(index, scale.angle(count)) if count else None
+                for index, (scale, count) in enumerate(zip(self._scales, carried, strict=False))
             ]
         )
 
@@ -82,8 +90,11 @@ class Wiring:
         """Where each joint's servo is and what it gives, in its counts, as an encoder tells it."""
         joints = zip(self._scales, self._world.angles(), self._world.torques(), strict=True)
         return [
-            Felt(scale.exact(angle), torque if scale.rises else -torque)
-            for scale, angle, torque in joints
+            Felt(
+                scale.exact(self.servos.angle_of(index, angle)),
+                torque if scale.rises else -torque,
+            )
+            for index, (scale, angle, torque) in enumerate(joints)
         ]
 
     def volts(self, channel: int) -> float:
@@ -104,7 +115,7 @@ class Wiring:
 
         It has no noise, and snaps: it opens at less load than it closes at.
         """
-        return self._closes(foot, self._world.loads()[foot])
+        return self._closes(foot, self._load(foot))
 
     def _closes(self, foot: int, load: float) -> bool:
         point = self._feet[foot]
@@ -126,7 +137,7 @@ class Wiring:
         if math.isinf(ray):
             return None
         measured = (ray + self._noise.clearance()) / self._belly.scale
-        return (measured + self._belly.zero) * 1000
+        return (measured + self._belly.zero) * 1000 + self.sensors.too_high
 
     def acceleration(self) -> list[float]:
         """What the accelerometer reads along x, y and z of the body, in its unit."""
@@ -137,13 +148,17 @@ class Wiring:
     def gravity(self) -> tuple[float, float, float]:
         """What is felt along x, y and z of the body at rest, g."""
         x, y, z = self._world.up()
-        left_right, forward_back = self._noise.tilt()
+        turned = map(math.radians, self.sensors.turned)
+        left_right, forward_back = map(sum, zip(self._noise.tilt(), turned, strict=True))
         x, y = _turned(x, forward_back), _turned(y, left_right)
         return x, y, math.copysign(math.sqrt(max(0.0, 1 - x * x - y * y)), z)
 
     def _foot_volts(self) -> list[float]:
-        loads = self._world.loads()
-        return [self._volts_at(foot, point, loads[foot]) for foot, point in self._gauges]
+        return [self._volts_at(foot, point, self._load(foot)) for foot, point in self._gauges]
+
+    def _load(self, foot: int) -> float:
+        """What bears on a foot as its sensor feels it, N."""
+        return self.sensors.load(foot, self._world.loads()[foot])
 
     def _volts_at(self, foot: int, point: TouchPoint, load: float) -> float:
         if isinstance(gauge := point.driver, StrainGauge):

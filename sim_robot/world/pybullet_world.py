@@ -30,8 +30,13 @@ class PyBulletWorld(World):
     def __init__(self, body: Body, *, log: logging.Logger):
         with native_output_discarded():
             self._client: int = pybullet.connect(pybullet.DIRECT)
-        self._file = Path(tempfile.gettempdir(), f"body-{secrets.token_hex(8)}.urdf")
+        self._file = _fresh_file()
         super().__init__(body, log=log)
+
+    def become(self, body: Body) -> None:
+        """Puts another body down; of a file by the old name PyBullet would load the old one."""
+        self._file = _fresh_file()
+        super().become(body)
 
     def close(self) -> None:
         """Ends the PyBullet server."""
@@ -168,3 +173,7 @@ class PyBulletWorld(World):
                 force=motor.effort if target is not None else 0.0,
                 physicsClientId=self._client,
             )
+
+
+def _fresh_file() -> Path:
+    return Path(tempfile.gettempdir(), f"body-{secrets.token_hex(8)}.urdf")

@@ -99,6 +99,11 @@ class World(Closable):
         self._time = self._due
         self._build()
 
+    def become(self, body: Body) -> None:
+        """Puts another body down in the place of this one, with joints and sensors of its names."""
+        self._body = body
+        self.lay_down()
+
     def hold(self, height: float, up: Sequence[float] = (0.0, 0.0, 1.0)) -> None:
         """Fixes the body in the air, as a stand or two hands do, until it is laid down again.
 

@@ -6,6 +6,7 @@ from typing import Final
 
 from tests.faults.matrix import AT_ONCE, DeviceRow
 
+BODY_BACK: Final = "`estimator monitor` notices it, `estimator diagnose` says what it is."
 CLEAR: Final = "Once it is mended, `clear` works."
 
 
@@ -205,6 +206,32 @@ DEVICES: Final = {
             "nothing, likewise",
             "**not noticed** (an observation, likewise)",
             "`robotd calibrate` and `robotd doctor --move` show it; exchange the plugs.",
+        ),
+    ),
+    "Body and sensors' mounts": (
+        *(
+            unnoticed(
+                fault,
+                spec,
+                "nothing: its readings are those of another body",
+                "**not noticed** (an observation)",
+                BODY_BACK,
+            )
+            for fault, spec in (
+                ("a leg breaks off in the middle", "body.cut=2:50"),
+                ("a leg is longer or shorter", "body.length=2:60"),
+                ("a leg is bent", "body.bent=2:40"),
+                ("a hinge is turned about its leg", "body.twisted=2:60"),
+                ("a leg points aside", "body.aside=2:45"),
+                ("a weight hangs at a leg's end", "body.weight=1:500"),
+                ("a gauge feels no load", "sensors.deaf=2"),
+                ("a gauge feels a load in every pose", "sensors.pressed=1"),
+                ("the accelerometer is turned to the left", "sensors.tilt_left=4"),
+                ("the accelerometer is turned forward", "sensors.tilt_forward=-4"),
+                ("the distance sensor reads too much", "sensors.too_high=8"),
+                ("a servo's horn slips", "servos.slipped=2:15"),
+                ("a servo turns less far", "servos.travel=2:50"),
+            )
         ),
     ),
     "Analogue inputs (DMM-32)": (

@@ -25,8 +25,8 @@ from estimator.body.arrays import (
     ACCELEROMETER,
     BASE_YAW,
     CENTRE,
+    LEVEL,
     PART_YAW,
-    TILT_GAIN,
     TOO_HIGH,
     Bodies,
     Integers,
@@ -164,7 +164,7 @@ class TiltGain(Deviation):
 
     def _built(self, bodies: Bodies, amounts: Array) -> Bodies:
         base = bodies.base.copy()
-        base[:, TILT_GAIN] *= amounts
+        base[:, LEVEL] *= amounts[:, None]
         return bodies.changed(base=base)
 
 

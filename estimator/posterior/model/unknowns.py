@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.body.arrays import TILT_GAIN, TOO_HIGH, Bodies, Flags
+from estimator.body.arrays import Bodies, Flags
 from estimator.body.morphology import Array, Morphology
+from estimator.parameters.instruments import as_sensed, performed
 from estimator.physics.base import ArrayPhysics
 from estimator.posterior.model.deviations import Deviation, Deviations
 from estimator.problem.genes import Gene
@@ -198,6 +198,10 @@ class Predictor:
         """A predictor of bodies that deviate from the problem; physics is shared."""
         return Predictor(self.unknowns.deviating(deviations), self._physics)
 
+    def over(self, unknowns: Unknowns) -> Predictor:
+        """A predictor of other unknowns; physics is shared."""
+        return Predictor(unknowns, self._physics)
+
     @property
     def simulations(self) -> int:
         """How many interactions were simulated so far."""
@@ -294,45 +298,3 @@ def _places(genome: Genome) -> tuple[Columns, ...]:
 
 def _where(chosen: list[bool]) -> Columns:
     return np.flatnonzero(np.array(chosen, dtype=bool))
-
-
-def performed(programs: Array, bodies: Bodies) -> Array:
-    """Angles that motors reach in programs, by the travel of their servos, rad, shape (n, motors).
-
-    Args:
-        programs: rad, shape (n, motors).
-        bodies: The body of each.
-    """
-    odd, part = np.nonzero((bodies.travel != 1) & (bodies.motor >= 0))
-    if not odd.size:
-        return programs
-    angles = programs.copy()
-    angles[odd, bodies.motor[odd, part]] *= bodies.travel[odd, part]
-    return angles
-
-
-def as_sensed(readings: PredictedReadings, bodies: Bodies) -> PredictedReadings:
-    """Readings as deviating sensors give them; limp parts lie on the ground and touch it.
-
-    Args:
-        readings: Of n bodies, as a back-end has them.
-        bodies: These.
-    """
-    gain, too_high = bodies.base[:, TILT_GAIN], bodies.base[:, TOO_HIGH]
-    if np.any(gain != 1) or np.any(too_high != 0):
-        height = np.maximum(readings.clearance + too_high, 0.0)
-        readings = replace(
-            readings,
-            tilt=readings.tilt * gain[:, None],
-            clearance=np.where(readings.saturated, readings.clearance, height),
-        )
-    rows, columns = np.nonzero(bodies.limp & (bodies.sensor >= 0))
-    if not rows.size:
-        return readings
-    lying = np.zeros(readings.touch.shape, dtype=bool)
-    lying[rows, bodies.sensor[rows, columns]] = True
-    return replace(
-        readings,
-        touch=readings.touch | lying,
-        touch_doubtful=readings.touch_doubtful & ~lying,
-    )

@@ -150,11 +150,11 @@ def test_impossible_arrays_are_refused() -> None:
     with pytest.raises(MorphologyError, match="number of parts cannot be 3"):
         replace(whole, count=np.array([3]))
     with pytest.raises(MorphologyError, match="main body cannot be inf"):
-        replace(whole, base=np.full((1, 12), np.inf))
+        replace(whole, base=np.full((1, 16), np.inf))
     with pytest.raises(
         MorphologyError, match="body 1: its centre of mass, accelerometer or sensors"
     ):
-        replace(whole, base=np.where(np.arange(12) < 4, whole.base, np.nan))
+        replace(whole, base=np.where(np.arange(16) < 4, whole.base, np.nan))
     with pytest.raises(MorphologyError, match=r"length of 1 bodies of 2 parts must be float64"):
         replace(whole, length=np.zeros((1, 3)))
     with pytest.raises(MorphologyError, match="mount of 1 bodies"):

@@ -114,7 +114,7 @@ def test_what_no_retry_can_mend_is_not_asked_about() -> None:
 @pytest.mark.parametrize(
     ("error", "sentence"),
     [
-        (RobotRestartedError("who are you"), "daemon restarted.*Resuming performs it again"),
+        (RobotRestartedError("who are you"), "daemon restarted.*Going on performs it again"),
         (RobotUnreachableError("nothing answers"), "nothing answers"),
     ],
 )

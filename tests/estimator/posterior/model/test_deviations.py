@@ -70,7 +70,7 @@ def test_wrongly_calibrated_sensors_make_something_else_of_the_pose(predictor: P
             TooHigh(text="too low", column=TOO_HIGH, amount=-1.0),
         )
     )
-    assert np.allclose(gain.tilt, 1.25 * sound.tilt)
+    assert np.allclose(np.sin(gain.tilt), np.clip(1.25 * np.sin(sound.tilt), -1, 1))
     assert np.array_equal(gain.clearance, sound.clearance)
     assert np.allclose(higher.clearance, sound.clearance + np.where(sound.saturated, 0, 0.01))
     assert np.all(lower.clearance >= 0)

@@ -1,0 +1,367 @@
+"""``make after``: poses on demand, changes noticed and named, on bodies that were identified first.
+
+Each seed is one simulated robot of each body: it is identified through the wire, takes poses, is
+watched while nothing happens, and is damaged through its control socket in one way after the other.
+Every run is listed. Writes ``docs/after-runs.md``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import shutil
+import time
+from collections.abc import Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+from typing import Final
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from bench.daemons import Simulator, simulator
+from bench.study_command import add_options, complete_by_command
+from estimator.api import load
+from estimator.identification.method import Listener
+from estimator.identification.run import identify
+from estimator.physics.backends import IN_THIS_PROCESS
+from estimator.physics.statics import StaticsPhysics
+from estimator.posterior.fitted import FittedPosterior
+from estimator.readings.observation import Observation, Program, by_joint_name
+from estimator.report.run_files import write_report
+from estimator.reproduction.harness import BriefRun, made_by
+from estimator.storage.run_config import RunConfig
+from estimator.use.causes import Weigher
+from estimator.use.changes import causes_of
+from estimator.use.diagnosis import Verdict, diagnose
+from estimator.use.pose import SAFE, Goal, find_pose
+from estimator.use.watch import Watch
+from protocol.system.files import replace_text
+from protocol.transport.client import RobotClient
+from sim_robot.faults.control_socket import FaultClient
+
+PAGE: Final = Path(__file__).parents[1] / "docs" / "after-runs.md"
+_MOST: Final = 15  # movements in which a change may be noticed
+_FAR: Final = (np.radians(3.0), 0.01)  # from what was predicted: it fell elsewhere
+
+DAMAGES: Final[dict[str, str]] = {
+    "body.length=2:70": "leg of .* shortened",
+    "body.length=1:50": "leg of .* shortened",
+    "body.cut=3:70": "leg of .* (shortened|broken off)",
+    "body.cut=2:75": "leg of .* (shortened|broken off)",
+    "body.length=3:130": "leg of .* lengthened",
+    "servos.jammed=3": "servo of .* jammed",
+    "servos.dead=1": "servo of .* dead",
+    "servos.swapped=1": "^plugs of (?!touch).* exchanged",
+    "servos.slipped=1:8": "zero of",
+    "servos.travel=2:60": "travel of",
+    "sensors.deaf=2": "touch sensor 2 dead",
+    "sensors.tilt_left=3": "own tilt, left/right",
+    "sensors.too_high=10": "distance sensor's offset",
+    "body.twisted=2:40": "hinge of",
+    "body.aside=3:30": "direction of",
+}
+"""Faults, and what their causes are called."""
+
+TOGETHER: Final = (
+    "body.length=2:70,servos.slipped=1:8",
+    "servos.jammed=3,sensors.deaf=2",
+    "body.bent=2:25",
+    "servos.travel=2:60,sensors.tilt_left=4",
+)
+"""Two faults at once, and one that the table lacks: none of these."""
+
+
+class Damaged(BaseModel):
+    """What became of one damage.
+
+    Attributes:
+        fault: As it was injected; empty: none.
+        noticed: After so many movements; ``None``: not within the most.
+        verdict: Of the diagnosis.
+        named: Causes.
+        probability: Of these together.
+        movements: Of the diagnosis.
+        cpu_seconds: Of the diagnosis.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    fault: str
+    noticed: int | None
+    verdict: str
+    named: tuple[str, ...]
+    probability: float
+    movements: int
+    cpu_seconds: float
+
+    @property
+    def right(self) -> bool:
+        """Whether the cause is among at most two that are named."""
+        if not self.fault:
+            return self.verdict == Verdict.UNCHANGED.value
+        if self.fault in TOGETHER:
+            return self.verdict != Verdict.CHANGED.value
+        named = any(re.search(DAMAGES[self.fault], name) for name in self.named)
+        return named and self.verdict == Verdict.CHANGED.value and len(self.named) <= 2
+
+    @property
+    def wrong(self) -> bool:
+        """Whether another cause is named."""
+        return self.verdict == Verdict.CHANGED.value and not self.right
+
+
+class Reached(BaseModel):
+    """What became of one goal: in how many bodies it held, rad, and where the robot ended."""
+
+    model_config = ConfigDict(frozen=True)
+
+    share: float
+    margin: float
+    reached: bool
+    elsewhere: bool
+
+
+class Figures(BaseModel):
+    """One robot.
+
+    Attributes:
+        poses: Goals, readings of this robot at random programs.
+        quiet: Movements of a watch while nothing happened.
+        alarms: Of these.
+        damaged: Damages, one after the other.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    poses: tuple[Reached, ...]
+    quiet: int
+    alarms: int
+    damaged: tuple[Damaged, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class AfterRun(BriefRun):
+    """One robot of one seed, identified and used.
+
+    Attributes:
+        body: Of the robot, by name.
+        problem: Its problem.
+        engine: That simulates it.
+        seed: Of robot and run.
+        goals: How many poses.
+        quiet: How many movements while nothing happens.
+        faults: Damages.
+    """
+
+    leaves = "figures.json"
+
+    body: str
+    problem: str
+    engine: str
+    seed: int
+    goals: int
+    quiet: int
+    faults: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """Its own in the study."""
+        return f"{self.body}-{self.engine}/{self.seed}"
+
+    def make(self, place: Path) -> None:
+        """Makes the run, and leaves its figures."""
+        options = ("--seed", str(self.seed), "--body", self.body, "--engine", self.engine)
+        with simulator(*options, "--control", "tcp://127.0.0.1:*") as robot:
+            shutil.rmtree(place / "run", ignore_errors=True)
+            order = RunConfig(robot=robot.uri, problem=self.problem, seed=self.seed, interactions=6)
+            identify(place / "run", order, IN_THIS_PROCESS, Listener(), report=write_report)
+            known = load(place / "run")
+            with closing(StaticsPhysics(known.problem.settings(known.capabilities))) as physics:
+                figures = self._used(known.computed_by(physics), robot, options)
+        replace_text(place / self.leaves, figures.model_dump_json(indent=2))
+
+    def _used(self, known: FittedPosterior, robot: Simulator, options: Sequence[str]) -> Figures:
+        rng = np.random.default_rng(self.seed)
+        with simulator(*options, "--noise", "none") as judge:
+            poses = tuple(_poses(known, judge.uri, self.goals, rng))
+        causes = causes_of(known, rng)
+        faults = FaultClient(robot.control)
+        with RobotClient(robot.uri) as client:
+            client.acquire()
+            watch, alarms = Watch(Weigher(known, causes, rng)), 0
+            for _ in range(self.quiet):
+                watch.take(_perform(client, tuple(watch.next_movement().tolist())))
+                if watch.alarm:
+                    watch, alarms = Watch(Weigher(known, causes, rng)), alarms + 1
+            damaged = tuple(
+                _damaged(Weigher(known, causes, rng), client, faults, fault)
+                for fault in ("", *self.faults)
+            )
+        return Figures(poses=poses, quiet=self.quiet, alarms=alarms, damaged=damaged)
+
+    def figures(self, root: Path) -> Figures:
+        """What a finished run has left."""
+        return Figures.model_validate_json(self.file(root).read_text("utf-8"))
+
+    def sentence(self, root: Path) -> str:
+        """How it went."""
+        one = self.figures(root)
+        right = sum(damage.right for damage in one.damaged)
+        reached = sum(pose.reached for pose in one.poses)
+        return (
+            f"{right} of {len(one.damaged)} right, {reached} of {len(one.poses)} poses, "
+            f"{one.alarms} false alarms in {one.quiet} movements"
+        )
+
+
+def _perform(client: RobotClient, program: Program) -> Observation:
+    capabilities = client.capabilities
+    reply = client.perform(by_joint_name(program, capabilities))
+    return Observation.from_wire(reply, capabilities)
+
+
+def _poses(known: FittedPosterior, uri: str, count: int, rng: np.random.Generator) -> list[Reached]:
+    """Goals that are readings at random programs, none flat, judged without noise."""
+    poses: list[Reached] = []
+    low, high = known.program_range.T
+    with RobotClient(uri) as client:
+        client.acquire()
+        while len(poses) < count:
+            felt = _perform(client, tuple(rng.uniform(low, high).tolist()))
+            if None in felt.tilt or felt.clearance is None or felt.clearance < 0.01:
+                continue
+            feet = frozenset(np.flatnonzero([bool(bit) for bit in felt.touch]).tolist())
+            left, forward = felt.tilt
+            goal = Goal(
+                tilt_left=left,
+                tilt_forward=forward,
+                clearance=felt.clearance,
+                stand_on=feet or None,
+            )
+            pose = find_pose(known, goal, rng)
+            got = _perform(client, pose.program)
+            off = np.abs(np.array(got.tilt, dtype=float) - pose.tilt).max()
+            higher = abs((got.clearance or 0.0) - pose.clearance)
+            poses.append(
+                Reached(
+                    share=pose.share,
+                    margin=pose.margin,
+                    reached=goal.is_met_by(got),
+                    elsewhere=bool(off > _FAR[0] or higher > _FAR[1]),
+                )
+            )
+    return poses
+
+
+def _damaged(weigher: Weigher, client: RobotClient, faults: FaultClient, fault: str) -> Damaged:
+    """Breaks the robot, watches, finds out, and mends it."""
+    low, high = weigher.known.program_range.T
+    _perform(client, tuple(weigher.rng.uniform(low, high).tolist()))
+    for one in filter(None, fault.split(",")):
+        faults.inject(one)
+    watch = Watch(weigher)
+    while fault and not watch.alarm and watch.movements < _MOST:
+        watch.take(_perform(client, tuple(watch.next_movement().tolist())))
+    start = time.process_time()
+    found = diagnose(weigher, lambda program, _: _perform(client, program))
+    faults.mend()
+    return Damaged(
+        fault=fault,
+        noticed=watch.movements if watch.alarm else None,
+        verdict=found.verdict.value,
+        named=tuple(one.cause.name for one in found.causes if one.cause is not None),
+        probability=found.probability,
+        movements=len(found.observations),
+        cpu_seconds=time.process_time() - start,
+    )
+
+
+def page(runs: Sequence[AfterRun], root: Path) -> str:
+    """The page as Markdown."""
+    figures = [(run, run.figures(root)) for run in runs]
+    damaged = [(run, one) for run, all_ in figures for one in all_.damaged]
+    known = [one for _, one in damaged if one.fault in DAMAGES]
+    others = [one for _, one in damaged if one.fault in TOGETHER]
+    poses = [pose for _, one in figures for pose in one.poses]
+    sure = [pose for pose in poses if pose.share >= 0.5]
+    safe = [pose for pose in poses if pose.margin >= SAFE]
+    noticed = [one.noticed for one in (*known, *others) if one.noticed is not None]
+    rows = [
+        ("poses reached", sum(one.reached for one in poses), len(poses)),
+        ("of goals called reachable, reached", sum(one.reached for one in sure), len(sure)),
+        ("fell elsewhere, at a margin of 2° and more", sum(p.elsewhere for p in safe), len(safe)),
+        (
+            "false alarms, in so many movements",
+            sum(f.alarms for _, f in figures),
+            sum(f.quiet for _, f in figures),
+        ),
+        ("changes noticed", len(noticed), len(known) + len(others)),
+        ("right cause, alone or in a set of two", sum(one.right for one in known), len(known)),
+        ("wrong cause", sum(one.wrong for one in known), len(known)),
+        (
+            "none of these, of changes in the table",
+            sum(one.verdict == Verdict.NONE_OF_THESE.value for one in known),
+            len(known),
+        ),
+        (
+            "a cause named, of two faults at once or one that the table lacks",
+            sum(one.wrong for one in others),
+            len(others),
+        ),
+        (
+            "undamaged robots called so",
+            sum(one.right for _, one in damaged if not one.fault),
+            sum(not one.fault for _, one in damaged),
+        ),
+    ]
+    table = "\n".join(f"| {name} | {count} | {total} |" for name, count, total in rows)
+    every = "\n".join(
+        f"| {run.name} | {one.fault or 'none'} | {one.noticed or '–'} | {one.verdict} | "
+        f"{'; '.join(one.named) or '–'} | {one.probability:.2f} | {one.movements} | "
+        f"{one.cpu_seconds:.0f} | {'right' if one.right else 'WRONG' if one.wrong else 'no'} |"
+        for run, one in damaged
+    )
+    return (
+        "# Life after identification: every run\n\n`make after` wrote this page. "
+        f"{made_by(root, runs)} Movements until noticed: median {median(noticed or [0]):g}, "
+        f"most {max(noticed, default=0)}.\n\n| | | of |\n|---|---|---|\n{table}\n\n"
+        "| robot | fault | noticed after | verdict | named | probability | movements | "
+        "CPU (s) | |\n"
+        f"|---|---|---|---|---|---|---|---|---|\n{every}\n"
+    )
+
+
+def main() -> None:
+    """Does the runs that are not finished, and writes the page."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    add_options(parser, Path("runs/after"))
+    parser.add_argument("--seeds", type=int, nargs="+", default=list(range(1000, 1004)))
+    parser.add_argument("--engines", nargs="+", default=["pybullet", "mujoco"])
+    parser.add_argument("--goals", type=int, default=50, help="poses of each robot")
+    parser.add_argument("--quiet", type=int, default=250, help="movements of each undamaged robot")
+    parser.add_argument("--page", type=Path, default=PAGE, help="file (%(default)s)")
+    options = parser.parse_args()
+    runs = [
+        AfterRun(
+            body=body,
+            problem="topological",
+            engine=engine,
+            seed=seed,
+            goals=options.goals,
+            quiet=options.quiet,
+            faults=(*DAMAGES, *TOGETHER),
+        )
+        for seed in options.seeds
+        for body in ("quadruped", "unequal_legs")
+        for engine in options.engines
+    ]
+    complete_by_command(runs, options.out, options)
+    options.page.write_text(page(runs, options.out), encoding="utf-8")
+    print(f"{options.page} is written; the runs are in {options.out}")
+
+
+if __name__ == "__main__":
+    main()

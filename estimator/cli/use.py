@@ -1,0 +1,342 @@
+"""``estimator pose``, ``monitor`` and ``diagnose``: what an identified body is used for."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+import re
+import sys
+import time
+import uuid
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import Annotated, Final
+
+import numpy as np
+import typer
+
+from estimator.cli.console import (
+    Screen,
+    err,
+    errors_as_sentences,
+    out,
+    print_run_directory,
+    unless_unwritable,
+)
+from estimator.cli.options import CORES, Directory, Jobs, Keys, Robot
+from estimator.errors import EstimatorError
+from estimator.identification.robot_link import RobotLink
+from estimator.identification.run import open_same_robot
+from estimator.physics.statics import StaticsPhysics
+from estimator.posterior.fitted import FittedPosterior
+from estimator.readings.observation import Observation, Program
+from estimator.report.run_files import write_report
+from estimator.report.tables import plain_table
+from estimator.storage.records import first_id
+from estimator.storage.store import RunStore
+from estimator.use.causes import Weigher
+from estimator.use.changes import causes_of
+from estimator.use.diagnosis import MOVEMENTS, Verdict, said
+from estimator.use.diagnosis import diagnose as find_cause
+from estimator.use.pose import SAFE, Goal, Pose, feet, find_pose, perform, standing_on
+from estimator.use.record import write_run
+from estimator.use.watch import FALSE_ALARMS, Watch
+
+CHANGED: Final = 3
+"""Exit code where the body has changed."""
+
+ONCE: Final = 6
+"""Movements of ``monitor --once``."""
+
+LOG: Final = "monitor.jsonl"
+"""A line a movement of ``monitor``, in the run directory."""
+
+Yes = Annotated[bool, typer.Option("--yes", help="Move the robot without asking first.")]
+Seed = Annotated[int, typer.Option(help="Of what is drawn.")]
+_SHOWN: Final = 4  # causes
+_LENGTH: Final = re.compile(r"(\d+(?:\.\d*)?)\s*(mm|cm|m)")
+_METRES: Final = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
+
+
+def pose(
+    directory: Directory,
+    robot: Robot,
+    *,
+    tilt_forward: Annotated[
+        float | None, typer.Option(metavar="DEG", help="Nose up by so much; down: negative.")
+    ] = None,
+    tilt_left: Annotated[
+        float | None, typer.Option(metavar="DEG", help="Left side up by so much.")
+    ] = None,
+    level: Annotated[bool, typer.Option("--level", help="Both tilts 0.")] = False,
+    clearance: Annotated[
+        str | None, typer.Option(metavar="LENGTH", help="Belly above the ground, as 60mm.")
+    ] = None,
+    highest: Annotated[
+        bool, typer.Option("--highest", help="Belly as high as the rest allows.")
+    ] = False,
+    stand_on: Annotated[
+        str | None,
+        typer.Option(metavar="JOINTS", help="Legs that are to touch the ground, no others."),
+    ] = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Say it, and do not move.")] = False,
+    yes: Yes = False,
+    seed: Seed = 0,
+    jobs: Jobs = CORES,
+    keys: Keys = None,
+) -> None:
+    """Move the robot so that its sensors read as wanted, whatever body it may have."""
+    tilts = [None if tilt is None else math.radians(tilt) for tilt in (tilt_left, tilt_forward)]
+    if level:
+        if any(tilts):
+            raise typer.BadParameter("--level is both tilts 0: leave out the other tilt")
+        tilts = [0.0, 0.0]
+    height = None if clearance is None else _metres(clearance)
+    with errors_as_sentences(None), identified(directory, jobs) as (store, known):
+        names = None if stand_on is None else [name.strip() for name in stand_on.split(",")]
+        goal = Goal(
+            tilt_left=tilts[0],
+            tilt_forward=tilts[1],
+            clearance=height,
+            stand_on=None if names is None else standing_on(known, names),
+            highest=highest,
+        )
+        found = find_pose(known, goal, np.random.default_rng(seed))
+        joints = [joint.name for joint in known.capabilities.joints]
+        angles = zip(joints, found.program, strict=True)
+        said = ", ".join(f"{name} {math.degrees(angle):.1f}°" for name, angle in angles if angle)
+        out.print(f"Motor program: {said or 'all joints at 0°'}.", soft_wrap=True)
+        if not found.reachable:
+            _print_readings(known, goal, found, None)
+            raise EstimatorError(
+                "no motor program brings the robot there: of the bodies that it may have, "
+                f"{found.share:.0%} read so after the one that comes nearest, and most read what "
+                "is predicted above"
+            )
+        margin = math.degrees(found.margin)
+        out.print(
+            f"Of the bodies that the robot may have, {found.share:.0%} read so after it; 19 of 20 "
+            f"fall nowhere else while gravity is inclined by less than {margin:.1f}°.",
+            soft_wrap=True,
+        )
+        if found.margin < SAFE:
+            out.print("Note: a trifle decides to which side it falls on the way.", soft_wrap=True)
+        if dry_run:
+            _print_readings(known, goal, found, None)
+            return
+        may_move(yes, f"Move the robot at {robot}?")
+        with Screen(err) as screen, closing(same_robot(store, robot, screen, keys)) as link:
+            observed = perform(link, found.program, 0, screen)
+        _print_readings(known, goal, found, observed)
+        if not goal.is_met_by(observed, known.noise):
+            out.print("It does not stand as wanted.", style="yellow")
+
+
+def monitor(
+    directory: Directory,
+    robot: Robot,
+    *,
+    every: Annotated[float, typer.Option(min=0, help="Seconds between two movements.")] = 60.0,
+    movements: Annotated[
+        int | None, typer.Option(min=1, help="End after so many. Default: never.")
+    ] = None,
+    once: Annotated[
+        bool, typer.Option("--once", help=f"End after {ONCE} movements, without a pause.")
+    ] = False,
+    patrol: Annotated[
+        int,
+        typer.Option(
+            min=0,
+            help="Make so many movements in turn. Default: each is the one that tells most.",
+        ),
+    ] = 0,
+    false_alarms: Annotated[
+        float,
+        typer.Option(min=1e-12, max=0.1, help="Per movement, were the models exact."),
+    ] = FALSE_ALARMS,
+    yes: Yes = False,
+    seed: Seed = 0,
+    jobs: Jobs = CORES,
+    keys: Keys = None,
+) -> None:
+    """Move the robot now and then, and say whether its body is still the same; 3: it is not."""
+    if once:
+        every, movements = 0.0, ONCE
+    with errors_as_sentences(None), identified(directory, jobs) as (store, known):
+        may_move(yes, f"Move the robot at {robot} now and then, also while nobody looks?")
+        rng = np.random.default_rng(seed)
+        watch = Watch(Weigher(known, causes_of(known, rng), rng), rate=false_alarms)
+        rounds = watch.patrol(patrol) if patrol else []
+        with Screen(err) as screen:
+            while movements is None or watch.movements < movements:
+                number = watch.movements
+                if number:
+                    time.sleep(every)
+                program = rounds[number % patrol] if rounds else watch.next_movement()
+                with closing(same_robot(store, robot, screen, keys)) as link:
+                    observation = perform(link, tuple(program.tolist()), number, screen)
+                screen.observed(number, observation)
+                watch.take(observation)
+                _log(directory, watch, observation)
+                screen.say(f"Odds that the body has changed: {watch.odds:.2g} to 1.")
+                if watch.alarm:
+                    break
+        if not watch.alarm:
+            out.print(f"Not changed, by {watch.movements} movements ({watch.odds:.2g} to 1).")
+            return
+        out.print("The body has changed.", style="bold red")
+        for one, share in watch.suspects():
+            out.print(f"{share:8.3f}  {said(one, known)}", soft_wrap=True)
+        out.print(f"Find out with: estimator diagnose {directory} --robot {robot}", soft_wrap=True)
+    raise typer.Exit(CHANGED)
+
+
+def _log(directory: Path, watch: Watch, observation: Observation) -> None:
+    """A line of JSON for programs that look on."""
+    (suspect, share), *_ = watch.suspects(1)
+    assert suspect.cause is not None
+    line = {
+        "time": time.time(),
+        "movement": watch.movements,
+        "odds": watch.odds,
+        "threshold": watch.threshold,
+        "alarm": watch.alarm,
+        "suspect": suspect.cause.name,
+        "share": share,
+        "observation": observation.model_dump(mode="json"),
+    }
+    with unless_unwritable(directory), open(directory / LOG, "a", encoding="utf-8") as log:
+        log.write(json.dumps(line) + "\n")
+
+
+def diagnose(
+    directory: Directory,
+    robot: Robot,
+    *,
+    movements: Annotated[
+        int, typer.Option(min=1, help="At most, those that put a cause to the test included.")
+    ] = MOVEMENTS,
+    place: Annotated[
+        Path | None,
+        typer.Option("--out", help="Run directory of the body as it is now. Default: a new one."),
+    ] = None,
+    yes: Yes = False,
+    seed: Seed = 0,
+    jobs: Jobs = CORES,
+    keys: Keys = None,
+) -> None:
+    """Find out by a few movements what has changed on the robot since it was identified."""
+    out_directory = place or directory.with_name(
+        f"{directory.name}-{time.strftime('%Y%m%d-%H%M%S')}"
+    )
+    with errors_as_sentences(None), identified(directory, jobs) as (store, known):
+        may_move(yes, f"Move the robot at {robot}, up to {movements} times?")
+        rng = np.random.default_rng(seed)
+        weigher = Weigher(known, causes_of(known, rng), rng)
+        with Screen(err) as screen, closing(same_robot(store, robot, screen, keys)) as link:
+            made = itertools.count()
+
+            def act(program: Program, reason: str) -> Observation:
+                number = next(made)
+                screen.chosen(number, reason, None)
+                observation = perform(link, program, number, screen)
+                screen.observed(number, observation)
+                return observation
+
+            found = find_cause(weigher, act, movements=movements)
+        out.print(found.in_words(known), style="bold", soft_wrap=True)
+        for one, share in list(
+            zip(found.weighed.particles, found.weighed.probabilities, strict=True)
+        )[:_SHOWN]:
+            out.print(f"{share:8.3f}  {said(one, known)}", soft_wrap=True)
+        if found.verdict in (Verdict.CHANGED, Verdict.UNCHANGED):
+            write_run(out_directory, store, weigher, found, robot)
+            with RunStore.open(out_directory, to_write=False) as written:
+                write_report(written)
+            print_run_directory(out_directory)
+        else:
+            raise EstimatorError(
+                "nothing is named, so there is no body to go on with: look at the robot, and "
+                "identify it anew"
+            )
+
+
+@contextmanager
+def identified(directory: Path, jobs: int) -> Iterator[tuple[RunStore, FittedPosterior]]:
+    """What a run knows of its robot's body, with statics on so many threads."""
+    with RunStore.open(directory, to_write=False) as store:
+        known = FittedPosterior.of(store)
+        if known is None or known.best is None:
+            raise EstimatorError(
+                f"{directory} has no model yet: go on with `estimator resume {directory}` first"
+            )
+        with closing(StaticsPhysics(store.world, jobs=jobs)) as physics:
+            yield store, known.computed_by(physics)
+
+
+def same_robot(store: RunStore, uri: str, screen: Screen, keys: Path | None) -> RobotLink:
+    """The robot of a run, under a new name: what is done with it later belongs to no run."""
+    return open_same_robot(
+        store.problem,
+        store.capabilities,
+        uri,
+        screen,
+        client_id=str(uuid.uuid4()),
+        first_id=first_id(0),
+        keys=keys,
+    )
+
+
+def may_move(yes: bool, question: str) -> None:
+    """Asks whether the robot may be moved, unless the command line says so."""
+    if yes:
+        return
+    if not sys.stdin.isatty():
+        raise EstimatorError("nobody is there to be asked whether the robot may move: say --yes")
+    if not typer.confirm(question, err=True):
+        raise EstimatorError("the robot was not moved")
+
+
+def _metres(text: str) -> float:
+    match = _LENGTH.fullmatch(text.strip())
+    if match is None:
+        raise typer.BadParameter(f"{text!r} is no length: write 60mm, 6cm or 0.06m")
+    return float(match[1]) * _METRES[match[2]]
+
+
+def _print_readings(
+    known: FittedPosterior, goal: Goal, found: Pose, observed: Observation | None
+) -> None:
+    """What was wanted, what is predicted and what was observed, a line each sensor."""
+    table = plain_table("", "wanted", "predicted", "observed")
+    tilts = (None, None) if observed is None else observed.tilt
+    for name, want, predicted, felt in (
+        ("left side up", goal.tilt_left, found.tilt[0], tilts[0]),
+        ("nose up", goal.tilt_forward, found.tilt[1], tilts[1]),
+    ):
+        said = [_said(value, math.degrees(1.0), "°") for value in (want, predicted, felt)]
+        table.add_row(name, *said)
+    heights = (goal.clearance, found.clearance, None if observed is None else observed.clearance)
+    said = [_said(value, 1000.0, " mm") for value in heights]
+    table.add_row("clearance", "highest" if goal.highest else said[0], *said[1:])
+    sensors = len(found.touch)
+    wanted = None if goal.stand_on is None else [one in goal.stand_on for one in range(sensors)]
+    table.add_row(
+        "stands on",
+        *(
+            "" if bits is None else _legs(known, bits)
+            for bits in (wanted, found.touch, None if observed is None else observed.touch)
+        ),
+    )
+    out.print(table)
+
+
+def _said(value: float | None, factor: float, unit: str) -> str:
+    return "" if value is None else f"{factor * value:.1f}{unit}"
+
+
+def _legs(known: FittedPosterior, bits: Sequence[bool | None]) -> str:
+    legs = [leg for leg, sensors in feet(known).items() if any(bits[one] for one in sensors)]
+    return ", ".join(legs) or "no leg"

@@ -1,0 +1,194 @@
+"""A parameter of a robot: how far it may be from what is stated, and what that changes.
+
+Its *narrow* component is how far robots stray unnoticed, and is always open: a normal distribution
+around what the problem states. Its *wide* one is a robot that is not as stated at all, and has a
+probability: ``DEVIATES`` for all parameters together. ``rows`` has the table.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Final, Literal, TypeAlias
+
+import numpy as np
+
+from estimator.body.arrays import Bodies, Flags, Integers
+from estimator.body.morphology import Array
+
+DEVIATES: Final = 0.05
+"""Probability, before any reading, that a robot has one of the wide components."""
+
+
+class Draft:
+    """Bodies that are being changed: each array is copied when first asked for.
+
+    Args:
+        bodies: Are left as they are.
+    """
+
+    def __init__(self, bodies: Bodies) -> None:
+        self._bodies = bodies
+        self._changed: dict[str, Array | Integers | Flags] = {}
+
+    def __len__(self) -> int:
+        return len(self._bodies)
+
+    def measures(self, name: str) -> Array:
+        """One of the arrays of numbers, to be changed in place."""
+        return self._array(name)
+
+    def numbers(self, name: str) -> Integers:
+        """One of the arrays of integers, to be changed in place."""
+        return self._array(name)
+
+    def flags(self, name: str) -> Flags:
+        """One of the arrays of flags, to be changed in place."""
+        return self._array(name)
+
+    def extended(self, table: str, rows: Array) -> Integers:
+        """Adds rows to a table of mounts or hinges; their numbers, shape (rows,)."""
+        before = self._array(table)
+        self._changed[table] = np.vstack([before, rows])
+        return len(before) + np.arange(len(rows))
+
+    def done(self) -> Bodies:
+        """The bodies with all changes."""
+        return self._bodies.changed(**self._changed) if self._changed else self._bodies
+
+    def _array(self, name: str) -> np.ndarray:
+        if name not in self._changed:
+            self._changed[name] = getattr(self._bodies, name).copy()
+        return self._changed[name]
+
+
+Change: TypeAlias = Callable[[Draft, Array], None]
+"""Changes n bodies, each by its own amount, shape (n,); travels to worker processes."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameter:
+    """A row of the table: one thing that may be otherwise.
+
+    Attributes:
+        name: Its own, for people.
+        group: What it is one of: a problem's ``[uncertain]`` says how well a group is known.
+        belongs_to: The robot as a whole, or a kind of thing that it has.
+        change: What it does to bodies.
+        sentence: For people, as the rest of "a robot with …"; braces stand for the amount.
+        check: What to look at with one's hands.
+        factor: Whether amounts are factors, and spreads those of their logarithms.
+        switch: Whether it either is so or is not, without an amount.
+        unit: Factor from SI on the amount in the sentence.
+        narrow: Standard deviation of robots as people build them; 0: as stated.
+        wide: Standard deviation of a robot that is not as stated; 0: there is none.
+        limit: No amount goes farther.
+    """
+
+    name: str
+    group: str
+    belongs_to: Literal["robot", "part", "joint", "sensor"]
+    change: Change
+    sentence: str
+    check: str
+    factor: bool = False
+    switch: bool = False
+    unit: float = 1.0
+    narrow: float = 0.0
+    wide: float = 0.0
+    limit: float = math.inf
+
+    def amounts(self, spread: float, theta: Array) -> Array:
+        """Amounts that are ``theta`` times ``spread`` off what is stated.
+
+        Factors, or SI; of a switch 1 wherever it is open.
+        """
+        if self.switch:
+            return np.ones_like(theta)
+        away = np.clip(spread * theta, -self.limit, self.limit)
+        return np.exp(away) if self.factor else away
+
+    def applied(self, bodies: Bodies, amounts: Array | float = 1.0) -> Bodies:
+        """The bodies, each changed by its own amount, shape (n,), or all by one."""
+        draft = Draft(bodies)
+        self.change(draft, np.broadcast_to(np.asarray(amounts, dtype=float), len(bodies)))
+        return draft.done()
+
+    def said(self, amount: float, interval: tuple[float, float] | None = None) -> str:
+        """The sentence with an amount and, where it is given, an interval that holds it."""
+        if self.switch:
+            return self.sentence
+        words = self.sentence.replace("{}", self._in_words(amount))
+        if interval is None:
+            return words
+        return f"{words} [{'–'.join(map(self._in_words, interval))}]"
+
+    def _in_words(self, amount: float) -> str:
+        shown = amount * self.unit
+        digits = max(0, 1 - math.floor(math.log10(abs(shown)))) if shown else 0
+        return f"{shown:{'' if self.factor else '+'}.{min(digits, 3)}f}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Opened:
+    """Parameters that are open at once, each with one column of θ ~ N(0, 1).
+
+    Attributes:
+        parameters: In the order of the columns.
+        spreads: What one unit of each stands for: a standard deviation, SI or of a logarithm.
+    """
+
+    parameters: tuple[Parameter, ...]
+    spreads: tuple[float, ...]
+
+    def __len__(self) -> int:
+        return len(self.parameters)
+
+    @classmethod
+    def narrow(cls, table: Sequence[Parameter], scale: float = 1.0) -> Opened:
+        """The narrow components of a table, all their spreads times a common factor; 0: none."""
+        own = tuple(one for one in table if one.narrow * scale > 0)
+        return cls(parameters=own, spreads=tuple(scale * one.narrow for one in own))
+
+    def with_wide(self, wide: Parameter) -> Opened:
+        """With the wide component of one parameter in the place of its narrow one, as last."""
+        kept = [
+            (one, spread)
+            for one, spread in zip(self.parameters, self.spreads, strict=True)
+            if one.name != wide.name
+        ]
+        return Opened(
+            parameters=(*(one for one, _ in kept), wide),
+            spreads=(*(spread for _, spread in kept), wide.wide or 1.0),
+        )
+
+    def amounts(self, theta: Array) -> Array:
+        """Amounts of n points, shape (n, parameters)."""
+        columns = [
+            one.amounts(spread, column)
+            for one, spread, column in zip(self.parameters, self.spreads, theta.T, strict=True)
+        ]
+        return np.column_stack(columns) if columns else np.empty((len(theta), 0))
+
+    def applied(self, bodies: Bodies, theta: Array) -> Bodies:
+        """The n bodies as their θ, shape (n, parameters), have them."""
+        if not self.parameters:
+            return bodies
+        draft = Draft(bodies)
+        for one, amounts in zip(self.parameters, self.amounts(theta).T, strict=True):
+            one.change(draft, amounts)
+        return draft.done()
+
+
+def log_priors(table: Sequence[Parameter]) -> dict[str, float]:
+    """Logarithm of the probability of each wide component before any reading, by name.
+
+    They add up to ``DEVIATES``. Groups are as probable as each other, and so are the parameters of
+    a group: that a builder was wrong about how thick parts are is not a hundred times less probable
+    because there are so many hinges.
+    """
+    wide = [one for one in table if one.wide > 0 or one.switch]
+    sizes = Counter(one.group for one in wide)
+    return {one.name: math.log(DEVIATES) - math.log(len(sizes) * sizes[one.group]) for one in wide}

@@ -1,0 +1,293 @@
+"""How probable each cause is by what was observed, and the bodies that it leaves.
+
+A cause holds *particles*: a body of the posterior as it was identified, and an amount of the
+change. Its evidence is integrated by adaptive importance sampling: amounts are drawn by their
+prior, then around those that explain what was observed. It is always computed from scratch from
+all observations: a sampler that takes in one after the other discards the true cause after one
+surprise.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.body.arrays import Bodies
+from estimator.body.morphology import Array
+from estimator.posterior.fitted import FittedPosterior
+from estimator.posterior.model.likelihood import Likelihood
+from estimator.posterior.model.sensor_data import SensorData
+from estimator.posterior.model.special import logsumexp, softmax
+from estimator.posterior.posterior import systematic
+from estimator.readings.observation import Observation
+from estimator.use.changes import Cause
+
+Rows = NDArray[np.intp]
+
+UNCHANGED: Final = 0.5
+"""Probability, before a reading, that a robot that is diagnosed is as it was."""
+
+_PARTICLES: Final = 64  # of a cause in each round
+_SPREADS: Final = (0.15, 0.05, 0.05)  # of amounts around good ones, in units of their priors
+_CENTRES: Final = 8
+_HOPELESS: Final = 30.0  # nats below the best cause that a coarse look must find
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Particles:
+    """Weighted bodies of one cause.
+
+    Attributes:
+        cause: ``None``: nothing has changed.
+        rows: Bodies of the posterior as it was identified, shape (n,).
+        theta: Amounts of the change, standard normal before any reading, shape (n,).
+        weights: Adding up to 1, shape (n,).
+        log_evidence: Logarithm of the density of all observations, given the cause.
+    """
+
+    cause: Cause | None
+    rows: Rows
+    theta: Array
+    weights: Array
+    log_evidence: float
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def drawn(self, count: int, start: float) -> Particles:
+        """So many, equally likely."""
+        chosen = systematic(self.weights, count, start)
+        return replace(
+            self,
+            rows=self.rows[chosen],
+            theta=self.theta[chosen],
+            weights=np.full(count, 1 / count),
+        )
+
+    def amount(self) -> tuple[float, float, float]:
+        """The median of the amounts, and the ends of their 90 % interval."""
+        assert self.cause is not None
+        low, middle, high = np.quantile(
+            self.cause.amounts(self.theta),
+            (0.05, 0.5, 0.95),
+            weights=self.weights,
+            method="inverted_cdf",
+        ).tolist()
+        return middle, low, high
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Weighed:
+    """All causes, the most probable first.
+
+    Attributes:
+        particles: Of each, and of no change.
+        probabilities: Of each, adding up to 1.
+    """
+
+    particles: tuple[Particles, ...]
+    probabilities: Array
+
+    @property
+    def unchanged(self) -> float:
+        """Probability that nothing has changed."""
+        same = [one.cause is None for one in self.particles]
+        return float(self.probabilities[same].sum())
+
+
+class Weigher:
+    """Weighs causes by observations.
+
+    Args:
+        known: The body as it was identified.
+        causes: What may have changed.
+        rng: Draws particles.
+
+    Attributes:
+        known: As above.
+        causes: As above.
+        rng: As above.
+    """
+
+    def __init__(
+        self, known: FittedPosterior, causes: Sequence[Cause], rng: np.random.Generator
+    ) -> None:
+        self.known = known
+        self.causes = tuple(causes)
+        self.rng = rng
+        self._bodies = known.body_arrays
+        self._scales = known.scales
+        self._weights = known.weights
+
+    def on_top_of(self, named: Sequence[tuple[Particles, float]]) -> Weigher:
+        """Weighs what may have changed as well, where some causes are taken to be known.
+
+        Args:
+            named: These, each with its share.
+        """
+        drawn = [
+            one.drawn(max(1, round(share * len(self.known))), float(self.rng.random()))
+            for one, share in named
+        ]
+        other = Weigher(self.known, self.causes, self.rng)
+        other._bodies = Bodies.joined([self.bodies(one) for one in drawn])
+        other._scales = np.concatenate([self.scales(one) for one in drawn])
+        other._weights = np.full(len(other._scales), 1 / len(other._scales))
+        return other
+
+    def bodies(self, particles: Particles) -> Bodies:
+        """The bodies of particles."""
+        bodies = self.bodies_of(particles.rows)
+        if particles.cause is None:
+            return bodies
+        return particles.cause.changed(bodies, particles.theta)
+
+    def bodies_of(self, rows: Rows) -> Bodies:
+        """Bodies of the posterior as it was identified."""
+        return self._bodies[rows]
+
+    def scales(self, particles: Particles) -> Array:
+        """Logarithms of the particles' noise factors, shape (n, 2)."""
+        scales: Array = self._scales[particles.rows]
+        return scales
+
+    def prior(self, cause: Cause | None, count: int) -> Particles:
+        """So many equally likely particles before any reading."""
+        rows = systematic(self._weights, count, float(self.rng.random()))
+        places = (self.rng.permutation(count) + self.rng.random(count)) / count
+        theta = np.zeros(count) if cause is None else cause.drawn(places)
+        return Particles(
+            cause=cause,
+            rows=self.rng.permutation(rows),
+            theta=theta,
+            weights=np.full(count, 1 / count),
+            log_evidence=0.0,
+        )
+
+    def log_prior(self, cause: Cause | None) -> float:
+        """Logarithm of the probability of a cause before any reading."""
+        if cause is None:
+            return math.log(UNCHANGED)
+        return math.log(1 - UNCHANGED) + cause.log_prior
+
+    def fits(self, particles: Particles, observations: Sequence[Observation]) -> Array:
+        """Log-likelihoods of particles, shape (n, observations)."""
+        return self.fits_of(self.bodies(particles), self.scales(particles), observations)
+
+    def fits_of(
+        self,
+        bodies: Bodies,
+        scales: Array,
+        observations: Sequence[Observation],
+        *,
+        surely: bool = False,
+    ) -> Array:
+        """Log-likelihoods of n bodies, shape (n, observations).
+
+        Args:
+            bodies: The bodies.
+            scales: Logarithms of their noise factors, shape (n, 2).
+            observations: At least one.
+            surely: Take it that everybody falls as statics has it, with coarse steps.
+        """
+        known, count = self.known, len(observations)
+        data = SensorData.of(observations, known.modalities, known.clearance_cap)
+        likelihood = Likelihood(data, known.noise)
+        rows = np.repeat(np.arange(len(bodies)), count)
+        interactions = np.tile(np.arange(count), len(bodies))
+        branches = np.zeros(len(rows)) if surely else None
+        misfits = likelihood.misfits_at(
+            known.predictor, bodies, rows, interactions, branches=branches
+        )
+        return likelihood.of(misfits.reshape(len(bodies), count, -1), scales=scales)
+
+    def weigh(self, observations: Sequence[Observation]) -> Weighed:
+        """All causes by all observations, from scratch."""
+        first = [self.prior(cause, _PARTICLES) for cause in self.causes]
+        if not observations:
+            everyone = [self.prior(None, len(self._weights)), *first]
+            return self._sorted(everyone)
+        bodies = Bodies.joined([self.bodies(one) for one in first])
+        scales = np.concatenate([self.scales(one) for one in first])
+        coarse = self.fits_of(bodies, scales, observations, surely=True).sum(axis=1)
+        coarse = coarse.reshape(len(first), _PARTICLES)
+        unchanged = self._unchanged(observations)
+        guesses = logsumexp(coarse, axis=1) - math.log(_PARTICLES)
+        best = max(float(guesses.max(initial=-np.inf)), unchanged.log_evidence)
+        weighed = [unchanged]
+        for one, fits, guess in zip(first, coarse, guesses.tolist(), strict=True):
+            if np.max(fits) > best - _HOPELESS:
+                weighed.append(self._refined(one, observations))
+            else:
+                weighed.append(replace(one, weights=softmax(fits), log_evidence=guess))
+        return self._sorted(weighed)
+
+    def _unchanged(self, observations: Sequence[Observation]) -> Particles:
+        rows = np.arange(len(self._weights))
+        one = Particles(
+            cause=None,
+            rows=rows,
+            theta=np.zeros(len(rows)),
+            weights=self._weights,
+            log_evidence=0.0,
+        )
+        logs = np.log(self._weights) + self.fits(one, observations).sum(axis=1)
+        return replace(one, weights=softmax(logs), log_evidence=float(logsumexp(logs)))
+
+    def _refined(self, first: Particles, observations: Sequence[Observation]) -> Particles:
+        """The particles of a cause after some rounds around those that explain most."""
+        cause = first.cause
+        assert cause is not None
+        rows, theta = [first.rows], [first.theta]
+        fits = [self.fits(first, observations).sum(axis=1)]
+        proposals: list[tuple[Array, float]] = []
+        for spread in _SPREADS if not cause.row.switch else ():
+            logs = self._log_weights(cause, np.concatenate(theta), np.concatenate(fits), proposals)
+            centres = np.concatenate(theta)[
+                systematic(softmax(logs), _CENTRES, float(self.rng.random()))
+            ]
+            each = np.repeat(centres, _PARTICLES // _CENTRES)
+            drawn = each + self.rng.normal(0, spread, len(each))
+            some = replace(first, rows=self.rng.permutation(first.rows), theta=drawn)
+            proposals.append((centres, spread))
+            rows.append(some.rows)
+            theta.append(drawn)
+            fits.append(self.fits(some, observations).sum(axis=1))
+        together = np.concatenate(theta)
+        logs = self._log_weights(cause, together, np.concatenate(fits), proposals)
+        return Particles(
+            cause=cause,
+            rows=np.concatenate(rows),
+            theta=together,
+            weights=softmax(logs),
+            log_evidence=float(logsumexp(logs)) - math.log(len(together)),
+        )
+
+    @staticmethod
+    def _log_weights(
+        cause: Cause, theta: Array, fits: Array, proposals: Sequence[tuple[Array, float]]
+    ) -> Array:
+        """By the mixture of all that amounts were drawn by, the prior among them."""
+        prior = cause.log_density(theta)
+        logs = [prior]
+        for centres, spread in proposals:
+            away = (theta[:, None] - centres) / spread
+            normal = -0.5 * away**2 - math.log(spread * math.sqrt(2 * math.pi))
+            logs.append(logsumexp(normal, axis=1) - math.log(len(centres)))
+        drawn = logsumexp(np.array(logs), axis=0) - math.log(len(logs))
+        weights: Array = fits + prior - drawn
+        return weights
+
+    def _sorted(self, particles: Sequence[Particles]) -> Weighed:
+        logs = [one.log_evidence + self.log_prior(one.cause) for one in particles]
+        probabilities = softmax(np.array(logs))
+        order = np.argsort(-probabilities, kind="stable")
+        return Weighed(
+            particles=tuple(particles[index] for index in order.tolist()),
+            probabilities=probabilities[order],
+        )

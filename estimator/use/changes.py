@@ -1,0 +1,116 @@
+"""What may have changed on a robot since it was identified, and how probably: its causes."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.special import ndtr, ndtri
+
+from estimator.body.arrays import Bodies
+from estimator.body.morphology import Array
+from estimator.parameters.changes import Within
+from estimator.parameters.table import Parameter
+from estimator.posterior.fitted import FittedPosterior
+from estimator.posterior.model.likelihood import Noise
+from estimator.posterior.posterior import systematic
+from estimator.readings.observation import PredictedReadings
+
+_PROBES: Final = 64  # programs on which a change must show
+_SHOWS: Final = 0.1  # in so many of them at least
+_BY: Final = 5.0  # by so many standard deviations: what models err by adds up otherwise
+_SIZES: Final = np.linspace(0.1, 3.0, 30)  # of an amount, in its spreads
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cause:
+    """One change, with how probable it is before any reading.
+
+    Attributes:
+        row: What it does.
+        log_prior: Logarithm of its probability, if there is one of the changes.
+        least: Its amount is at least so many spreads: smaller ones cannot be told from what models
+            err by. 0: any amount can.
+    """
+
+    row: Parameter
+    log_prior: float
+    least: float = 0.0
+
+    @property
+    def name(self) -> str:
+        """Of the row."""
+        return self.row.name
+
+    def amounts(self, theta: Array) -> Array:
+        """Amounts of standard normal numbers, shape (n,)."""
+        return self.row.amounts(self.row.wide or 1.0, theta)
+
+    def changed(self, bodies: Bodies, theta: Array) -> Bodies:
+        """The n bodies, each changed by its own amount."""
+        return self.row.applied(bodies, self.amounts(theta))
+
+    def drawn(self, uniforms: Array) -> Array:
+        """Standard normal numbers of at least the least size, from n numbers in [0, 1]."""
+        tail = float(ndtr(-self.least))
+        ends = 2 * tail * np.clip(uniforms, 1e-9, 1 - 1e-9)
+        theta: Array = np.where(ends < tail, ndtri(ends), -ndtri(2 * tail - ends))
+        return theta
+
+    def log_density(self, theta: Array) -> Array:
+        """Logarithm of what ``drawn`` draws by, shape (n,)."""
+        normal = -0.5 * theta**2 - 0.5 * math.log(2 * math.pi) - math.log(2 * ndtr(-self.least))
+        return np.where(np.abs(theta) >= self.least, normal, -np.inf)
+
+
+def causes_of(known: FittedPosterior, rng: np.random.Generator) -> tuple[Cause, ...]:
+    """All changes of the robot that its sensors could show, and no model error would.
+
+    Args:
+        known: The body as it was identified.
+        rng: Draws the programs on which changes must show.
+    """
+    rows = known.possible_changes
+    low, high = known.program_range.T
+    programs = rng.uniform(low, high, (_PROBES, len(low)))
+    bodies = known.body_arrays[systematic(known.weights, 1, 0.5)]
+    found = [(row, _least(known, row, bodies, programs)) for row in rows]
+    there = [(row, least) for row, least in found if least is not None]
+    sizes = Counter(row.group for row, _ in there)
+    return tuple(
+        Cause(row=row, log_prior=-math.log(len(sizes) * sizes[row.group]), least=least)
+        for row, least in there
+    )
+
+
+def _least(known: FittedPosterior, row: Parameter, bodies: Bodies, programs: Array) -> float | None:
+    """From how many spreads on a change shows; ``None``: never."""
+    if row.switch or isinstance(row, Within):
+        thetas = np.array([0.0])
+    else:
+        thetas = np.concatenate([_SIZES, -_SIZES, np.zeros(1)])
+    amounts = row.amounts(row.wide or 1.0, thetas)
+    rows = np.repeat(np.arange(len(thetas)), len(programs))
+    each = np.tile(programs, (len(thetas), 1))
+    changed = row.applied(bodies[np.zeros(len(thetas), dtype=np.intp)], amounts)
+    before = known.predictor.read(bodies, np.zeros(len(programs), dtype=np.intp), programs)
+    after = known.predictor.read(changed, rows, each)
+    again = before[np.tile(np.arange(len(programs)), len(thetas))]
+    shows = _apart(again, after, known.noise).reshape(len(thetas), -1).mean(axis=1) >= _SHOWS
+    if shows[-1]:  # also of no amount at all: a servo that jammed at 0
+        return 0.0
+    both = shows[:-1].reshape(2, -1).all(axis=0)
+    always = np.flip(np.logical_and.accumulate(np.flip(both)))  # from here on
+    return float(_SIZES[np.argmax(always)]) if always.any() else None
+
+
+def _apart(one: PredictedReadings, other: PredictedReadings, noise: Noise) -> Array:
+    tilt = np.max(np.abs(one.tilt - other.tilt), axis=1) > _BY * noise.tilt
+    clearance = np.abs(one.clearance - other.clearance) > _BY * noise.clearance
+    doubtful = one.touch_doubtful | other.touch_doubtful
+    touch = np.any((one.touch != other.touch) & ~doubtful, axis=1)
+    apart: Array = (tilt | clearance | touch).astype(float)
+    return apart

@@ -1,0 +1,138 @@
+"""Movements that tell causes apart, chosen by the information that they are expected to give."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.body.arrays import Bodies
+from estimator.body.morphology import Array
+from estimator.exploration.best_programs import best_programs
+from estimator.exploration.information_gain import InformationGain, Predictions
+from estimator.posterior.fitted import FittedPosterior
+from estimator.posterior.posterior import systematic
+from estimator.readings.observation import PredictedReadings
+from estimator.use.causes import Particles, Weighed, Weigher
+from estimator.use.pose import SAFE, attainable
+
+HYPOTHESES: Final = 160
+"""Bodies among which a movement is to tell."""
+
+_CANDIDATES: Final = 300
+_DRAWS: Final = 160
+_MORE_DRAWS: Final = 640
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Hypotheses:
+    """Equally likely bodies in groups that a movement is to tell apart.
+
+    Attributes:
+        bodies: n bodies.
+        scales: Logarithms of their noise factors, shape (n, 2).
+        groups: Of each, shape (n,).
+    """
+
+    bodies: Bodies
+    scales: Array
+    groups: NDArray[np.int64]
+
+    @classmethod
+    def of(
+        cls,
+        weigher: Weigher,
+        groups: Sequence[tuple[Particles, float]],
+        count: int | None = None,
+    ) -> Hypotheses:
+        """From particles of causes, each with its share; in random order.
+
+        Args:
+            weigher: Builds their bodies.
+            groups: Particles, and their shares, adding up to 1.
+            count: How many bodies; default: ``HYPOTHESES``.
+        """
+        shares = np.array([share for _, share in groups])
+        numbers = np.bincount(
+            systematic(shares, count or HYPOTHESES, 0.5), minlength=len(groups)
+        ).tolist()
+        drawn = [
+            (index, one.drawn(number, 0.5))
+            for index, ((one, _), number) in enumerate(zip(groups, numbers, strict=True))
+            if number
+        ]
+        order = weigher.rng.permutation(sum(numbers))
+        return cls(
+            bodies=Bodies.joined([weigher.bodies(one) for _, one in drawn])[order],
+            scales=np.concatenate([weigher.scales(one) for _, one in drawn])[order],
+            groups=np.repeat([index for index, _ in drawn], [len(one) for _, one in drawn])[order],
+        )
+
+    def __len__(self) -> int:
+        return len(self.groups)
+
+
+def telling(weigher: Weigher, weighed: Weighed) -> tuple[Array, float]:
+    """The movement that is expected to tell most about what has changed, and how much, bits."""
+    groups = list(zip(weighed.particles, weighed.probabilities.tolist(), strict=True))
+    return best_of(weigher, Hypotheses.of(weigher, groups))
+
+
+def best_of(
+    weigher: Weigher, hypotheses: Hypotheses, safe_for: Bodies | None = None
+) -> tuple[Array, float]:
+    """The movement that tells groups of bodies apart best, rad, and its information, bits.
+
+    Args:
+        weigher: Predicts.
+        hypotheses: The bodies.
+        safe_for: Bodies that must not be near falling elsewhere; by default that is only worth
+            less.
+    """
+    known, rng = weigher.known, weigher.rng
+    gain = InformationGain(known.noise, known.clearance_cap, known.modalities)
+    low, high = known.program_range.T
+
+    def bits(programs: Array, draws: int, *, margins: bool) -> Array:
+        programs = attainable(known, programs)
+        predicted = readings_in(known, hypotheses.bodies, programs)
+        predictions = Predictions.of(predicted, len(hypotheses))
+        if margins:
+            near = near_forks(known, hypotheses.bodies, programs)
+            predictions.no_prediction[near] = True
+        told = gain.of(predictions, hypotheses.scales, hypotheses.groups, rng, draws=draws)
+        if margins and safe_for is not None:
+            told = told - 10.0 * near_forks(known, safe_for, programs).mean(axis=1)
+        return told
+
+    programs, told = best_programs(
+        lambda programs: bits(programs, _DRAWS, margins=False),
+        known.program_range,
+        rng,
+        candidates=rng.uniform(low, high, (_CANDIDATES, len(low))),
+        sure=lambda programs: bits(programs, _MORE_DRAWS, margins=True),
+        spreads=(math.radians(5.0),),
+    )
+    return attainable(known, programs[0]), float(told[0])
+
+
+def readings_in(known: FittedPosterior, bodies: Bodies, programs: Array) -> PredictedReadings:
+    """Readings of all bodies in one program and the next."""
+    rows, each = _all_in_each(len(bodies), programs)
+    return known.predictor.read(bodies, rows, each, coarse_step=True)
+
+
+def near_forks(known: FittedPosterior, bodies: Bodies, programs: Array) -> NDArray[np.bool_]:
+    """Which bodies may fall elsewhere in which programs, shape (programs, bodies)."""
+    rows, each = _all_in_each(len(bodies), programs)
+    margins = known.predictor.margins(bodies, rows, each, most=SAFE)
+    near: NDArray[np.bool_] = (margins < SAFE - 1e-9).reshape(len(programs), -1)
+    return near
+
+
+def _all_in_each(count: int, programs: Array) -> tuple[NDArray[np.intp], Array]:
+    return np.tile(np.arange(count), len(programs)), np.repeat(programs, count, axis=0)

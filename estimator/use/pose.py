@@ -1,0 +1,321 @@
+"""Poses on demand: the motor program after which the robot reads as wanted, whatever body it has.
+
+A posterior is many bodies. A program serves if nearly all of them read as wanted after it; among
+those that serve, the one is taken whose bodies are farthest from falling elsewhere.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from estimator.body.arrays import Flags
+from estimator.body.limbs import driven_limbs
+from estimator.body.morphology import Array
+from estimator.errors import EstimatorError
+from estimator.exploration.best_programs import best_programs
+from estimator.identification.loop import carry_out
+from estimator.identification.method import Listener
+from estimator.identification.robot_link import RobotLink
+from estimator.posterior.fitted import FittedPosterior
+from estimator.posterior.model.likelihood import Noise
+from estimator.readings.observation import Observation, PredictedReadings, Program
+from estimator.storage.records import InteractionRecord
+
+SAFE: Final = math.radians(2.0)
+"""Path margin below which a body may fall elsewhere; see ``docs/how-it-works.md``."""
+
+REACHABLE: Final = 0.5
+"""Share of the samples in which a goal must hold for the robot to be asked for it."""
+
+_SEARCHES: Final = 6  # at most, each from programs of its own, until one is as good as can be
+_SURELY: Final = 1.0  # a score: all bodies read so and fall nowhere else
+_CANDIDATES: Final = 4000  # random programs
+_FIRST_LOOK: Final = 4  # bodies, which compare these
+_BODIES: Final = 24  # which compare all but finalists
+_SPREADS: Final = tuple(np.radians([6.0, 3.0, 1.5, 0.8, 0.4, 0.8, 0.4]))
+_FOOT: Final = 2.0  # tolerances that a foot is off which stands where it should not
+_FORGIVEN: Final = 3.0  # standard deviations
+_NOTHING: Final = 1e4  # squared tolerances: a body that predicts nothing
+_RISE: Final = 0.01  # m of clearance that are worth a tolerance, where the highest pose is wanted
+_WIDEST_MARGIN: Final = math.radians(15.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Goal:
+    """What the sensors are to read; ``None`` is any.
+
+    Attributes:
+        tilt_left: Left side up by so much, rad.
+        tilt_forward: Nose up by so much, rad.
+        clearance: m.
+        stand_on: Touch sensors that are to meet the ground, all others not.
+        highest: As large a clearance as the rest allows.
+        tilt_within: How far off a tilt may be, rad.
+        clearance_within: The same of clearance, m.
+
+    Raises:
+        EstimatorError: Nothing is wanted, or what contradicts itself.
+    """
+
+    tilt_left: float | None = None
+    tilt_forward: float | None = None
+    clearance: float | None = None
+    stand_on: frozenset[int] | None = None
+    highest: bool = False
+    tilt_within: float = math.radians(0.6)
+    clearance_within: float = 0.002
+
+    def __post_init__(self) -> None:
+        if self.highest and self.clearance is not None:
+            raise EstimatorError("a pose is either the highest one or has a clearance: give one")
+        wanted = (self.tilt_left, self.tilt_forward, self.clearance, self.stand_on)
+        if not self.highest and all(one is None for one in wanted):
+            raise EstimatorError(
+                "no pose is asked for: give a tilt, a clearance, what to stand on, or the highest"
+            )
+        if self.stand_on is not None and not self.stand_on:
+            raise EstimatorError("a robot stands on something: name at least one joint")
+
+    def misses(self, readings: PredictedReadings) -> Array:
+        """How many tolerances each each reading is off in each thing that is wanted.
+
+        Returns:
+            Shape (things, ...), as the readings' arrays begin; a foot is off by 0 or 2.
+        """
+        rows: list[Array] = []
+        for column, tilt in enumerate((self.tilt_left, self.tilt_forward)):
+            if tilt is not None:
+                rows.append(np.abs(readings.tilt[..., column] - tilt) / self.tilt_within)
+        if self.clearance is not None:
+            rows.append(np.abs(readings.clearance - self.clearance) / self.clearance_within)
+        if self.stand_on is not None:
+            wanted = np.isin(np.arange(readings.touch.shape[-1]), list(self.stand_on))
+            rows += list(np.moveaxis(_FOOT * (readings.touch != wanted), -1, 0))
+        return np.array(rows).reshape(len(rows), *readings.clearance.shape)
+
+    def is_met_by(self, observation: Observation, noise: Noise | None = None) -> bool:
+        """Whether a robot that observed this stands as wanted; a reading not taken does not say so.
+
+        Args:
+            observation: What the robot observed.
+            noise: Of its sensors, three standard deviations of which are forgiven.
+        """
+        reading = PredictedReadings.empty(1, len(observation.touch))
+        reading.tilt[:] = np.array(observation.tilt, dtype=float)
+        reading.clearance[:] = np.array(observation.clearance, dtype=float)
+        reading.touch[:] = np.array(observation.touch, dtype=bool)
+        wide = self
+        if noise is not None:
+            wide = replace(
+                self,
+                tilt_within=self.tilt_within + _FORGIVEN * noise.tilt,
+                clearance_within=self.clearance_within + _FORGIVEN * noise.clearance,
+            )
+        return bool(np.all(wide.misses(reading) <= 1))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pose:
+    """A motor program, and what it does to the bodies that the robot may have.
+
+    Attributes:
+        program: Targets, rad, in motor order.
+        share: Part of the posterior that reads as wanted.
+        margin: By how much gravity may be inclined on the way without a body's falling elsewhere,
+            rad: that of the body at the lowest twentieth.
+        tilt: Medians over the samples, rad, left side up and nose up positive.
+        clearance: The same, m.
+        touch: What most samples touch with.
+    """
+
+    program: Program
+    share: float
+    margin: float
+    tilt: tuple[float, float]
+    clearance: float
+    touch: tuple[bool, ...]
+
+    @property
+    def reachable(self) -> bool:
+        """Whether it is probable enough to be tried."""
+        return self.share >= REACHABLE
+
+
+def find_pose(
+    known: FittedPosterior, goal: Goal, rng: np.random.Generator, *, least_margin: float = SAFE
+) -> Pose:
+    """The motor program after which nearly all bodies read as wanted.
+
+    Programs are tried in steps of what the servos resolve. Where no program serves, the one that
+    comes nearest is returned.
+
+    Args:
+        known: The bodies that the robot may have.
+        goal: What is wanted.
+        rng: Draws programs and samples.
+        least_margin: Bodies with a smaller path margin, rad, do not count as reading as wanted
+            while programs are compared.
+
+    Raises:
+        EstimatorError: The robot lacks a sensor that the goal names.
+    """
+    _check(known, goal)
+    some = known.sample(_BODIES, rng)
+    few = known.sample(_FIRST_LOOK, rng)
+    low, high = known.program_range.T
+
+    def near(posterior: FittedPosterior, programs: Array) -> Array:
+        readings = posterior.predict(attainable(known, programs))
+        return _nearness(goal, readings) @ posterior.weights
+
+    def sure(programs: Array) -> Array:
+        return np.array([_score(known, goal, program, least_margin) for program in programs])
+
+    best = (-math.inf, np.zeros(len(low)))
+    for _ in range(_SEARCHES):
+        programs, scores = best_programs(
+            lambda programs: near(some, programs),
+            known.program_range,
+            rng,
+            candidates=rng.uniform(low, high, (_CANDIDATES, len(low))),
+            rough=lambda programs: near(few, programs),
+            sure=sure,
+            spreads=_SPREADS,
+        )
+        if scores[0] > best[0]:
+            best = float(scores[0]), attainable(known, programs[0])
+        if best[0] >= _SURELY:
+            break
+    return _pose(known, goal, best[1])
+
+
+def _check(known: FittedPosterior, goal: Goal) -> None:
+    wanted = {
+        "tilt": goal.tilt_left is not None or goal.tilt_forward is not None,
+        "clearance": goal.clearance is not None or goal.highest,
+        "touch": goal.stand_on is not None,
+    }
+    for modality, needed in wanted.items():
+        if needed and known.capabilities.sensor(modality) is None:
+            raise EstimatorError(
+                f"robot {known.capabilities.robot!r} does not sense {modality}, so nobody could "
+                "say whether it stands so"
+            )
+
+
+def attainable(known: FittedPosterior, programs: Array) -> Array:
+    """Programs in steps of what each servo resolves, from the end of its range."""
+    joints = known.capabilities.joints
+    lower = np.array([joint.lower for joint in joints])
+    step = np.array([joint.resolution for joint in joints])
+    steps = np.round((programs - lower) / np.where(step > 0, step, 1.0))
+    low, high = known.program_range.T
+    rounded = np.where((step > 0) & (programs != 0), lower + step * steps, programs)
+    return np.clip(rounded, low, high)
+
+
+def _believable(readings: PredictedReadings) -> Flags:
+    flags: Flags = readings.valid & ~readings.undecided
+    return flags
+
+
+def _nearness(goal: Goal, readings: PredictedReadings) -> Array:
+    """How near readings come to a goal: a smooth score, the higher the better."""
+    off = np.sum(goal.misses(readings) ** 2, axis=0)
+    off = np.where(_believable(readings), off, _NOTHING)
+    rise = readings.clearance / _RISE if goal.highest else 0.0
+    score: Array = np.minimum(rise, _NOTHING) - np.log1p(off)
+    return score
+
+
+def _holds(goal: Goal, readings: PredictedReadings) -> Flags:
+    held: Flags = _believable(readings) & np.all(goal.misses(readings) <= 1, axis=0)
+    return held
+
+
+def _score(known: FittedPosterior, goal: Goal, program: Array, least_margin: float) -> float:
+    """Share in which a goal holds surely; nearness and margin decide where shares are alike."""
+    attained = attainable(known, program)
+    readings = known.predict(attained)
+    margins = np.minimum(known.margins(attained), _WIDEST_MARGIN)
+    holds = _holds(goal, readings) & (margins >= least_margin)
+    near = float(known.weights @ _nearness(goal, readings))
+    return float(known.weights @ holds) + 0.02 * near + 0.5 * _low(known, margins)
+
+
+def _low(known: FittedPosterior, margins: Array) -> float:
+    """The margin of the body at the lowest twentieth of the posterior, rad."""
+    order = np.argsort(margins)
+    place = int(np.searchsorted(np.cumsum(known.weights[order]), 0.05))
+    return float(margins[order][min(place, len(order) - 1)])
+
+
+def _pose(known: FittedPosterior, goal: Goal, program: Array) -> Pose:
+    readings, weights = known.predict(program), known.weights
+    return Pose(
+        program=tuple(program.tolist()),
+        share=float(weights @ _holds(goal, readings)),
+        margin=_low(known, known.margins(program)),
+        tilt=(_median(readings.tilt[:, 0], weights), _median(readings.tilt[:, 1], weights)),
+        clearance=_median(readings.clearance, weights),
+        touch=tuple((weights @ readings.touch > 0.5).tolist()),
+    )
+
+
+def _median(values: Array, weights: Array) -> float:
+    return float(np.quantile(values, 0.5, weights=weights, method="inverted_cdf"))
+
+
+def perform(link: RobotLink, program: Program, number: int, listener: Listener) -> Observation:
+    """Has the robot perform a motor program that no run remembers.
+
+    Args:
+        link: The robot.
+        program: Targets, rad, in motor order.
+        number: Of the movement, from 0, as errors and ``listener`` tell it.
+        listener: Hears how far the movement is, and is asked before a retry.
+
+    Raises:
+        InteractionError: The robot did not do it; the message says what happened and what to do.
+    """
+    planned = InteractionRecord(program=program)
+    return carry_out(link, number, planned, lambda _: None, listener)
+
+
+def feet(known: FittedPosterior) -> dict[str, tuple[int, ...]]:
+    """The touch sensors that each joint's leg carries, by the joint's name, in motor order."""
+    assert known.best_body is not None
+    joints = known.capabilities.joints
+    return {
+        joints[limb.motor].name: limb.sensors
+        for limb in driven_limbs(known.best_body)
+        if limb.motor is not None and limb.sensors
+    }
+
+
+def standing_on(known: FittedPosterior, names: Sequence[str]) -> frozenset[int]:
+    """The touch sensors of some legs.
+
+    Args:
+        known: What is known of the robot.
+        names: Of their joints, or as much of these as one leg alone has: ``front`` for
+            ``hip_front``.
+
+    Raises:
+        EstimatorError: No joint, or more than one, is named so.
+    """
+    legs, sensors = feet(known), set[int]()
+    for name in names:
+        meant = [leg for leg in legs if leg == name] or [leg for leg in legs if name in leg]
+        if len(meant) != 1 or not name:
+            raise EstimatorError(
+                f"{name!r} names {'several legs' if meant and name else 'no leg'} that the robot "
+                f"could stand on: write {', '.join(legs)}"
+            )
+        sensors.update(legs[meant[0]])
+    return frozenset(sensors)

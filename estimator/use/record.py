@@ -1,0 +1,147 @@
+"""A diagnosis as a run directory, which is read as any other: the body as it is by now."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from estimator.errors import EstimatorError
+from estimator.posterior.model.likelihood import Likelihood
+from estimator.posterior.model.sensor_data import COLUMNS, DENSITIES, SensorData
+from estimator.readings.observation import Observation
+from estimator.storage.posteriors import (
+    PredictedInteraction,
+    StoredChange,
+    StoredPosterior,
+    UnexplainedInteraction,
+)
+from estimator.storage.records import Counters
+from estimator.storage.store import RunStore
+from estimator.use.causes import Particles, Weigher
+from estimator.use.diagnosis import Diagnosis, Verdict, said
+
+_SAMPLES: Final = 256
+_UNEXPLAINED: Final = 0.5  # probability of an outlier
+
+
+def write_run(
+    directory: Path, store: RunStore, weigher: Weigher, diagnosis: Diagnosis, robot: str
+) -> None:
+    """Makes a run directory of what a diagnosis found.
+
+    Args:
+        directory: Where it is to be.
+        store: The run that identified the robot.
+        weigher: That of the diagnosis.
+        diagnosis: Its outcome; a cause must be named, or nothing have changed.
+        robot: Where the robot is.
+
+    Raises:
+        EstimatorError: Nothing is named.
+        RunDirectoryError: There is a run already, or the directory cannot be made.
+    """
+    if diagnosis.verdict in (Verdict.NONE_OF_THESE, Verdict.UNDECIDED):
+        raise EstimatorError("nothing is named that a run could hold: identify the robot anew")
+    observations = diagnosis.observations
+    settings = store.settings.model_copy(
+        update={"robot": robot, "interactions": max(1, len(observations)), "sure": None}
+    )
+    with RunStore.create(directory, settings, store.capabilities, store.client_id) as new:
+        for number, (observation, reason) in enumerate(
+            zip(observations, diagnosis.reasons, strict=True)
+        ):
+            new.plan(number, observation.angles, reason=reason)
+            new.observe(number, observation)
+            seen = observations[: number + 1]
+            last = number + 1 == len(observations)
+            weighed = diagnosis.weighed if last else weigher.weigh(seen)
+            one = diagnosis.causes[0] if last else weighed.particles[0]
+            share = diagnosis.probability if last else float(weighed.probabilities[0])
+            new.save_posterior(number, _stored(weigher, one, share, seen), Counters(), None)
+
+
+def _stored(
+    weigher: Weigher, one: Particles, probability: float, seen: tuple[Observation, ...]
+) -> StoredPosterior:
+    """A cause's bodies as the posterior after some movements."""
+    known, old = weigher.known, weigher.known.summary
+    assert old is not None
+    drawn = one.drawn(_SAMPLES, 0.5)
+    changes = tuple(
+        change.model_copy(update={"amounts": tuple(np.array(change.amounts)[drawn.rows].tolist())})
+        for change in old.changes
+    )
+    if one.cause is not None:
+        changes += (
+            StoredChange(
+                name=one.cause.name,
+                sentence=said(one, known),
+                probability=probability,
+                amounts=tuple(drawn.theta.tolist()),
+            ),
+        )
+    predicted, unexplained = _predicted(weigher, drawn, seen)
+    return StoredPosterior(
+        **{
+            **{name: getattr(old, name) for name in StoredPosterior.model_fields},
+            "genes": tuple(map(tuple, known.samples[drawn.rows].tolist())),
+            "scales": tuple(map(tuple, weigher.scales(drawn).tolist())),
+            "weights": (1 / _SAMPLES,) * _SAMPLES,
+            "changes": changes,
+            "diagnosed": True,
+            "predicted": predicted,
+            "unexplained": unexplained,
+            "overturned": None,
+            "information_gain_bits": None,
+            "untested_deviations": (),
+            "next_movement": None,
+            "simulated": 0,
+            "ess": None,
+        }
+    )
+
+
+def _predicted(
+    weigher: Weigher, drawn: Particles, seen: tuple[Observation, ...]
+) -> tuple[tuple[PredictedInteraction, ...], tuple[UnexplainedInteraction, ...]]:
+    """Each movement as the middle one of the bodies predicts it, and those that none explains."""
+    known = weigher.known
+    middle = int(np.argsort(drawn.theta)[len(drawn) // 2])
+    data = SensorData.of(seen, known.modalities, known.clearance_cap)
+    bodies, count = weigher.bodies(drawn), len(seen)
+    numbers = np.arange(count)
+    readings = known.predictor.read(bodies, np.full(count, middle), data.programs)
+    likelihood = Likelihood(data, known.noise)
+    misfits = likelihood.misfits_at(
+        known.predictor,
+        bodies,
+        np.repeat(np.arange(len(drawn)), count),
+        np.tile(numbers, len(drawn)),
+    ).reshape(len(drawn), count, -1)
+    outliers = 1 - likelihood.inlier_share(misfits, scales=weigher.scales(drawn)).mean(axis=0)
+    residuals = {
+        name: density.standardised_residual(
+            misfits[middle][:, COLUMNS[name]], data.observed[name], known.noise.of(name)
+        )
+        for name, density in DENSITIES.items()
+    }
+    predicted = tuple(
+        PredictedInteraction(
+            touch=tuple(readings.touch[at].tolist()),
+            tilt=(float(readings.tilt[at, 0]), float(readings.tilt[at, 1])),
+            clearance=float(readings.clearance[at]),
+            residuals={name: float(values[at]) for name, values in residuals.items()},
+            outlier_probability=float(np.clip(outliers[at], 0, 1)),
+        )
+        for at in range(count)
+    )
+    return predicted, tuple(
+        UnexplainedInteraction(
+            interaction=at,
+            sensors=tuple(name for name, values in residuals.items() if abs(values[at]) > 3),
+            residual=float(max(abs(values[at]) for values in residuals.values())),
+        )
+        for at in np.flatnonzero(outliers > _UNEXPLAINED).tolist()
+    )

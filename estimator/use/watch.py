@@ -1,0 +1,148 @@
+"""Whether a robot is still the one that was identified: a watch that moves it now and then.
+
+Against "nothing has changed" stands the table of causes. With an unknown time of change the odds of
+each particle of a cause follow Shiryaev's recursion (1963)::
+
+    R <- (R + hazard · prior) · p(observation | changed) / p(observation | unchanged)
+
+and their sum is the odds that something has changed. Were the models exact, an alarm beyond
+``hazard / rate`` would be false once in ``1 / rate`` movements or less often (Pollak 1985).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from estimator.body.arrays import Bodies
+from estimator.body.morphology import Array
+from estimator.posterior.model.special import logsumexp, softmax
+from estimator.readings.observation import Observation
+from estimator.use.causes import Particles, Weigher
+from estimator.use.movements import Hypotheses, best_of, near_forks, readings_in
+from estimator.use.pose import attainable
+
+HAZARD: Final = 1e-3
+"""Probability that something changes between two movements."""
+
+FALSE_ALARMS: Final = 1e-5
+"""Per movement, were the models exact."""
+
+PATROL: Final = 6
+"""Movements of a patrol, by default."""
+
+_PARTICLES: Final = 64  # of a cause
+_CANDIDATES: Final = 400  # safe programs, among which a patrol chooses
+_WATCHED: Final = 8  # particles of a cause, by which it does
+_SHOWS: Final = 4.0  # standard deviations
+_RISKY: Final = 0.1  # share of bodies, old and damaged, that may be near falling elsewhere
+
+
+class Watch:
+    """Takes in observations, and says how probably something has changed.
+
+    Args:
+        weigher: Knows the body as it was identified, and the causes.
+        rate: Of false alarms per movement.
+
+    Attributes:
+        odds: That something has changed.
+        threshold: Of the odds, beyond which there is an alarm.
+        movements: So far.
+    """
+
+    def __init__(self, weigher: Weigher, *, rate: float = FALSE_ALARMS) -> None:
+        self.weigher = weigher
+        self.odds = 0.0
+        self.threshold = HAZARD / rate
+        self.movements = 0
+        self._particles = [weigher.prior(cause, _PARTICLES) for cause in weigher.causes]
+        self._bodies = Bodies.joined([weigher.bodies(one) for one in self._particles])
+        self._scales = np.concatenate([weigher.scales(one) for one in self._particles])
+        self._log_prior = np.repeat(
+            [one.log_prior - math.log(_PARTICLES) for one in weigher.causes], _PARTICLES
+        )
+        self._logs = np.full(len(self._log_prior), -np.inf)  # of R
+
+    @property
+    def alarm(self) -> bool:
+        """Whether the odds are beyond the threshold."""
+        return self.odds > self.threshold
+
+    def take(self, observation: Observation) -> None:
+        """Takes in what was observed in one more movement."""
+        weigher = self.weigher
+        changed = weigher.fits_of(self._bodies, self._scales, [observation])[:, 0]
+        same = weigher.prior(None, len(weigher.known))
+        unchanged = logsumexp(weigher.fits(same, [observation])[:, 0]) - math.log(len(same))
+        before = np.logaddexp(self._logs, math.log(HAZARD) + self._log_prior)
+        self._logs = before + changed - unchanged
+        self.odds = float(np.exp(np.minimum(logsumexp(self._logs), 300.0)))
+        self.movements += 1
+
+    def suspects(self, count: int = 3) -> tuple[tuple[Particles, float], ...]:
+        """What may have changed, with how probable each is if anything has."""
+        logs = self._logs.reshape(len(self._particles), -1)
+        shares = softmax(logsumexp(logs, axis=1))
+        return tuple(
+            (replace(self._particles[at], weights=softmax(logs[at])), float(shares[at]))
+            for at in np.argsort(-shares)[:count].tolist()
+        )
+
+    def next_movement(self) -> Array:
+        """The movement that tells best whether something has changed, rad."""
+        weigher = self.weigher
+        if self.movements:
+            changed = list(self.suspects(len(self._particles)))
+        else:
+            shares = softmax(np.array([one.log_prior for one in weigher.causes]))
+            changed = list(zip(self._particles, shares.tolist(), strict=True))
+        same = weigher.prior(None, len(weigher.known))
+        groups = [(same, 0.5), *((one, share / 2) for one, share in changed)]
+        hypotheses = Hypotheses.of(weigher, groups)
+        either = replace(hypotheses, groups=np.minimum(hypotheses.groups, 1))
+        safe_for = hypotheses.bodies[hypotheses.groups == 0]
+        return best_of(weigher, either, safe_for=safe_for)[0]
+
+    def patrol(self, count: int = PATROL) -> list[Array]:
+        """Movements that show most changes between them, chosen one after the other, rad."""
+        weigher, known = self.weigher, self.weigher.known
+        low, high = known.program_range.T
+        programs = weigher.rng.uniform(low, high, (_CANDIDATES, len(low)))
+        programs = attainable(known, programs)
+        old = Hypotheses.of(weigher, [(weigher.prior(None, len(known)), 1.0)], _WATCHED).bodies
+        drawn = [one.drawn(_WATCHED, 0.5) for one in self._particles]
+        bodies = Bodies.joined([old, *map(weigher.bodies, drawn)])
+        risky = near_forks(known, bodies, programs)
+        safe = (risky[:, :_WATCHED].mean(axis=1) <= _RISKY) & (risky.mean(axis=1) <= 3 * _RISKY)
+        programs = programs[safe] if safe.any() else programs
+        shows = self._shown(bodies, programs)
+        priors = np.exp([one.log_prior for one in weigher.causes])
+        missed, chosen = np.ones(shows.shape[1]), list[Array]()
+        for _ in range(count):
+            gains = (missed * shows * np.repeat(priors, _WATCHED)).sum(axis=1)
+            best = int(np.argmax(gains))
+            missed = missed * (1 - 0.9 * shows[best])
+            chosen.append(programs[best])
+        return chosen
+
+    def _shown(self, bodies: Bodies, programs: Array) -> Array:
+        """Which particles read otherwise than the bodies did, shape (programs, particles)."""
+        known = self.weigher.known
+        readings = readings_in(known, bodies, programs).reshaped(len(programs), len(bodies))
+        tilt, clearance = readings.tilt, readings.clearance
+        old = slice(None, _WATCHED)
+        away = np.max(
+            np.abs(tilt[:, _WATCHED:] - np.median(tilt[:, old], axis=1, keepdims=True)), axis=2
+        )
+        higher = np.abs(
+            clearance[:, _WATCHED:] - np.median(clearance[:, old], axis=1, keepdims=True)
+        )
+        touch = readings.touch[:, old].mean(axis=1, keepdims=True)
+        differs = np.any(np.abs(readings.touch[:, _WATCHED:] - touch) > 0.9, axis=2)
+        noise = known.noise
+        shown = (away > _SHOWS * noise.tilt) | (higher > _SHOWS * noise.clearance) | differs
+        return np.asarray(shown, dtype=float)

@@ -1,0 +1,61 @@
+"""What lies between the body and the sensors' inputs: gauges that fail, sensors that shift.
+
+Nothing of it can be noticed by a daemon: each reading is one that some pose gives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import ClassVar, Final
+
+from sim_robot.electronics.fault_switch import FaultSwitch
+
+_LOAD: Final = 2.0  # N, of a gauge that is stuck: a leg's share of a robot's weight
+
+
+class Sensors(FaultSwitch):
+    """The gauges, the accelerometer and the distance sensor as they are mounted.
+
+    Args:
+        gauges: How many there are.
+    """
+
+    FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
+        {
+            "deaf": "the n-th gauge feels no load",
+            "pressed": "the n-th gauge feels a load in every pose",
+            "tilt_left": "the accelerometer is turned: by n degrees the left side seems up",
+            "tilt_forward": "the accelerometer is turned: by n degrees the nose seems up",
+            "too_high": "the distance sensor reads n millimetres too much",
+        }
+    )
+
+    def __init__(self, gauges: int) -> None:
+        super().__init__()
+        self._gauges = gauges
+
+    def numbers(self, fault: str) -> Sequence[int]:
+        """The gauges from 1; degrees; millimetres."""
+        if fault in ("deaf", "pressed"):
+            return range(1, self._gauges + 1)
+        most = 50 if fault == "too_high" else 45
+        return [*range(-most, 0), *range(1, most + 1)]
+
+    def load(self, gauge: int, newtons: float) -> float:
+        """What the gauge of an index feels of a load, N."""
+        faults = self.faults
+        if faults.get("deaf") == gauge + 1:
+            return 0.0
+        return _LOAD if faults.get("pressed") == gauge + 1 else newtons
+
+    @property
+    def turned(self) -> tuple[float, float]:
+        """By how many degrees the left side, and the nose, seem up."""
+        faults = self.faults
+        return faults.get("tilt_left", 0), faults.get("tilt_forward", 0)
+
+    @property
+    def too_high(self) -> int:
+        """How much too much the distance sensor reads, mm."""
+        return self.faults.get("too_high", 0)

@@ -1,0 +1,346 @@
+"""What can happen to a body while it runs: legs that break, bend, grow or carry a weight.
+
+The body is described anew and the world built of it; joints and touch sensors keep their names, so
+the robot's daemon knows nothing of it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import ClassVar, Final
+
+import numpy as np
+
+from sim_robot.electronics.fault_switch import FaultSwitch
+from sim_robot.world.body import Body
+from sim_robot.world.urdf.declarations import (
+    Axis,
+    Box,
+    Collision,
+    Cylinder,
+    Frame,
+    Inertia,
+    Inertial,
+    Joint,
+    Link,
+    Mass,
+    Origin,
+    Points,
+    Robot,
+    frame_of,
+    text_of,
+    vector,
+)
+
+_LOST: Final = Inertial(
+    mass=Mass(value=1e-3), inertia=Inertia(ixx=1e-7, iyy=1e-7, izz=1e-7)
+)  # what is left of a link that broke off: an engine wants some
+_ALONG: Final = 0.99  # cosine to a leg's direction of what is stretched or cut with it
+
+
+class Damage(FaultSwitch):
+    """Damages of a body; that of each kind is one leg's, told by the number of its motor.
+
+    Args:
+        body: As it is without them.
+    """
+
+    FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
+        {
+            "cut": "of the n-th motor's leg so many percent are left, the rest broke off",
+            "length": "the n-th motor's leg has so many percent of its length, foot and all",
+            "bent": "the n-th motor's leg is bent by so many degrees at half its length",
+            "twisted": "the n-th motor's hinge is turned by so many degrees about its leg",
+            "aside": "the n-th motor's leg points so many degrees to its left",
+            "weight": "so many grams hang at the end of the n-th motor's leg",
+        }
+    )
+    AMOUNTS: ClassVar[Mapping[str, tuple[float, float]]] = MappingProxyType(
+        {
+            "cut": (5.0, 95.0),
+            "length": (20.0, 300.0),
+            "bent": (-90.0, 90.0),
+            "twisted": (-90.0, 90.0),
+            "aside": (-90.0, 90.0),
+            "weight": (1.0, 1000.0),
+        }
+    )
+
+    def __init__(self, body: Body) -> None:
+        super().__init__()
+        self._whole = body
+        self._done: dict[str, tuple[int, float]] = {}
+
+    def numbers(self, fault: str) -> Sequence[int]:
+        """The motors from 1."""
+        return range(1, len(self._whole.motors) + 1)
+
+    def new_body(self) -> Body | None:
+        """The body as it is by now; ``None`` where nothing has happened since this was asked."""
+        wanted = {fault: (number, self.amount(fault)) for fault, number in self.faults.items()}
+        if wanted == self._done:
+            return None
+        self._done = wanted
+        body = self._whole
+        for fault, (number, amount) in wanted.items():
+            body = damaged(body, fault, number, amount)
+        return body
+
+
+def damaged(body: Body, fault: str, number: int, amount: float) -> Body:
+    """A body with one damage.
+
+    Args:
+        body: The body; it stays as it is.
+        fault: A key of ``Damage.FAULTS``.
+        number: Of the leg's motor, from 1.
+        amount: How much, in the unit of the fault.
+    """
+    robot: Robot = body.robot.model_copy(deep=True)
+    leg = _Leg.of(robot, body.motors[number - 1].name)
+    match fault:
+        case "cut":
+            leg.cut(amount / 100)
+        case "length":
+            leg.stretch(amount / 100)
+        case "bent":
+            leg.bend(math.radians(amount))
+        case "twisted":
+            axis = _turn(leg.direction, math.radians(amount)) @ vector(leg.joint.axis.xyz)
+            leg.joint.axis = Axis(xyz=text_of(axis))
+        case "aside":
+            frame = leg.joint.origin.frame
+            frame[:3, :3] = _turn((0.0, 0.0, 1.0), math.radians(amount)) @ frame[:3, :3]
+            leg.joint.origin = Origin.at(frame)
+        case "weight":
+            leg.load(amount / 1000)
+    return replace(body, robot=robot, mass=sum(link.mass for link in robot.links))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Leg:
+    """All that hangs from a joint, with joints at 0, in the frame of the first link.
+
+    Attributes:
+        joint: From which it hangs.
+        links: By name, parents first.
+        joints: Between these.
+        frames: Of the links.
+        direction: To its far end, of length 1.
+        length: To its far end, m.
+        farthest: Name of the link that reaches there.
+    """
+
+    joint: Joint
+    links: dict[str, Link]
+    joints: list[Joint]
+    frames: dict[str, Frame]
+    direction: Points
+    length: float
+    farthest: str
+
+    @classmethod
+    def of(cls, robot: Robot, name: str) -> _Leg:
+        """The leg of a joint."""
+        (joint,) = (one for one in robot.joints if one.name == name)
+        frames, joints = {joint.child.link: np.eye(4)}, []
+        for one in robot.joints:  # parents come first
+            if one.parent.link in frames:
+                frames[one.child.link] = frames[one.parent.link] @ one.origin.frame
+                joints.append(one)
+        links = {link.name: link for link in robot.links if link.name in frames}
+        ends = [
+            (float(np.linalg.norm(end)), link, end)
+            for link in links
+            for shape in links[link].collisions
+            for end in _ends(frames[link] @ shape.origin.frame, shape)
+        ]
+        length, farthest, end = max(ends, key=lambda one: one[0])
+        direction = end / length
+        reach = max(
+            _extent(frames[link], one, direction)[1]
+            for link in links
+            for one in links[link].collisions
+        )
+        return cls(
+            joint=joint,
+            links=links,
+            joints=joints,
+            frames=frames,
+            direction=direction,
+            length=reach,
+            farthest=farthest,
+        )
+
+    def stretch(self, factor: float) -> None:
+        """Makes the leg so many times as long; it stays as thick."""
+        for name, link in self.links.items():
+            along = self._along(name)
+            for shape in link.collisions:
+                _resize(shape, along, factor)
+                shape.origin = _moved(shape.origin, along, factor - 1)
+            if link.inertial is not None:
+                origin = _moved(link.inertial.origin, along, factor - 1)
+                link.inertial = _scaled(link.inertial, origin, factor)
+        for joint in self.joints:
+            joint.origin = _moved(joint.origin, self._along(joint.parent.link), factor - 1)
+
+    def cut(self, left: float) -> None:
+        """Takes away what is farther than this share of the length."""
+        place = left * self.length
+        for name, link in self.links.items():
+            along, kept, volume, before = self._along(name), list[Collision](), 0.0, 0.0
+            for shape in link.collisions:
+                low, high = _extent(self.frames[name], shape, self.direction)
+                before += high - low
+                if high > place:
+                    share = (place - low) / (high - low)
+                    if share <= 0 or not _resize(shape, along, share):
+                        continue
+                    shift = -along * (high - place) / 2
+                    xyz = np.array(vector(shape.origin.xyz)) + shift
+                    shape.origin = Origin(xyz=text_of(xyz), rpy=shape.origin.rpy)
+                    volume += place - low
+                else:
+                    volume += high - low
+                kept.append(shape)
+            if link.inertial is not None and volume < before:
+                share = volume / before
+                origin = _moved(link.inertial.origin, along, share - 1)
+                lost = _LOST.model_copy(deep=True)
+                link.inertial = _scaled(link.inertial, origin, share) if share > 0 else lost
+            link.collisions = kept
+
+    def bend(self, angle: float) -> None:
+        """Bends the leg at half its length, as its hinge turns it."""
+        axis = np.array(vector(self.joint.axis.xyz))
+        if abs(axis @ self.direction) > _ALONG:
+            axis = np.cross(self.direction, np.eye(3)[np.argmin(np.abs(self.direction))])
+        place = self.length / 2
+        turned = frame_of(place * self.direction)
+        turned[:3, :3] = _turn(axis, angle)
+        bend = turned @ frame_of(-place * self.direction)
+        gone = set[str]()  # links that are turned with what carries them
+        for joint in self.joints:
+            frame = self.frames[joint.parent.link]
+            if joint.parent.link in gone:
+                gone.add(joint.child.link)
+            elif self.frames[joint.child.link][:3, 3] @ self.direction > place - 1e-9:
+                joint.origin = Origin.at(np.linalg.inv(frame) @ bend @ frame @ joint.origin.frame)
+                gone.add(joint.child.link)
+        for name, link in self.links.items():
+            if name not in gone:
+                self._bend_link(name, link, place, bend)
+
+    def _bend_link(self, name: str, link: Link, place: float, bend: Frame) -> None:
+        frame, along = self.frames[name], self._along(name)
+        local = np.linalg.inv(frame) @ bend @ frame
+        bent = list[Collision]()
+        for shape in link.collisions:
+            low, high = _extent(frame, shape, self.direction)
+            share = (place - low) / (high - low)
+            outer = shape.model_copy(deep=True)
+            if share >= 1:
+                bent.append(shape)
+                continue
+            if share > 0 and _resize(shape, along, share):
+                _resize(outer, along, 1 - share)
+                for part, shift in ((shape, -(high - place) / 2), (outer, (place - low) / 2)):
+                    xyz = np.array(vector(part.origin.xyz)) + shift * along
+                    part.origin = Origin(xyz=text_of(xyz), rpy=part.origin.rpy)
+                bent.append(shape)
+            outer.origin = Origin.at(local @ outer.origin.frame)
+            bent.append(outer)
+        link.collisions = bent
+
+    def load(self, mass: float) -> None:
+        """Hangs a weight, kg, at the far end."""
+        link = self.links[self.farthest]
+        inertial = link.inertial
+        assert inertial is not None
+        assert inertial.inertia is not None
+        tip = np.append(self.length * self.direction, 1.0)
+        frame = inertial.origin.frame
+        offset = (np.linalg.inv(self.frames[self.farthest] @ frame) @ tip)[:3]
+        before, total = inertial.mass.value, inertial.mass.value + mass
+        tensor = inertial.inertia.matrix + before * mass / total * (
+            (offset @ offset) * np.eye(3) - np.outer(offset, offset)
+        )
+        frame[:3, 3] += frame[:3, :3] @ offset * mass / total
+        link.inertial = Inertial(
+            origin=Origin(xyz=text_of(frame[:3, 3]), rpy=inertial.origin.rpy),
+            mass=Mass(value=total),
+            inertia=_inertia(tensor),
+        )
+
+    def _along(self, link: str) -> Points:
+        """The leg's direction in a link's frame."""
+        along: Points = self.frames[link][:3, :3].T @ self.direction
+        return along
+
+
+def _ends(frame: Frame, shape: Collision) -> list[Points]:
+    """The middles of a box's faces, the ends of a cylinder's axis, the middle of a sphere."""
+    solid, middle = shape.geometry.shape, frame[:3, 3]
+    if isinstance(solid, Box):
+        halves = np.array(vector(solid.size)) / 2 * frame[:3, :3]
+        return [middle + sign * half for half in halves.T for sign in (-1, 1)]
+    if isinstance(solid, Cylinder):
+        return [middle + sign * solid.length / 2 * frame[:3, 2] for sign in (-1, 1)]
+    return [middle]
+
+
+def _extent(link: Frame, shape: Collision, direction: Points) -> tuple[float, float]:
+    """From where to where a shape reaches in a direction, m."""
+    rows = np.eye(4)
+    rows[0, :3] = direction
+    side = np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))])
+    rows[1, :3] = side / np.linalg.norm(side)
+    rows[2, :3] = np.cross(rows[0, :3], rows[1, :3])
+    low, high = shape.bounds(rows @ link)
+    return float(low[0]), float(high[0])
+
+
+def _resize(shape: Collision, along: Points, factor: float) -> bool:
+    """Makes a shape longer or shorter in a direction of its link, if it has an axis there."""
+    solid, turn = shape.geometry.shape, shape.origin.frame[:3, :3]
+    cosines = np.abs(turn.T @ along)
+    if isinstance(solid, Cylinder) and cosines[2] > _ALONG:
+        solid.length *= factor
+        return True
+    if isinstance(solid, Box) and cosines.max() > _ALONG:
+        size = np.array(vector(solid.size))
+        size[np.argmax(cosines)] *= factor
+        solid.size = text_of(size)
+        return True
+    return False
+
+
+def _moved(origin: Origin, along: Points, share: float) -> Origin:
+    """A place that is farther in a direction by a share of how far it is."""
+    xyz = np.array(vector(origin.xyz))
+    return Origin(xyz=text_of(xyz + share * (xyz @ along) * along), rpy=origin.rpy)
+
+
+def _scaled(inertial: Inertial, origin: Origin, factor: float) -> Inertial:
+    """What a link weighs that is so many times as long."""
+    assert inertial.inertia is not None
+    mass = Mass(value=factor * inertial.mass.value)
+    return Inertial(origin=origin, mass=mass, inertia=_inertia(factor**3 * inertial.inertia.matrix))
+
+
+def _inertia(tensor: Points) -> Inertia:
+    values = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2)}
+    values["izz"] = (2, 2)
+    return Inertia(**{name: float(tensor[place]) for name, place in values.items()})
+
+
+def _turn(axis: Points | Sequence[float], angle: float) -> Points:
+    """The rotation about an axis by an angle, rad; Rodrigues' formula."""
+    x, y, z = np.asarray(axis, dtype=float) / np.linalg.norm(axis)
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    turn: Points = np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
+    return turn

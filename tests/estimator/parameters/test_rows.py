@@ -1,0 +1,226 @@
+"""Each row of the table does what its sentence says, to the readings that statics computes."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from estimator.body.arrays import ACCELEROMETER, Bodies
+from estimator.body.morphology import Array, Base
+from estimator.parameters.instruments import as_sensed
+from estimator.parameters.rows import SOURCES, table_of
+from estimator.parameters.table import DEVIATES, Opened, Parameter, log_priors
+from estimator.physics.statics import StaticsPhysics
+from estimator.posterior.model.unknowns import Predictor, Unknowns
+from estimator.problem.genome import Genome
+from estimator.problem.problem import Problem
+from estimator.readings.observation import PredictedReadings
+from tests.estimator.outside_package import install, put_on_path
+from tests.estimator.two_unknown_rows import programs
+
+KNOWN = Problem.load("parametric")
+TABLE = {one.name: one for one in table_of(KNOWN.parts, KNOWN.sensors)}
+LENGTHS = np.array([[0.5, 0.62, 0.41, 0.55, 0.71, 0.48, 0.66, 0.59]])
+MOVED = np.pad(programs(40, seed=3), ((0, 0), (0, 4)))
+SEVERAL = np.random.default_rng(5).uniform(0.1, 0.9, (8, 8))
+EVERYWHERE = (np.repeat(np.arange(8), 40), np.tile(MOVED, (8, 1)))
+A_ROW = """
+from functools import partial
+from estimator.parameters.table import Parameter
+def of_cables(parts, sensors):
+    for index, part in enumerate(parts):
+        yield Parameter(name=f"cable of {part.name}", group="cable", belongs_to="part",
+            change=partial(pull, index), sentence=f"a cable that turns {part.name} by {{}}°",
+            check="look at cables", unit=57.3, wide=0.1)
+def pull(index, draft, amounts):
+    draft.measures("zero")[:, index] += amounts
+"""
+
+
+@pytest.fixture(scope="module")
+def predictor() -> Predictor:
+    genome = Genome(KNOWN, Base(size=(0.14, 0.14, 0.085), mass=1.0))
+    return Predictor(Unknowns(genome), StaticsPhysics())
+
+
+def read(predictor: Predictor, bodies: Bodies, moved: Array = MOVED) -> PredictedReadings:
+    return predictor.read(bodies, np.zeros(len(moved), dtype=np.intp), moved)
+
+
+def same(one: PredictedReadings, other: PredictedReadings) -> bool:
+    return all(
+        np.array_equal(getattr(one, name), getattr(other, name))
+        for name in ("tilt", "clearance", "touch")
+    )
+
+
+def changed(predictor: Predictor, name: str, amount: float = 1.0) -> PredictedReadings:
+    return read(predictor, TABLE[name].applied(predictor.unknowns.bodies(LENGTHS), amount))
+
+
+@pytest.mark.parametrize("name", TABLE)
+def test_every_row_can_be_felt_and_by_no_amount_is_nothing(predictor: Predictor, name: str) -> None:
+    row, bodies = TABLE[name], predictor.unknowns.bodies(SEVERAL)
+    before = predictor.read(bodies, *EVERYWHERE)
+    if not row.name.endswith("about the leftward direction"):  # there hinges are turned about it
+        assert any(
+            not same(before, predictor.read(row.applied(bodies, away), *EVERYWHERE))
+            for away in row.amounts(row.wide or row.narrow, np.array([-2.0, 2.0]))
+        )
+    assert same(before, predictor.read(bodies, *EVERYWHERE))  # the bodies are left as they were
+    if not row.switch and row.group != "servo_jammed":
+        stated = row.applied(bodies, row.amounts(row.wide or row.narrow, np.zeros(1)))
+        assert same(before, predictor.read(stated, *EVERYWHERE))
+    assert row.check
+    assert "{" not in row.said(1.25, (1.0, 1.5))
+
+
+def test_thicker_parts_are_as_heavy_and_heavier_ones_as_thick(predictor: Predictor) -> None:
+    bodies = predictor.unknowns.bodies(LENGTHS)
+    thick = TABLE["thickness of all parts"].applied(bodies, 2.0)
+    assert np.allclose(thick.radius**2 * thick.density, bodies.radius**2 * bodies.density)
+    heavy = TABLE["mass of left upper"].applied(bodies, 3.0)
+    assert np.array_equal(heavy.radius, bodies.radius)
+    assert (heavy.density / bodies.density).tolist() == [[3, 1, 1, 1, 1, 1, 1, 1]]
+
+
+def test_servos_that_turn_too_far_or_the_other_way_do_what_another_program_asks(
+    predictor: Predictor,
+) -> None:
+    bodies = predictor.unknowns.bodies(LENGTHS)
+    for name, amount, factors in (
+        ("travel of all servos", 1.2, [1.2] * 8),
+        ("travel of front upper", 0.5, [1.0, 0.5, *[1.0] * 6]),
+        ("servo of right upper reversed", 1.0, [1.0, 1.0, -1.0, *[1.0] * 5]),
+    ):
+        assert same(changed(predictor, name, amount), read(predictor, bodies, MOVED * factors))
+    swapped = MOVED[:, [1, 0, 2, 3, 4, 5, 6, 7]]
+    exchanged = changed(predictor, "plugs of left upper and front upper exchanged")
+    assert same(exchanged, read(predictor, bodies, swapped))
+
+
+def test_a_jammed_servo_stays_where_it_is(predictor: Predictor) -> None:
+    still = MOVED.copy()
+    still[:, 0] = 0.2
+    bodies = predictor.unknowns.bodies(LENGTHS)
+    jammed, held = (
+        changed(predictor, "servo of left upper jammed", 0.2),
+        read(predictor, bodies, still),
+    )
+    close = np.abs(jammed.tilt - held.tilt).max(axis=1) < 1e-6
+    assert close.mean() > 0.9  # on the way others may have fallen to another side
+
+
+def test_a_part_that_hangs_lies_on_the_ground_with_what_it_carries(predictor: Predictor) -> None:
+    bodies = predictor.unknowns.bodies(LENGTHS)
+    limp = TABLE["servo of left upper dead"].applied(bodies)
+    assert np.flatnonzero(limp.limp[0]).tolist() == [0, 4]
+    assert np.flatnonzero(limp.length[0] < 0.1 * bodies.length[0]).tolist() == [0, 4]
+    assert read(predictor, limp).touch[:, 0].all()
+
+
+def test_gauges(predictor: Predictor) -> None:
+    before = read(predictor, predictor.unknowns.bodies(LENGTHS))
+    assert not changed(predictor, "touch sensor 4 dead").touch[:, 3].any()
+    assert changed(predictor, "touch sensor 4 stuck on").touch[:, 3].all()
+    exchanged = changed(predictor, "plugs of touch sensors 1 and 3 exchanged")
+    assert np.array_equal(exchanged.touch, before.touch[:, [2, 1, 0, 3]])
+
+
+def test_an_accelerometer_that_lies_otherwise_feels_other_tilts(predictor: Predictor) -> None:
+    left, forward = read(predictor, predictor.unknowns.bodies(LENGTHS)).tilt.T
+    for name, amount, expected in (
+        ("left/right tilt reversed", 1.0, (-left, forward)),
+        ("forward/back tilt reversed", 1.0, (left, -forward)),
+        ("accelerometer's axes exchanged", 1.0, (forward, left)),
+        ("accelerometer by half a turn", 1.0, (-left, -forward)),
+        # the board's own leftward direction now points backward
+        ("accelerometer by a quarter turn leftward", 1.0, (-forward, left)),
+        ("accelerometer by a quarter turn rightward", 1.0, (forward, -left)),
+        ("accelerometer's turn about the vertical", math.pi / 2, (-forward, left)),
+    ):
+        felt = changed(predictor, name, amount).tilt.T
+        assert np.allclose(felt, expected, atol=1e-9), name
+    gained = changed(predictor, "accelerometer's gain", 1.1).tilt
+    assert np.allclose(np.sin(gained), 1.1 * np.sin(np.column_stack([left, forward])))
+
+
+def test_a_flat_robot_reads_its_accelerometers_own_tilt_and_sloping_ground_is_no_other_thing(
+    predictor: Predictor,
+) -> None:
+    row = TABLE["accelerometer's own tilt, left/right"]
+    flat = read(predictor, row.applied(predictor.unknowns.bodies(LENGTHS), 0.1), np.zeros((1, 8)))
+    assert flat.tilt[0].tolist() == pytest.approx([0.1, 0.0])
+    assert "ground that rises so to the left" in row.said(0.1)
+
+
+def test_distances(predictor: Predictor) -> None:
+    bodies = predictor.unknowns.bodies(LENGTHS)
+    before = read(predictor, bodies)
+    higher = changed(predictor, "distance sensor's offset", 0.01)
+    assert np.allclose(higher.clearance, before.clearance + np.where(before.saturated, 0, 0.01))
+    assert np.all(changed(predictor, "distance sensor's offset", -1.0).clearance >= 0)
+    farther = changed(predictor, "distance sensor's gain", 1.5)
+    assert np.allclose(farther.clearance, before.clearance * np.where(before.saturated, 1, 1.5))
+    far = TABLE["distance sensor's gain"].applied(bodies, 2.0)[np.zeros(40, dtype=np.intp)]
+    assert np.array_equal(as_sensed(before, far).saturated, before.saturated)
+
+
+def test_several_are_open_at_once_each_with_its_own_column(predictor: Predictor) -> None:
+    opened = Opened.narrow(tuple(TABLE.values()))
+    rng = np.random.default_rng(1)
+    theta = rng.normal(size=(3, len(opened)))
+    bodies = predictor.unknowns.bodies(np.repeat(LENGTHS, 3, axis=0))
+    together = opened.applied(bodies, theta)
+    by_hand = bodies
+    for one, amounts in zip(opened.parameters, opened.amounts(theta).T, strict=True):
+        by_hand = one.applied(by_hand, amounts)
+    for name in ("radius", "density", "zero", "travel", "base"):
+        assert np.array_equal(getattr(together, name), getattr(by_hand, name))
+    wide = opened.with_wide(TABLE["mass of left upper"])
+    assert len(wide) == len(opened) + 1
+    assert len(opened.with_wide(TABLE["thickness of all parts"])) == len(opened)
+    assert not len(Opened.narrow(tuple(TABLE.values()), 0.0))
+    assert Opened.narrow((), 1.0).applied(bodies, np.empty((3, 0))) is bodies
+
+
+def test_all_that_may_be_otherwise_has_one_robot_in_twenty_group_by_group() -> None:
+    priors = log_priors(tuple(TABLE.values()))
+    assert sum(map(math.exp, priors.values())) == pytest.approx(DEVIATES)
+    hinges = [prior for name, prior in priors.items() if name.startswith("hinge of")]
+    assert sum(map(math.exp, hinges)) == pytest.approx(math.exp(priors["thickness of all parts"]))
+    assert "mass of all parts" not in priors  # its narrow component is wide enough
+
+
+def test_what_repeats_an_open_choice_has_no_row() -> None:
+    unknown = Problem.load("topological")
+    names = {one.name for one in table_of(unknown.parts, unknown.sensors)}
+    assert not any("reversed" in name or "plugs of leg" in name for name in names)
+    assert not any("axes exchanged" in name or "quarter turn" in name for name in names)
+    assert any("plugs of touch sensors" in name for name in names)
+
+
+def test_sentences_have_an_amount_and_its_interval() -> None:
+    assert TABLE["mass of all parts"].said(2.5, (1.4, 4.4)) == "parts 2.5 times as heavy [1.4–4.4]"
+    turned = TABLE["hinge of left upper about the vertical"]
+    assert turned.said(math.radians(27), (math.radians(23), math.radians(31))) == (
+        "the hinge of left upper turned by +27° about the vertical [+23–+31]"
+    )
+    assert TABLE["servo of left upper dead"].said(1.0) == "the servo of left upper dead"
+
+
+def test_a_package_adds_a_row(
+    predictor: Predictor, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    points = "[bodyschema.parameters]\ncables = bodyschema_cables:of_cables\n"
+    folder = install(tmp_path / "outside", points, name="bodyschema-cables", code=A_ROW)
+    put_on_path(folder, monkeypatch)
+    assert "cables" in SOURCES.names()
+    rows: dict[str, Parameter] = {one.name: one for one in table_of(KNOWN.parts, KNOWN.sensors)}
+    bodies = predictor.unknowns.bodies(LENGTHS)
+    pulled = rows["cable of left upper"].applied(bodies, 0.1)
+    assert same(read(predictor, pulled), changed(predictor, "zero of left upper", 0.1))
+    assert pulled.base[0, ACCELEROMETER] == 0

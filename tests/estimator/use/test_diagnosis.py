@@ -1,0 +1,197 @@
+"""What has changed on a robot: noticed, named, and none of these, with statics as the robot."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner, Result
+
+from estimator import FittedPosterior, load
+from estimator.body.arrays import Bodies
+from estimator.cli import use
+from estimator.cli.command_line import app
+from estimator.exploration import best_programs
+from estimator.readings.observation import Observation, Program
+from estimator.use import diagnosis, movements
+from estimator.use.causes import Weigher
+from estimator.use.changes import Cause, causes_of
+from estimator.use.diagnosis import Diagnosis, Verdict, diagnose
+from estimator.use.watch import HAZARD, Watch
+from tests.estimator.model_robot import TRUE_LENGTHS, ModelRobot, serving, without_plots
+from tests.estimator.posterior_run import make_posterior_run
+from tests.estimator.use.test_pose import SPREAD, TRUTH, sampled
+
+
+@pytest.fixture(autouse=True)
+def little_effort(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All of it, with fewer bodies and movements to choose from."""
+    monkeypatch.setattr(movements, "HYPOTHESES", 96)
+    monkeypatch.setattr(movements, "_CANDIDATES", 60)
+    monkeypatch.setattr(movements, "_MORE_DRAWS", 200)
+    monkeypatch.setattr(movements, "_DRAWS", 96)
+    monkeypatch.setattr(best_programs, "_LIKELY", 20)
+    monkeypatch.setattr(best_programs, "_FINALISTS", 6)
+    monkeypatch.setattr(diagnosis, "_CHAINS", 24)
+    monkeypatch.setattr(use, "write_report", without_plots)
+    monkeypatch.setattr(diagnosis, "_TEMPERATURES", np.append(0.0, np.geomspace(5e-3, 1.0, 10)))
+
+
+TILT, CLEARANCE = math.radians(0.2), 0.8e-3
+
+
+@cache
+def weigher() -> Weigher:
+    rng = np.random.default_rng(11)
+    known = sampled(64)
+    return Weigher(known, causes_of(known, rng), rng)
+
+
+def cause(name: str) -> Cause:
+    (one,) = (one for one in weigher().causes if one.name == name)
+    return one
+
+
+def damaged(*changes: tuple[str, float]) -> Bodies:
+    """The true body with some changes, by name and amount."""
+    body = weigher().known.unknowns.bodies(TRUTH[None])
+    for name, amount in changes:
+        body = cause(name).row.applied(body, amount)
+    return body
+
+
+def robot(body: Bodies, seed: int = 1) -> Callable[[Program, str], Observation]:
+    """Reads what a body feels, with noise."""
+    known: FittedPosterior = weigher().known
+    rng = np.random.default_rng(seed)
+
+    def act(program: Program, reason: str) -> Observation:
+        felt = known.predictor.read(body, np.zeros(1, dtype=np.intp), np.array([program]))
+        tilt = felt.tilt[0] + rng.normal(0, TILT, 2)
+        return Observation(
+            angles=program,
+            touch=tuple(felt.touch[0].tolist()),
+            tilt=tuple(tilt.tolist()),
+            clearance=float(felt.clearance[0] + rng.normal(0, CLEARANCE)),
+        )
+
+    return act
+
+
+def named(found: Diagnosis) -> list[str]:
+    return [one.cause.name for one in found.causes if one.cause is not None]
+
+
+FRONT = "the leg of front shortened"
+
+
+@pytest.mark.parametrize(
+    ("name", "amount", "within"),
+    [
+        (FRONT, 0.6, 0.03),
+        ("plugs of left and back exchanged", 1.0, 0.0),
+        ("accelerometer's own tilt, left/right", math.radians(4.0), math.radians(0.6)),
+    ],
+)
+def test_one_change_is_noticed_and_named(name: str, amount: float, within: float) -> None:
+    act = robot(damaged((name, amount)))
+    watch = Watch(weigher())
+    while not watch.alarm:
+        watch.take(act(tuple(watch.next_movement().tolist()), ""))
+        assert watch.movements <= 5
+    found = diagnose(weigher(), act)
+    assert found.verdict is Verdict.CHANGED
+    assert named(found) == [name]
+    assert found.probability > 0.95
+    middle, low, high = found.causes[0].amount()
+    assert middle == pytest.approx(amount, abs=max(within, 1e-9))
+    assert low <= middle <= high
+
+
+def test_nothing_has_changed() -> None:
+    act, watch = robot(damaged(), seed=2), Watch(weigher())
+    for program in watch.patrol(8):
+        watch.take(act(tuple(program.tolist()), ""))
+    assert watch.odds < 10 * HAZARD
+    found = diagnose(weigher(), act)
+    assert found.verdict is Verdict.UNCHANGED
+    assert "Nothing has changed" in found.in_words(weigher().known)
+
+
+def test_two_things_at_once_are_none_of_these() -> None:
+    act = robot(damaged((FRONT, 0.6), ("servo of left jammed", math.radians(-20.0))), seed=3)
+    found = diagnose(weigher(), act)
+    assert found.verdict is not Verdict.CHANGED
+    assert "None of the changes" in found.in_words(weigher().known)
+
+
+def test_changes_that_cannot_be_told_from_model_error_are_left_out() -> None:
+    """Nor is anything drawn that is smaller."""
+    own_tilt = cause("accelerometer's own tilt, left/right")
+    drawn = own_tilt.amounts(own_tilt.drawn(np.linspace(0, 1, 50)))
+    assert np.min(np.abs(drawn)) >= math.radians(1.0)
+    assert np.exp(own_tilt.log_density(own_tilt.drawn(np.array([0.2, 0.8])))).min() > 0
+    total = np.exp(own_tilt.log_density(np.linspace(-8, 8, 4001))).sum() * 16 / 4000
+    assert total == pytest.approx(1.0, abs=0.01)
+    assert sum(math.exp(one.log_prior) for one in weigher().causes) == pytest.approx(1.0)
+
+
+# --- the commands ---------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    rng = np.random.default_rng(1)
+    lengths = [TRUE_LENGTHS, *map(tuple, rng.normal(TRUE_LENGTHS, SPREAD, (40, 4)).tolist())]
+    with make_posterior_run(tmp_path_factory.mktemp("known"), lengths) as store:
+        return store.directory
+
+
+def estimator(*words: str | Path) -> Result:
+    return CliRunner().invoke(app, [*map(str, words), "--jobs", "1"])
+
+
+def test_a_cut_leg_is_noticed_named_and_stood_on(run: Path, tmp_path: Path) -> None:
+    model = ModelRobot()
+    with serving(model) as uri:
+        same = estimator("monitor", run, "--robot", uri, "--once", "--yes")
+        assert same.exit_code == 0, same.output
+        assert "Not changed" in same.stdout
+        assert estimator("monitor", run, "--robot", uri, "--once").exit_code == 1  # nobody to ask
+        short = sampled(1, 0.0)
+        genes = TRUTH.copy()
+        genes[1] = (0.6 * TRUE_LENGTHS[1] - 0.05) / 0.2
+        model._body = short.genome.decode(genes)
+        before = len(model.motions)
+        watched = ("monitor", run, "--robot", uri, "--every", "0", "--movements", "9", "--yes")
+        noticed = estimator(*watched)
+        assert noticed.exit_code == 3, noticed.output
+        assert "The body has changed" in noticed.stdout
+        lines = (run / "monitor.jsonl").read_text().splitlines()
+        assert json.loads(lines[-1])["alarm"]
+        assert len(lines) == len(model.motions)
+        assert len(model.motions) - before <= 5
+        now = tmp_path / "now"
+        found = estimator("diagnose", run, "--robot", uri, "--yes", "--out", now)
+        assert found.exit_code == 0, found.output
+        assert number_in(r"leg of front shortened from 150 to (\d+) mm", found.stdout) == 90
+        posed = estimator(
+            *("pose", now, "--robot", uri, "--clearance", "45mm", "--tilt-left", "0", "--yes")
+        )
+        assert posed.exit_code == 0, posed.output
+    shown = CliRunner().invoke(app, ["show", str(now)])
+    assert "Changed since it was identified: the leg of front shortened" in shown.stdout
+    front = load(now)
+    assert 1000 * front.leg_lengths[:, 1].mean() == pytest.approx(90, abs=3)
+
+
+def number_in(pattern: str, text: str) -> int:
+    match = re.search(pattern, text)
+    assert match is not None, text
+    return round(int(match[1]), -1)
