@@ -9,8 +9,9 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 
-from estimator.cli.console import Screen, err, errors_as_sentences, fail
+from estimator.cli.console import err, errors_as_sentences, fail
 from estimator.cli.options import CORES
+from estimator.cli.screen import Screen
 from estimator.cluster import Cluster
 from estimator.reproduction.harness import Run, complete
 

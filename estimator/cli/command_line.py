@@ -1,37 +1,111 @@
 """``estimator``: identifies a robot's body, and says how good the result is.
 
 Exit codes: 0 done, 1 failed (with a sentence), 2 wrong usage, 3 ``monitor`` found the body changed.
+
+A command's module is imported when the command is called: most of them load libraries for seconds
+that others, and ``--help``, do not need. So the line that ``--help`` has of each stands here.
 """
 
 from __future__ import annotations
 
+import importlib
 from importlib import metadata
-from typing import Annotated
+from typing import Annotated, Any, Final
 
 import typer
+from typer.core import TyperGroup
+from typer.main import get_command
 
-from estimator.cli import doctor, evaluate, identify, live, reproduce, results, resume, use
+from protocol.system.process import interrupts_deferred
+
+COMMANDS: Final = {
+    "identify": (
+        "identify:command",
+        "Identify a robot: act, sense, model, again and again.",
+    ),
+    "resume": (
+        "resume:command",
+        "Go on with an interrupted run; the result is that of an uninterrupted one.",
+    ),
+    "show": (
+        "show:show",
+        "Show how far a run has come; writes the files of one that is not finished, if it can.",
+    ),
+    "score": (
+        "evaluate:score",
+        "Compare the best model with the true body (the objective error).",
+    ),
+    "report": (
+        "results:report",
+        "Write report.html: the body to be turned and posed, and all that is known of it.",
+    ),
+    "compare": (
+        "results:compare",
+        "Compare runs, finished or not, as a table and as a picture.",
+    ),
+    "validate": (
+        "evaluate:validate",
+        "Predict fresh motor programs, then perform them (the prediction error).",
+    ),
+    "pose": (
+        "use:pose",
+        "Move the robot so that its sensors read as wanted, whatever body it may have.",
+    ),
+    "monitor": (
+        "use:monitor",
+        "Move the robot now and then, and say whether its body is still the same; 3: it is not.",
+    ),
+    "diagnose": (
+        "use:diagnose",
+        "Find out by a few movements what has changed on the robot since it was identified.",
+    ),
+    "export": (
+        "results:export",
+        "Write a run's best model, or another one, as URDF, MJCF, JSON or a package for ROS 2.",
+    ),
+    "watch": (
+        "live:watch",
+        "Show a run on a page in the browser, also while another process works on it.",
+    ),
+    "doctor": (
+        "doctor:doctor",
+        "Find out whether a robot, and a problem, can be identified, and why not; moves nothing.",
+    ),
+    "reproduce": (
+        "reproduce:command",
+        "Do the paper's runs on simulated robots, and draw its figures; goes on where it was left.",
+    ),
+}
+"""Of each command its function, with its module here, and what it does."""
+
+
+class _Group(TyperGroup):
+    """The commands; each becomes its function's when it is called."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        name, command, others = super().resolve_command(ctx, args)
+        return name, command if name is None else command_named(name), others
+
+
+def command_named(name: str) -> Any:
+    """A command as its function declares it."""
+    place, function = COMMANDS[name][0].split(":")
+    with interrupts_deferred():
+        module = importlib.import_module(f"estimator.cli.{place}")
+    alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+    alone.command(name)(getattr(module, function))
+    return get_command(alone)
+
 
 app = typer.Typer(
+    cls=_Group,
     help="Identifies a robot's body from what its sensors read when it moves.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-app.command("identify")(identify.command)
-app.command("resume")(resume.command)
-app.command("show")(results.show)
-app.command("score")(evaluate.score)
-app.command("report")(results.report)
-app.command("compare")(results.compare)
-app.command("validate")(evaluate.validate)
-app.command("pose")(use.pose)
-app.command("monitor")(use.monitor)
-app.command("diagnose")(use.diagnose)
-app.command("export")(results.export)
-app.command("watch")(live.watch)
-app.command("doctor")(doctor.doctor)
-app.command("reproduce")(reproduce.command)
+for _name, (_, _does) in COMMANDS.items():
+    app.command(_name, help=_does)(lambda: None)
 
 
 def _print_version(wanted: bool) -> None:

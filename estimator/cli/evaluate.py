@@ -9,7 +9,6 @@ from typing import Annotated
 import typer
 
 from estimator.cli.console import (
-    Screen,
     err,
     errors_as_sentences,
     out,
@@ -17,6 +16,7 @@ from estimator.cli.console import (
     unless_unwritable,
 )
 from estimator.cli.options import CORES, Dask, Directory, Jobs, Keys, Robot, executors
+from estimator.cli.screen import Screen
 from estimator.evaluation.score import Score
 from estimator.evaluation.score import score as score_run
 from estimator.evaluation.validate import validate as validate_run

@@ -20,8 +20,9 @@ from typing import Final
 import typer
 from rich.console import Console
 
-from estimator.cli.console import Screen, errors_as_sentences, out
+from estimator.cli.console import errors_as_sentences, out
 from estimator.cli.options import Directory, LiveBind
+from estimator.cli.screen import Screen
 from estimator.errors import EstimatorError
 from estimator.executors import die_with
 from protocol.system.missing_library import install_command

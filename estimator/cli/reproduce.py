@@ -10,8 +10,9 @@ from typing import Annotated
 
 import typer
 
-from estimator.cli.console import Screen, err, errors_as_sentences, fail, out
+from estimator.cli.console import err, errors_as_sentences, fail, out
 from estimator.cli.options import CORES, Dask
+from estimator.cli.screen import Screen
 from estimator.cluster import Cluster
 from estimator.physics.backends import BACKENDS, REFERENCE
 from estimator.reproduction.paper_runs import FIGURES, SEEDS, Budget

@@ -1,4 +1,4 @@
-"""``estimator show``, ``report``, ``compare`` and ``export``: what runs have found."""
+"""``estimator report``, ``compare`` and ``export``: what runs have found."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import typer
 from estimator.cli.console import (
     errors_as_sentences,
     out,
-    print_run_directory,
     unless_unwritable,
 )
 from estimator.cli.options import Directory
@@ -19,8 +18,6 @@ from estimator.posterior.fitted import FittedPosterior
 from estimator.report.canvas import as_png
 from estimator.report.comparison import ComparedRun, comparison_picture, joints_of
 from estimator.report.export.formats import BODY_FORMATS, BodyFormat, Exported, in_words_of
-from estimator.report.formats import FORMATS
-from estimator.report.outcome import print_result
 from estimator.report.page.run_page import PageSources, run_page
 from estimator.report.run_files import PAGE, write_files
 from estimator.report.summarise import summarise
@@ -28,35 +25,6 @@ from estimator.report.tables import number, percent, plain_table
 from estimator.reproduction.report import reproduction_page
 from estimator.storage.store import RunStore
 from protocol.system.files import replace_bytes, replace_text
-from protocol.text import printable
-
-
-def show(
-    directory: Directory,
-    form: Annotated[
-        str | None,
-        typer.Option(
-            "--format",
-            metavar="NAME",
-            help=f"Print it as {', '.join(FORMATS.own)}, or as a plug-in does. Default: as tables.",
-        ),
-    ] = None,
-    details: Annotated[
-        bool, typer.Option("--details", help="Probabilities, rivals, each movement, costs.")
-    ] = False,
-) -> None:
-    """Show how far a run has come; rewrites its result.json, readings.csv and plots if it can."""
-    with errors_as_sentences(None), RunStore.open(directory, to_write=False) as store:
-        write = None if form is None else FORMATS.load(form)
-        result = summarise(store)
-        if write is None:
-            print_result(out, result, directory, details=details)
-        with unless_unwritable(directory):
-            write_files(store, result)
-            if write is None:
-                print_run_directory(directory)
-        if write is not None:
-            typer.echo(printable(write(result, directory), keep="\n\t"))
 
 
 def report(

@@ -7,11 +7,15 @@ import json
 import re
 from typing import Any, Final
 
-from pydantic import BaseModel, ConfigDict, computed_field
+from pydantic import BaseModel, ConfigDict, ValidationError, computed_field
 
 from estimator.report.posterior_report import Interval, PosteriorReport
 from estimator.storage.posteriors import FitVerdict
 from estimator.storage.records import BestFit
+from estimator.storage.store import RunStore
+from estimator.versions import versions
+
+RESULT: Final = "result.json"
 
 
 class _Record(BaseModel):
@@ -194,6 +198,22 @@ class Result(_Record):
     posterior: PosteriorReport | None = None
     warnings: tuple[str, ...]
 
+    @classmethod
+    def of_finished(cls, store: RunStore) -> Result | None:
+        """What a finished run's ``result.json`` holds: nothing that would say so has changed since.
+
+        Returns:
+            ``None`` where the run is not finished, or the file is missing, damaged, or another
+            version's.
+        """
+        if not store.complete:
+            return None
+        try:
+            kept = cls.model_validate_json((store.directory / RESULT).read_bytes())
+        except (OSError, ValidationError):
+            return None
+        return kept if kept.complete and kept.versions == versions_of(store) else None
+
     @property
     def judged(self) -> PosteriorReport | FitReport | None:
         """What says whether any body explains the readings; ``None``: nothing does yet."""
@@ -209,6 +229,11 @@ class Result(_Record):
             Interval(low=low, median=leg.length_m, high=high)
             for leg, (low, high) in zip(self.legs, ends, strict=True)
         )
+
+
+def versions_of(store: RunStore) -> dict[str, str]:
+    """Of everything that computes what is said of a run."""
+    return versions() | dict(store.settings.plugins)
 
 
 _DIALECT: Final = "https://json-schema.org/draft/2020-12/schema"

@@ -16,13 +16,12 @@ from estimator.readings import readings_csv
 from estimator.report.canvas import as_png
 from estimator.report.page.run_page import PageSources, run_page
 from estimator.report.plots import run_plots
-from estimator.report.result import Result
+from estimator.report.result import RESULT, Result
 from estimator.report.summarise import summarise
 from estimator.storage.store import READINGS, ROBOT, RunStore
 from protocol.system.files import replace_bytes, replace_file, replace_text
 from protocol.system.process import interrupts_deferred
 
-RESULT: Final = "result.json"
 POSTERIOR: Final = "posterior.csv"
 PLOTS: Final = "plots"
 BODY: Final = "plots/body.png"

@@ -22,11 +22,11 @@ from estimator.report.result import (
     PartResult,
     ReferenceResult,
     Result,
+    versions_of,
 )
 from estimator.report.verdict import verdict_on_best_model
 from estimator.storage.records import BestFit, Counters, Finish
 from estimator.storage.store import RunStore
-from estimator.versions import versions
 from protocol.wire.capabilities import Capabilities
 
 _BEST_MODELS: Final = 10
@@ -71,7 +71,7 @@ def summarise(store: RunStore) -> Result:
         seed=settings.seed,
         population=settings.population if paper else None,
         generations=settings.generations if paper else None,
-        versions=versions() | dict(store.settings.plugins),
+        versions=versions_of(store),
         robot_uri=settings.robot,
         robot=capabilities.to_map(),
         interactions=len(observations),

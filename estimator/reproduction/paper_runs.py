@@ -33,8 +33,8 @@ from estimator.report.evaluations import (
     read_score,
     read_validation,
 )
-from estimator.report.result import Result
-from estimator.report.run_files import RESULT, write_report
+from estimator.report.result import RESULT, Result
+from estimator.report.run_files import write_report
 from estimator.report.tables import number
 from estimator.reproduction import harness
 from estimator.reproduction.robot_process import RobotProcess, catch_up

@@ -7,7 +7,6 @@ import os
 import re
 import shutil
 import signal
-import subprocess
 import sys
 import threading
 import time
@@ -183,9 +182,7 @@ def test_no_scheduler_is_a_sentence_within_seconds(tmp_path: Path) -> None:
     assert not (tmp_path / "run").exists()
 
 
-def test_nobody_pays_for_dask_who_does_not_use_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    code = "import estimator.cli.command_line, sys; sys.exit('distributed' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code], check=False, cwd=ROOT).returncode == 0
+def test_dask_may_be_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(ClusterError, match=re.escape(install_command("cluster"))):
         Cluster(free_address())

@@ -9,7 +9,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from estimator.cli.console import Screen, Terminal, print_json
+from estimator.cli.console import Terminal, print_json
+from estimator.cli.screen import Screen
 from estimator.readings.observation import Observation
 from protocol.errors import RobotError
 

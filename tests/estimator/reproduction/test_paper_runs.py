@@ -13,8 +13,7 @@ from estimator.errors import RunDirectoryError
 from estimator.identification.method import Listener
 from estimator.readings.observation import Observation
 from estimator.report.evaluations import SCORE, TRUTH, VALIDATION
-from estimator.report.result import Result
-from estimator.report.run_files import RESULT
+from estimator.report.result import RESULT, Result
 from estimator.reproduction.figure import FinishedRun
 from estimator.reproduction.paper_runs import (
     PlannedRun,

@@ -1,0 +1,59 @@
+"""``estimator show``: how far a run has come.
+
+What a finished run found is in its ``result.json``, so that nothing has to be computed or drawn,
+and the libraries for that are not loaded.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import Annotated
+
+import typer
+
+from estimator.cli.console import errors_as_sentences, out, print_run_directory, unless_unwritable
+from estimator.cli.options import Directory
+from estimator.report.formats import FORMATS
+from estimator.report.outcome import print_result
+from estimator.report.result import Result
+from estimator.storage.store import RunStore
+from protocol.text import printable
+
+
+def show(
+    directory: Directory,
+    form: Annotated[
+        str | None,
+        typer.Option(
+            "--format",
+            metavar="NAME",
+            help=f"Print it as {', '.join(FORMATS.own)}, or as a plug-in does. Default: as tables.",
+        ),
+    ] = None,
+    details: Annotated[
+        bool, typer.Option("--details", help="Probabilities, rivals, each movement, costs.")
+    ] = False,
+) -> None:
+    """Show how far a run has come; writes the files of one that is not finished, if it can."""
+    with errors_as_sentences(None), RunStore.open(directory, to_write=False) as store:
+        write = None if form is None else FORMATS.load(form)
+        kept = Result.of_finished(store)
+        result = _summarised(store) if kept is None else kept
+        if write is None:
+            print_result(out, result, directory, details=details)
+        if kept is None:
+            with unless_unwritable(directory):
+                _write_files(store, result)
+        if write is None:
+            print_run_directory(directory)
+        else:
+            typer.echo(printable(write(result, directory), keep="\n\t"))
+
+
+def _summarised(store: RunStore) -> Result:
+    result: Result = importlib.import_module("estimator.report.summarise").summarise(store)
+    return result
+
+
+def _write_files(store: RunStore, result: Result) -> None:
+    importlib.import_module("estimator.report.run_files").write_files(store, result)
