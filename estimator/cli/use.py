@@ -18,7 +18,6 @@ import numpy as np
 import typer
 
 from estimator.cli.console import (
-    Screen,
     err,
     errors_as_sentences,
     out,
@@ -26,6 +25,7 @@ from estimator.cli.console import (
     unless_unwritable,
 )
 from estimator.cli.options import CORES, Directory, Jobs, Keys, Robot
+from estimator.cli.screen import Screen
 from estimator.errors import EstimatorError
 from estimator.identification.robot_link import RobotLink
 from estimator.identification.run import open_same_robot
