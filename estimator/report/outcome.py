@@ -172,6 +172,7 @@ def next_steps(result: Result, directory: Path | None) -> list[str]:
     robot, more = result.robot_uri, result.interactions + 3
     steps = [
         (f"validate {directory} --robot {robot}", "predicts fresh movements, then makes them"),
+        (f"pose {directory} --robot {robot} --highest", "a pose by what it knows"),
         (f"export {directory} --format urdf", "the body as a file for simulators"),
         (f"show {directory} --details", "probabilities, rivals, each movement"),
     ]

@@ -1,4 +1,4 @@
-"""``docs/export.md`` is true: exported bodies stand still, and the hexapod walks."""
+"""``docs/after.md`` is true: exported bodies stand still, and the hexapod walks."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from robot.service.daemon import describe
 from sim_robot.simulator.pc104_set import configure
 from sim_robot.world.body import load_body, shipped_bodies
 from sim_robot.world.sensor_noise import NoiseLevels
-from tests.docs.pages import blocks, page
+from tests.docs.pages import blocks, section
 
-IN_PYBULLET, WALK = blocks(page("export"), "python")
+IN_PYBULLET, WALK = blocks(section("after", "In a simulator"), "python")
 PROBLEMS = {
     "quadruped": "topological-24",
     "plate": "tripod",
@@ -118,7 +118,7 @@ def test_the_hexapod_walks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.chdir(tmp_path)
     (tmp_path / "found.xml").write_text(mjcf(exported("hexapod_12")), encoding="utf-8")
     made: dict[str, Any] = {}
-    exec(compile(WALK, "export.md", "exec"), made)
+    exec(compile(WALK, "after.md", "exec"), made)
     body = made["data"].body("body")
     assert body.xpos[0] > 1.0
     assert body.xmat[8] > 0.99  # upright
