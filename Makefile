@@ -7,7 +7,7 @@ READY := $(VENV)/.installed
 COMPILED := $(VENV)/.compiled
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo demo-damage test test-newest wheel check docs format bench compare-engines reproduce after power ablations self-calibration soak three animation docs-commands screenshots latency attacks leaps calibration faults fuzz exports clean
+.PHONY: help install bench-peers demo demo-damage test test-newest wheel check docs format bench compare-engines reproduce after power ablations self-calibration soak three animation docs-commands screenshots latency attacks leaps calibration faults fuzz exports clean
 
 help: ## List the targets
 	@awk -F':.*## ' '/^[a-z-]+:.*## / {printf "  make %-16s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -110,6 +110,9 @@ ablations: $(READY) ## The method with one part left out at a time, on developme
 AFTER ?=
 after: $(READY) ## Poses, changes noticed and named, false alarms; hours; AFTER='--seeds 1 --quiet 40 --goals 20'
 	$(BIN)/python -m bench.after $(AFTER)
+bench-peers: $(READY) ## Our search beside public optimisers and samplers, same readings; half an hour
+	$(call into,$(BIN)/python,--editable '.[peers]')
+	$(BIN)/python -m bench.peers $(PEERS)
 
 SOAK ?=
 soak: $(READY) ## 24 virtual hours of random commands, faults, clients; 40 minutes; SOAK='--electronics pi'

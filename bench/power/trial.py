@@ -34,7 +34,9 @@ from protocol.errors import BodyschemaError
 from protocol.system.files import replace_text
 from sim_robot.world.body import DEFAULT
 
-_RUN: Final = "run"
+RUN: Final = "run"
+"""Folder of a trial's run."""
+
 CLOSE: Final = 10.0
 """A length is wrong when it is farther off, mm, and outside its own 90 % interval."""
 
@@ -163,7 +165,7 @@ class TrialRun(BriefRun):
 
     def make(self, place: Path) -> None:
         """Makes the run, and leaves its figures."""
-        shutil.rmtree(place / _RUN, ignore_errors=True)
+        shutil.rmtree(place / RUN, ignore_errors=True)
         figures = _run(self.trial, self.seed, place)
         replace_text(place / self.leaves, figures.model_dump_json(indent=2))
 
@@ -214,7 +216,7 @@ def _run(trial: Trial, seed: int, place: Path) -> Figures:
             return write_report(store, plots=False)
 
         try:
-            result = identify(place / _RUN, order, IN_THIS_PROCESS, Listener(), report=report)
+            result = identify(place / RUN, order, IN_THIS_PROCESS, Listener(), report=report)
         except BodyschemaError as error:
             said = str(error).replace(str(place), "").replace(process.uri, "the robot")
             return Figures(
@@ -226,7 +228,7 @@ def _run(trial: Trial, seed: int, place: Path) -> Figures:
                 cells=0,
                 steps=(),
             )
-    with RunStore.open(place / _RUN, to_write=False) as store:
+    with RunStore.open(place / RUN, to_write=False) as store:
         cells, steps = held_against(store, place / "truth.urdf", spent)
     return Figures(
         seed=seed,
@@ -252,6 +254,35 @@ class _Summary:
     weights: Array | None = None
 
 
+class Judge:
+    """Holds bodies of a run against the truth.
+
+    Args:
+        store: The run.
+        truth: URDF of the body that its robot's sensors are those of.
+        physics: Says what no sensor can tell.
+
+    Attributes:
+        legs: True lengths, m.
+    """
+
+    def __init__(self, store: RunStore, truth: Path, physics: StaticsPhysics) -> None:
+        self._store, self._physics = store, physics
+        self._truth = Truth.read(truth, store.problem, store.capabilities)
+        self._search: LengthSearch | None = None
+        self.legs = np.array([leg.limb.length for leg in self._truth.legs.values()])
+
+    def of(self, genes: Array) -> tuple[int, int, list[float]]:
+        """How many configurations of a body are right, of how many; errors of its legs, mm."""
+        store = self._store
+        body = store.genome.decode(genes)
+        comparison = Comparison(store.problem, store.genome, body, self._truth)
+        self._search = self._search or length_search(store, comparison.true_body, self._physics)
+        cells = comparison.configurations(self._search.is_like)
+        errors: list[float] = (1000 * (leg_lengths([body])[0] - self.legs)).tolist()
+        return sum(cell.right_up_to_equivalence for cell in cells), len(cells), errors
+
+
 def held_against(
     store: RunStore, truth: Path, cpu_seconds: Sequence[float]
 ) -> tuple[int, tuple[Step, ...]]:
@@ -262,34 +293,27 @@ def held_against(
         truth: URDF of the body that its robot's sensors are those of.
         cpu_seconds: Spent by the end of each interaction.
     """
-    problem, genome = store.problem, store.genome
-    known = Truth.read(truth, problem, store.capabilities)
-    legs = np.array([leg.limb.length for leg in known.legs.values()])
-    search: LengthSearch | None = None
     count, steps = 0, []
     with StaticsPhysics(store.world) as physics:
+        judge = Judge(store, truth, physics)
         for summary, seconds in zip(_summaries(store), cpu_seconds, strict=False):
-            body = genome.decode(summary.best)
-            comparison = Comparison(problem, genome, body, known)
-            search = search or length_search(store, comparison.true_body, physics)
-            cells = comparison.configurations(search.is_like)
-            count = len(cells)
+            right, count, errors = judge.of(summary.best)
             interval: dict[str, Any] = {}
             if summary.genes is not None:
-                lengths = leg_lengths(genome.decode_all(summary.genes))
+                lengths = leg_lengths(store.genome.decode_all(summary.genes))
                 low, high = np.quantile(
                     lengths, (0.05, 0.95), axis=0, weights=summary.weights, method="inverted_cdf"
                 )
                 interval = {
-                    "inside": ((low <= legs) & (legs <= high)).tolist(),
+                    "inside": ((low <= judge.legs) & (judge.legs <= high)).tolist(),
                     "widths_mm": (1000 * (high - low)).tolist(),
                 }
             steps.append(
                 Step(
                     probability=summary.probability,
                     explained=summary.explained,
-                    cells=sum(cell.right_up_to_equivalence for cell in cells),
-                    leg_errors_mm=tuple(1000 * (leg_lengths([body])[0] - legs)),
+                    cells=right,
+                    leg_errors_mm=tuple(errors),
                     cpu_seconds=seconds,
                     **interval,
                 )

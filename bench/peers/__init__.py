@@ -1,0 +1,1 @@
+"""Our search beside public optimisers and samplers: the same readings, the same likelihood."""

@@ -1,0 +1,269 @@
+"""Public optimisers and samplers, each given a target: points of the unit cube and their fits.
+
+An optimiser is restarted until its best attachments have come of ``FOUND_AGAIN`` restarts, or its
+CPU time is spent: it cannot know whether they are right. CMA-ES and CatCMA run ``LANES`` instances
+in step, since a call of the kernel with few bodies costs mostly the call.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Final, Protocol
+
+import cma
+import cmaes
+import emcee
+import nautilus
+import numpy as np
+from scipy.optimize import differential_evolution
+
+from estimator.body.morphology import Array
+from estimator.posterior.model.likelihood import Likelihood, Noise
+from estimator.posterior.model.sensor_data import SensorData
+from estimator.posterior.model.unknowns import Attachments, Predictor
+
+FOUND_AGAIN: Final = 3
+LANES: Final = 16
+_STAGNATION: Final = 60  # generations without a nat more, after which an instance is restarted
+_NATS: Final = 1.0  # that restarts which have found the same may differ by
+_WALKERS: Final = 320
+_LIVE: Final = 2000  # points, of nested sampling
+_IMPOSSIBLE: Final = -1e6  # log-likelihood of bodies that the problem does not allow
+
+
+class TimeIsUpError(Exception):
+    """The CPU time is spent."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Answer:
+    """What a peer found.
+
+    Attributes:
+        point: Its best, shape (size,).
+        stated: Probability that it states of the attachments of ``point``, if it states any.
+        finished: Whether its own rule ended it, and not the CPU time.
+    """
+
+    point: Array
+    stated: float | None
+    finished: bool
+
+
+class Target:
+    """The log-likelihood of points of the unit cube, noise factors integrated out; counts calls.
+
+    Everybody falls as statics has it, with coarse steps: as cheap as our own search has it.
+
+    Args:
+        predictor: Computes readings.
+        data: The observations.
+        noise: Sensor noise.
+        seconds: CPU time after which it raises ``TimeIsUpError``.
+
+    Attributes:
+        best: Best point so far, shape (size,).
+        fit: Its log-likelihood.
+        evaluations: How many bodies it was asked for.
+    """
+
+    def __init__(self, predictor: Predictor, data: SensorData, noise: Noise, seconds: float):
+        self.predictor = predictor
+        self.unknowns = predictor.unknowns
+        self._likelihood = Likelihood(data, noise)
+        self._ends = time.process_time() + seconds
+        self.best, self.fit, self.evaluations = np.full(self.unknowns.size, 0.5), -np.inf, 0
+
+    def __call__(self, points: Array) -> Array:
+        """Of n points, shape (n, size)."""
+        if time.process_time() > self._ends:
+            raise TimeIsUpError
+        values = np.clip(points, 0.0, 1.0)
+        misfits = self._likelihood.misfits_of(self.predictor, values, surely=True)
+        fits = self._likelihood.integrated(misfits)
+        fits[self.unknowns.forbidden(values)] = _IMPOSSIBLE
+        self.evaluations += len(values)
+        row = int(np.argmax(fits))
+        if fits[row] > self.fit:
+            self.best, self.fit = values[row].copy(), float(fits[row])
+        return fits
+
+    def key(self, point: Array) -> Attachments:
+        """Attachments of one point."""
+        return self.unknowns.keys(point[None])[0]
+
+
+Peer = Callable[[Target, int], Answer]
+"""Given a target and a seed."""
+
+
+class Optimiser(Protocol):
+    """One instance that is asked and told, in points of the cube."""
+
+    def ask(self) -> Array:
+        """The next points, shape (n, size)."""
+
+    def tell(self, fits: Array) -> None:
+        """Log-likelihoods of these."""
+
+
+class CatCma:
+    """CatCMA with margin (Hamano et al. 2025): normals of lengths, frequencies of choices."""
+
+    def __init__(self, target: Target, seed: int):
+        self._unknowns = target.unknowns
+        counts = self._unknowns.counts
+        self._choices = counts[self._unknowns.choices]
+        space = [[0.0, 1.0]] * self._unknowns.continuous.size
+        categories = self._choices.tolist()
+        self._search = cmaes.CatCMAwM(x_space=space, c_space=categories or None, seed=seed)
+        self._asked: list[Any] = []
+
+    def ask(self) -> Array:
+        """The next points."""
+        self._asked = [self._search.ask() for _ in range(self._search.population_size)]
+        points = np.full((len(self._asked), self._unknowns.size), 0.5)
+        points[:, self._unknowns.continuous] = [one.x for one in self._asked]
+        if self._choices.size:
+            chosen = np.array([np.argmax(one.c, axis=1) for one in self._asked])
+            points[:, self._unknowns.choices] = (chosen + 0.5) / self._choices
+        return points
+
+    def tell(self, fits: Array) -> None:
+        """Log-likelihoods of these."""
+        self._search.tell(list(zip(self._asked, (-fits).tolist(), strict=True)))
+
+
+class Cma:
+    """CMA-ES (Hansen) on the cube as it is: a choice is a range of its column."""
+
+    def __init__(self, target: Target, seed: int):
+        size = target.unknowns.size
+        options = {"bounds": [0, 1], "seed": seed + 1, "verbose": -9}
+        self._search = cma.CMAEvolutionStrategy(size * [0.5], 0.3, options)
+        self._asked: list[Array] = []
+
+    def ask(self) -> Array:
+        """The next points."""
+        self._asked = self._search.ask()
+        return np.array(self._asked)
+
+    def tell(self, fits: Array) -> None:
+        """Log-likelihoods of these."""
+        self._search.tell(self._asked, (-fits).tolist())
+
+
+class _Restarts:
+    """What the restarts have come to."""
+
+    def __init__(self) -> None:
+        self._ended: list[tuple[float, Attachments]] = []
+
+    def add(self, fit: float, key: Attachments) -> bool:
+        """Notes the end of one; whether the best attachments have been found often enough."""
+        self._ended.append((fit, key))
+        best, leader = max(self._ended)
+        near = Counter(own for fit, own in self._ended if fit > best - _NATS)
+        return near[leader] >= FOUND_AGAIN
+
+
+def _in_lanes(make: Callable[[Target, int], Optimiser], target: Target, seed: int) -> Answer:
+    seeds = iter(np.random.SeedSequence(seed).generate_state(100_000).tolist())
+    lanes = [make(target, next(seeds)) for _ in range(LANES)]
+    best = [(-np.inf, target.best)] * LANES
+    since, restarts = [0] * LANES, _Restarts()
+    try:
+        while True:
+            asked = [lane.ask() for lane in lanes]
+            fits = np.split(target(np.concatenate(asked)), np.cumsum([len(a) for a in asked])[:-1])
+            for number, (lane, points, own) in enumerate(zip(lanes, asked, fits, strict=True)):
+                lane.tell(own)
+                row, since[number] = int(np.argmax(own)), since[number] + 1
+                if own[row] > best[number][0]:
+                    if own[row] > best[number][0] + _NATS:
+                        since[number] = 0
+                    best[number] = float(own[row]), np.clip(points[row], 0.0, 1.0)
+                if since[number] >= _STAGNATION:
+                    fit, point = best[number]
+                    if restarts.add(fit, target.key(point)):
+                        return Answer(point=target.best, stated=None, finished=True)
+                    lanes[number] = make(target, next(seeds))
+                    best[number], since[number] = (-np.inf, point), 0
+    except TimeIsUpError:
+        return Answer(point=target.best, stated=None, finished=False)
+
+
+def _evolved(target: Target, seed: int) -> Answer:
+    """SciPy's differential evolution."""
+    restarts, bounds = _Restarts(), [(0.0, 1.0)] * target.unknowns.size
+    seeds = np.random.SeedSequence(seed).spawn(1000)
+    try:
+        for one in seeds:
+            found = differential_evolution(
+                lambda columns: -target(np.atleast_2d(columns.T)),
+                bounds,
+                vectorized=True,
+                updating="deferred",
+                polish=False,
+                tol=1e-4,
+                rng=np.random.default_rng(one),
+            )
+            if restarts.add(-float(found.fun), target.key(found.x)):
+                return Answer(point=target.best, stated=None, finished=True)
+    except TimeIsUpError:
+        pass
+    return Answer(point=target.best, stated=None, finished=False)
+
+
+def _walked(target: Target, seed: int) -> Answer:
+    """Emcee (Foreman-Mackey et al. 2013), by differences of two walkers, until time is up."""
+    rng, size = np.random.default_rng(seed), target.unknowns.size
+
+    def density(points: Array) -> Array:
+        fits = target(points)
+        fits[np.any((points < 0) | (points > 1), axis=1)] = -np.inf
+        return fits
+
+    moves = [(emcee.moves.DEMove(), 0.8), (emcee.moves.DESnookerMove(), 0.2)]
+    sampler = emcee.EnsembleSampler(_WALKERS, size, density, moves=moves, vectorize=True)
+    sampler._random.seed(seed)
+    seen: list[Array] = []
+    try:
+        for state in sampler.sample(rng.random((_WALKERS, size)), iterations=10**6, store=False):
+            seen.append(state.coords.copy())
+    except TimeIsUpError:
+        pass
+    late = np.concatenate(seen[len(seen) // 2 :])
+    keys = Counter(target.unknowns.keys(np.clip(late, 0.0, 1.0)))
+    share = keys[target.key(target.best)] / len(late)
+    return Answer(point=target.best, stated=share, finished=False)
+
+
+def _nested(target: Target, seed: int) -> Answer:
+    """Nautilus (Lange 2023): nested sampling with networks that learn where to draw."""
+    size = target.unknowns.size
+    sampler = nautilus.Sampler(
+        lambda cube: cube, target, n_dim=size, n_live=_LIVE, vectorized=True, seed=seed
+    )
+    try:
+        finished = bool(sampler.run(n_eff=1000))
+    except TimeIsUpError:
+        finished = False
+    if not finished:
+        return Answer(point=target.best, stated=None, finished=False)
+    points, log_weights, _ = sampler.posterior()
+    same = [key == target.key(target.best) for key in target.unknowns.keys(points)]
+    share = float(np.exp(log_weights)[same].sum() / np.exp(log_weights).sum())
+    return Answer(point=target.best, stated=share, finished=True)
+
+
+PEERS: Final[Mapping[str, Peer]] = {
+    "CatCMA with margin": lambda target, seed: _in_lanes(CatCma, target, seed),
+    "CMA-ES": lambda target, seed: _in_lanes(Cma, target, seed),
+    "differential evolution": _evolved,
+    "emcee": _walked,
+    "nautilus": _nested,
+}
