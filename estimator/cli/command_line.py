@@ -72,10 +72,10 @@ class _Group(TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         name, command, others = super().resolve_command(ctx, args)
-        return name, command if name is None else _loaded(name), others
+        return name, command if name is None else command_named(name), others
 
 
-def _loaded(name: str) -> Any:
+def command_named(name: str) -> Any:
     """A command as its function declares it."""
     place, function = COMMANDS[name][0].split(":")
     with interrupts_deferred():

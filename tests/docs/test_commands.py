@@ -10,9 +10,8 @@ import shlex
 from typing import Any
 
 import pytest
-import typer
 
-from estimator.cli.command_line import app
+from estimator.cli.command_line import command_named
 from robot.cli.command_line import main as robotd
 from sim_robot.command_line import main as sim_robotd
 from tests.docs.pages import ROOT
@@ -59,8 +58,7 @@ def test_a_command_is_understood(words: list[str], monkeypatch: pytest.MonkeyPat
             assert re.search(rf"^{target}:", makefile, re.MULTILINE), target
     elif program == "estimator":
         name, *options = rest
-        group: Any = typer.main.get_command(app)
-        group.commands[name].make_context(name, options)
+        command_named(name).make_context(name, options)
     else:
         understood = argparse.ArgumentParser.parse_args
 
