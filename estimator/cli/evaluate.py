@@ -26,7 +26,8 @@ from estimator.physics.statics import StaticsPhysics
 from estimator.report.canvas import as_png
 from estimator.report.evaluations import VALIDATION, print_score, print_validation, write_score
 from estimator.report.plots import LENGTHS, run_plots
-from estimator.report.run_files import LENGTHS_WITH_TRUTH, PAGE, write_report
+from estimator.report.result import PAGE
+from estimator.report.run_files import LENGTHS_WITH_TRUTH, write_report
 from estimator.storage.store import RunStore
 from protocol.system.files import replace_bytes, replace_text
 

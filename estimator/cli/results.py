@@ -19,7 +19,8 @@ from estimator.report.canvas import as_png
 from estimator.report.comparison import ComparedRun, comparison_picture, joints_of
 from estimator.report.export.formats import BODY_FORMATS, BodyFormat, Exported, in_words_of
 from estimator.report.page.run_page import PageSources, run_page
-from estimator.report.run_files import PAGE, write_files
+from estimator.report.result import PAGE
+from estimator.report.run_files import write_files
 from estimator.report.summarise import summarise
 from estimator.report.tables import number, percent, plain_table
 from estimator.reproduction.report import reproduction_page

@@ -16,6 +16,8 @@ from estimator.storage.store import RunStore
 from estimator.versions import versions
 
 RESULT: Final = "result.json"
+PAGE: Final = "report.html"
+"""The last file of a finished run to be written."""
 
 
 class _Record(BaseModel):
@@ -200,13 +202,13 @@ class Result(_Record):
 
     @classmethod
     def of_finished(cls, store: RunStore) -> Result | None:
-        """What a finished run's ``result.json`` holds: nothing that would say so has changed since.
+        """What a finished run's ``result.json`` holds, and its other files: nothing changes it.
 
         Returns:
-            ``None`` where the run is not finished, or the file is missing, damaged, or another
-            version's.
+            ``None`` where the run is not finished, or has no report, or the file is missing,
+            damaged, or another version's.
         """
-        if not store.complete:
+        if not (store.complete and (store.directory / PAGE).exists()):
             return None
         try:
             kept = cls.model_validate_json((store.directory / RESULT).read_bytes())

@@ -16,7 +16,7 @@ from estimator.readings import readings_csv
 from estimator.report.canvas import as_png
 from estimator.report.page.run_page import PageSources, run_page
 from estimator.report.plots import run_plots
-from estimator.report.result import RESULT, Result
+from estimator.report.result import PAGE, RESULT, Result
 from estimator.report.summarise import summarise
 from estimator.storage.store import READINGS, ROBOT, RunStore
 from protocol.system.files import replace_bytes, replace_file, replace_text
@@ -25,7 +25,6 @@ from protocol.system.process import interrupts_deferred
 POSTERIOR: Final = "posterior.csv"
 PLOTS: Final = "plots"
 BODY: Final = "plots/body.png"
-PAGE: Final = "report.html"
 LENGTHS_WITH_TRUTH: Final = "plots/lengths_with_truth.png"
 
 

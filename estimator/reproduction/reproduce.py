@@ -11,7 +11,7 @@ from estimator.errors import EstimatorError
 from estimator.identification.method import Listener
 from estimator.physics.backends import physics_class
 from estimator.report.evaluations import TRUTH
-from estimator.report.run_files import PAGE
+from estimator.report.result import PAGE
 from estimator.reproduction import figure2, figure3, figure4, figure5, figure6
 from estimator.reproduction.claims_table import ClaimsTable
 from estimator.reproduction.figure import DrawnFigure
