@@ -2,33 +2,21 @@
 
 from __future__ import annotations
 
+import importlib
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import closing
-from dataclasses import dataclass
-from enum import Enum
 from importlib import metadata
 from pathlib import Path
 from typing import Annotated, Final
 
-import numpy as np
 import typer
 from rich.text import Text
 
 from estimator.cli.console import errors_as_sentences, out
+from estimator.cli.findings import ExaminedItem, Fitness
 from estimator.cli.options import Keys
-from estimator.errors import ProblemError
-from estimator.exploration.prospects import (
-    KNOWN,
-    NEVER,
-    Prospects,
-    prospects,
-    supposed_robot,
-    with_sensors,
-)
-from estimator.physics.backends import open_arrays
-from estimator.problem.problem import Problem
 from estimator.readings.modalities import MODALITIES, check_modalities
 from protocol.errors import CLEAR, HOLD, BodyschemaError, RobotError, RobotUnreachableError
 from protocol.rules.control import HEARTBEAT
@@ -64,6 +52,9 @@ def doctor(
         if problem is not None and Fitness.BAD not in found:
             counting = check_modalities([name.strip() for name in modalities.split(",")])
             known = None if robot is None else _capabilities(robot, keys)
+            examine_problem = importlib.import_module(
+                "estimator.cli.problem_doctor"
+            ).examine_problem
             found += [_print_finding(one) for one in examine_problem(problem, known, counting)]
     if Fitness.BAD in found:
         raise typer.Exit(1)
@@ -93,23 +84,6 @@ _KEY_TROUBLE: Final = (
     Obstacle.OTHER_ROBOT,
     Obstacle.UNKNOWN_KEY,
 )
-
-
-class Fitness(Enum):
-    """How serious the result of a check is."""
-
-    FINE = "fine"
-    NOTE = "note"
-    BAD = "bad"
-
-
-@dataclass(frozen=True)
-class ExaminedItem:
-    """The result of one check."""
-
-    subject: str
-    verdict: Fitness
-    sentence: str
 
 
 def examine(uri: str, keys: Path | None = None) -> Iterator[ExaminedItem]:
@@ -308,158 +282,6 @@ def _telemetry(client: RobotClient, keys: Path | None) -> ExaminedItem:
     )
 
 
-_TOO_MANY: Final = 1.5  # times the movements that a problem makes
-_MORE: Final = 0.1  # bits, worth saying
-_UNFORESEEN: Final = 0.1  # share of movements after which no model knows how it lies
-_SENSORS: Final = {
-    "touch": "touch sensors",
-    "tilt": "an accelerometer",
-    "clearance": "a distance sensor",
-}
-
-
 def _capabilities(uri: str, keys: Path | None) -> Capabilities:
     with closing(RobotClient(uri, keys=keys, timeout=_PATIENCE)) as client:
         return client.capabilities
-
-
-def examine_problem(
-    name: str, robot: Capabilities | None, modalities: Sequence[str]
-) -> Iterator[ExaminedItem]:
-    """What a problem says, and what it can be expected to tell; ends early where it cannot be.
-
-    Args:
-        name: As of ``Problem.load``.
-        robot: Whose problem it is; ``None`` for one that it suits.
-        modalities: Sensors that may count, in their usual order.
-    """
-    try:
-        asked = Problem.load(name)
-        known = supposed_robot(asked) if robot is None else robot
-        has = tuple(one for one in modalities if known.sensor(one) is not None)
-        problem = asked.for_robot(known)
-        differences = problem.check_robot(known, has)
-    except ProblemError as error:
-        yield ExaminedItem("problem", Fitness.BAD, f"{error}.".replace("..", "."))
-        return
-    driven, joints = len(problem.motors.driven), len(known.joints)
-    yield ExaminedItem(
-        "problem",
-        Fitness.FINE,
-        f"{problem.name}: {len(problem.parts)} parts, moved by {driven} of {joints} joints.",
-    )
-    if robot is None:
-        yield ExaminedItem(
-            "robot",
-            Fitness.NOTE,
-            f"None is given: one with {joints} joints of ±90°, {_words(has)} and the paper's main "
-            "body, 140 x 140 x 85 mm and 0.6 kg, is supposed. With --robot it is yours.",
-        )
-    for sentence in differences:
-        yield ExaminedItem("problem", Fitness.NOTE, f"{sentence[0].upper()}{sentence[1:]}.")
-    foreseen = _prospects(problem, known, has)
-    yield _bodies(foreseen)
-    yield _movements(problem, foreseen, has)
-    if foreseen.unforeseen > _UNFORESEEN:
-        yield ExaminedItem(
-            "poses",
-            Fitness.NOTE,
-            f"After {foreseen.unforeseen:.0%} of random movements no model knows how its body "
-            "lies, and they tell nothing: narrow motors.range_deg.",
-        )
-    yield from _not_identifiable(foreseen, has)
-    for missing in (one for one in MODALITIES if one not in has):
-        richer = with_sensors(known, asked.sensors or driven)
-        counting = tuple(one for one in MODALITIES if one in (*has, missing))
-        yield _with(missing, _prospects(asked.for_robot(richer), richer, counting), foreseen)
-
-
-def _prospects(problem: Problem, robot: Capabilities, modalities: Sequence[str]) -> Prospects:
-    with closing(open_arrays("statics", problem.settings(robot))) as physics:
-        return prospects(problem, robot, physics, modalities, np.random.default_rng(0))
-
-
-def _bodies(foreseen: Prospects) -> ExaminedItem:
-    ways = f"{foreseen.ways:,.0f}" if foreseen.ways < 1e9 else f"{foreseen.ways:.1e}"
-    parts = []
-    if foreseen.ways > 1:
-        parts.append(f"{ways} ways to attach its parts ({math.log2(foreseen.ways):.0f} bits)")
-    if foreseen.lengths:
-        several = "s" if foreseen.lengths > 1 else ""
-        parts.append(
-            f"{foreseen.lengths} length{several}, to {1000 * KNOWN:.0f} mm "
-            f"({foreseen.length_bits:.0f} bits)"
-        )
-    return ExaminedItem("bodies", Fitness.FINE, f"To be found: {' and '.join(parts)}.")
-
-
-def _movements(problem: Problem, foreseen: Prospects, has: Sequence[str]) -> ExaminedItem:
-    makes = problem.search.interactions
-    first = foreseen.movements(foreseen.attachment_bits)
-    last = foreseen.movements(foreseen.attachment_bits + foreseen.length_bits)
-    if math.isinf(last):
-        return ExaminedItem(
-            "movements", Fitness.BAD, f"By {_words(has)} no movement tells anything of the body."
-        )
-    told = f"By {_words(has)} a good movement tells {foreseen.movement_bits:.1f} bits at first: "
-    if foreseen.ways > 1:
-        told += f"attachments take about {math.ceil(first)} movements, lengths up to "
-    else:
-        told += "lengths take about "
-    sentence = f"{told}{math.ceil(last)}; the problem makes {makes}"
-    needed = first if foreseen.ways > 1 else last
-    if needed > _TOO_MANY * makes:
-        return ExaminedItem(
-            "movements",
-            Fitness.BAD,
-            f"{sentence}, and so many unknowns are more than these can tell. Give identify "
-            f"--interactions {math.ceil(needed)}, say more in the problem, or add a sensor.",
-        )
-    if needed > makes:
-        return ExaminedItem(
-            "movements",
-            Fitness.NOTE,
-            f"{sentence}. Give identify --interactions {math.ceil(needed)}.",
-        )
-    return ExaminedItem("movements", Fitness.FINE, f"{sentence}.")
-
-
-def _not_identifiable(foreseen: Prospects, has: Sequence[str]) -> Iterator[ExaminedItem]:
-    if foreseen.never:
-        yield ExaminedItem(
-            "unknowns",
-            Fitness.NOTE,
-            f"By {_words(has)} nobody can tell: {', '.join(foreseen.never)}.",
-        )
-    if foreseen.turned >= NEVER:
-        yield ExaminedItem(
-            "unknowns",
-            Fitness.NOTE,
-            f"By {_words(has)} a body feels like itself turned by a quarter or a half, or "
-            "mirrored: sides, and which way parts swing sideways, are found up to that.",
-        )
-    if not foreseen.never and foreseen.turned < NEVER:
-        yield ExaminedItem("unknowns", Fitness.FINE, "Each shows in some reading of some bodies.")
-
-
-def _with(missing: str, richer: Prospects, foreseen: Prospects) -> ExaminedItem:
-    """What a sensor that the robot lacks would tell."""
-    more = richer.movement_bits - foreseen.movement_bits
-    sentence = f"With {_SENSORS[missing]} a movement would tell " + (
-        f"{richer.movement_bits:.1f} bits" if more > _MORE else "hardly more"
-    )
-    shown = [name for name in foreseen.never if name not in richer.never]
-    if foreseen.turned >= NEVER > richer.turned:
-        shown.append("sides, and which way parts swing sideways")
-    return ExaminedItem(
-        "sensors",
-        Fitness.NOTE,
-        f"{sentence}, and show what nothing shows now: {', '.join(shown)}."
-        if shown
-        else f"{sentence}.",
-    )
-
-
-def _words(modalities: Sequence[str]) -> str:
-    *most, last = modalities
-    return f"{', '.join(most)} and {last}" if most else last

@@ -17,6 +17,7 @@ from robot.drivers.buses import Buses
 from robot.service.daemon import HOUSEKEEPING, build_controller
 from robot.service.devices import Devices, open_devices
 from sim_robot.electronics.clock import HostClock, RealTimeClock, VirtualClock
+from sim_robot.faults.damage import Damage
 from sim_robot.faults.fault_panel import FaultPanel
 from sim_robot.simulator.bus_servo_sets import DynamixelSet, FeetechSet
 from sim_robot.simulator.electronics_set import ElectronicsSet
@@ -25,7 +26,7 @@ from sim_robot.simulator.pc104_set import PC104Set
 from sim_robot.simulator.pi_set import PiSet
 from sim_robot.simulator.wiring import Wiring, miscalibrated
 from sim_robot.world.body import Body
-from sim_robot.world.damage import Damage
+from sim_robot.world.damage import damaged
 from sim_robot.world.sensor_noise import Noise, NoiseLevels
 from sim_robot.world.simulation import DEFAULT_ENGINE, World, open_world
 
@@ -144,7 +145,7 @@ def emulation(
             config = apply_calibration(config, calibrated, file=str(calibration))
         wiring = Wiring(truth, world, noise)
 
-        damage = Damage(body)
+        damage = Damage(body, damaged)
 
         def advance(time: float) -> None:
             panel.advance()

@@ -7,14 +7,12 @@ the robot's daemon knows nothing of it.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from types import MappingProxyType
-from typing import ClassVar, Final
+from typing import Final
 
 import numpy as np
 
-from sim_robot.electronics.fault_switch import FaultSwitch
 from sim_robot.world.body import Body
 from sim_robot.world.urdf.declarations import (
     Axis,
@@ -39,55 +37,6 @@ _LOST: Final = Inertial(
     mass=Mass(value=1e-3), inertia=Inertia(ixx=1e-7, iyy=1e-7, izz=1e-7)
 )  # what is left of a link that broke off: an engine wants some
 _ALONG: Final = 0.99  # cosine to a leg's direction of what is stretched or cut with it
-
-
-class Damage(FaultSwitch):
-    """Damages of a body; that of each kind is one leg's, told by the number of its motor.
-
-    Args:
-        body: As it is without them.
-    """
-
-    FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
-        {
-            "cut": "of the n-th motor's leg so many percent are left, the rest broke off",
-            "length": "the n-th motor's leg has so many percent of its length, foot and all",
-            "bent": "the n-th motor's leg is bent by so many degrees at half its length",
-            "twisted": "the n-th motor's hinge is turned by so many degrees about its leg",
-            "aside": "the n-th motor's leg points so many degrees to its left",
-            "weight": "so many grams hang at the end of the n-th motor's leg",
-        }
-    )
-    AMOUNTS: ClassVar[Mapping[str, tuple[float, float]]] = MappingProxyType(
-        {
-            "cut": (5.0, 95.0),
-            "length": (20.0, 300.0),
-            "bent": (-90.0, 90.0),
-            "twisted": (-90.0, 90.0),
-            "aside": (-90.0, 90.0),
-            "weight": (1.0, 1000.0),
-        }
-    )
-
-    def __init__(self, body: Body) -> None:
-        super().__init__()
-        self._whole = body
-        self._done: dict[str, tuple[int, float]] = {}
-
-    def numbers(self, fault: str) -> Sequence[int]:
-        """The motors from 1."""
-        return range(1, len(self._whole.motors) + 1)
-
-    def new_body(self) -> Body | None:
-        """The body as it is by now; ``None`` where nothing has happened since this was asked."""
-        wanted = {fault: (number, self.amount(fault)) for fault, number in self.faults.items()}
-        if wanted == self._done:
-            return None
-        self._done = wanted
-        body = self._whole
-        for fault, (number, amount) in wanted.items():
-            body = damaged(body, fault, number, amount)
-        return body
 
 
 def damaged(body: Body, fault: str, number: int, amount: float) -> Body:

@@ -138,7 +138,7 @@ def estimator(*arguments: str | Path) -> Result:
 def content(directory: Path) -> dict[str, Any]:
     """All of a run that must not depend on where it was done."""
     kept: dict[str, Any] = json.loads((directory / "result.json").read_text())
-    for name in ("wall_seconds", "robot_uri", "robot"):
+    for name in ("wall_seconds", "robot_uri", "robot", "problem_asked"):
         del kept[name]
     with RunStore.open(directory, to_write=False) as store:
         kept["errors"] = [item.errors for item in store.generations()]

@@ -19,7 +19,8 @@ from typer.testing import CliRunner
 from bench.still_robot import still_robot
 from estimator.cli import doctor
 from estimator.cli.command_line import app
-from estimator.cli.doctor import ExaminedItem, Fitness, examine
+from estimator.cli.doctor import examine
+from estimator.cli.findings import ExaminedItem, Fitness
 from protocol.errors import EndpointError, KeysError, RobotError
 from protocol.rules.robot_interface import Robot
 from protocol.security.keys import KeyDirectory

@@ -10,7 +10,8 @@ import pytest
 from typer.testing import CliRunner
 
 from estimator.cli.command_line import app
-from estimator.cli.doctor import ExaminedItem, Fitness, examine_problem
+from estimator.cli.findings import ExaminedItem, Fitness
+from estimator.cli.problem_doctor import examine_problem
 from protocol.wire.capabilities import Capabilities
 from tests.estimator.model_robot import PROBLEM, make_capabilities
 

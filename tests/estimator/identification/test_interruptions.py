@@ -117,7 +117,7 @@ def nursery(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Nursery]:
 def content(directory: Path) -> dict[str, Any]:
     """All of a run that must not depend on interruptions."""
     found: dict[str, Any] = json.loads((directory / "result.json").read_text())
-    for name in ("wall_seconds", "robot_uri", "robot"):
+    for name in ("wall_seconds", "robot_uri", "robot", "problem_asked"):
         del found[name]
     with RunStore.open(directory, to_write=False) as store:
         found["errors"] = [item.errors for item in store.generations()]

@@ -68,7 +68,9 @@ def order(folder: Path, uri: str) -> RunConfig:
 
 def outcome(result: Result) -> dict[str, object]:
     assert result.complete
-    return result.model_dump(exclude={"wall_seconds", "robot_uri", "robot", "versions"})
+    return result.model_dump(
+        exclude={"wall_seconds", "robot_uri", "robot", "versions", "problem_asked"}
+    )
 
 
 def whole(folder: Path, interrupt_after: int | None = None) -> Result:

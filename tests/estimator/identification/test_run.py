@@ -48,7 +48,9 @@ class Witness(Listener):
 
 def outcome(result: Result) -> dict[str, object]:
     """What must not depend on interruptions."""
-    kept = result.model_dump(exclude={"wall_seconds", "robot_uri", "robot", "versions"})
+    kept = result.model_dump(
+        exclude={"wall_seconds", "robot_uri", "robot", "versions", "problem_asked"}
+    )
     assert kept["complete"]
     return kept
 

@@ -99,9 +99,9 @@ from {module}.__main__ import main
 sys.exit(main())
 """
 
-    def run(option: str) -> subprocess.CompletedProcess[str]:
+    def run(*options: str) -> subprocess.CompletedProcess[str]:
         return subprocess.run(
-            [sys.executable, "-c", code, option],
+            [sys.executable, "-c", code, *options],
             cwd=Path(__file__).parents[3],
             capture_output=True,
             text=True,
@@ -113,7 +113,7 @@ sys.exit(main())
     version = metadata.version("bodyschema")
     assert (ended.returncode, ended.stderr) == (0, "")
     assert ended.stdout == f"{command} (bodyschema) {version}\n"
-    ended = run("--help")
+    ended = run("show", "DIR") if module == "estimator" else run("--help")
     assert (ended.returncode, ended.stdout) == (1, "")
     assert ended.stderr.endswith(
         f": needs {library}, which is not installed: {install_command(extra)}\n"

@@ -12,8 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robot.errors import CommandError
+from sim_robot.faults.damage import Damage
 from sim_robot.world.body import Body, load_body, shipped_bodies
-from sim_robot.world.damage import Damage, damaged
+from sim_robot.world.damage import damaged
 from sim_robot.world.simulation import ENGINES, open_world
 from sim_robot.world.urdf.declarations import Points, Robot
 
@@ -138,7 +139,7 @@ def test_any_damage_of_any_body_leaves_a_description_that_can_be_read(
 
 
 def test_what_was_asked_for_is_made_once_and_undone_when_mended() -> None:
-    damage = Damage(TRIPOD)
+    damage = Damage(TRIPOD, damaged)
     assert damage.new_body() is None
     damage.inject("cut", 1, 50.0)
     damage.inject("weight", 2, 80.0)
@@ -155,4 +156,4 @@ def test_what_was_asked_for_is_made_once_and_undone_when_mended() -> None:
 )
 def test_what_cannot_be_is_refused(fault: str, number: int, amount: float) -> None:
     with pytest.raises(CommandError, match="needs"):
-        Damage(TRIPOD).inject(fault, number, amount)
+        Damage(TRIPOD, damaged).inject(fault, number, amount)

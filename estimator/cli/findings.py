@@ -1,0 +1,23 @@
+"""What a check of a robot or of a problem finds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+
+class Fitness(Enum):
+    """How serious the result of a check is."""
+
+    FINE = "fine"
+    NOTE = "note"
+    BAD = "bad"
+
+
+@dataclass(frozen=True)
+class ExaminedItem:
+    """The result of one check."""
+
+    subject: str
+    verdict: Fitness
+    sentence: str

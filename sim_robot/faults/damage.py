@@ -1,0 +1,63 @@
+"""Damages of a body that are injected while it runs; ``world.damage`` makes the damaged body."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
+from typing import TYPE_CHECKING, ClassVar
+
+from sim_robot.electronics.fault_switch import FaultSwitch
+
+if TYPE_CHECKING:
+    from sim_robot.world.body import Body
+
+
+class Damage(FaultSwitch):
+    """Damages of a body; that of each kind is one leg's, told by the number of its motor.
+
+    Args:
+        body: As it is without them.
+        damaged: The body with one kind of damage: of a motor's leg, by an amount.
+    """
+
+    FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
+        {
+            "cut": "of the n-th motor's leg so many percent are left, the rest broke off",
+            "length": "the n-th motor's leg has so many percent of its length, foot and all",
+            "bent": "the n-th motor's leg is bent by so many degrees at half its length",
+            "twisted": "the n-th motor's hinge is turned by so many degrees about its leg",
+            "aside": "the n-th motor's leg points so many degrees to its left",
+            "weight": "so many grams hang at the end of the n-th motor's leg",
+        }
+    )
+    AMOUNTS: ClassVar[Mapping[str, tuple[float, float]]] = MappingProxyType(
+        {
+            "cut": (5.0, 95.0),
+            "length": (20.0, 300.0),
+            "bent": (-90.0, 90.0),
+            "twisted": (-90.0, 90.0),
+            "aside": (-90.0, 90.0),
+            "weight": (1.0, 1000.0),
+        }
+    )
+
+    def __init__(self, body: Body, damaged: Callable[[Body, str, int, float], Body]) -> None:
+        super().__init__()
+        self._whole = body
+        self._damaged = damaged
+        self._done: dict[str, tuple[int, float]] = {}
+
+    def numbers(self, fault: str) -> Sequence[int]:
+        """The motors from 1."""
+        return range(1, len(self._whole.motors) + 1)
+
+    def new_body(self) -> Body | None:
+        """The body as it is by now; ``None`` where nothing has happened since this was asked."""
+        wanted = {fault: (number, self.amount(fault)) for fault, number in self.faults.items()}
+        if wanted == self._done:
+            return None
+        self._done = wanted
+        body = self._whole
+        for fault, (number, amount) in wanted.items():
+            body = self._damaged(body, fault, number, amount)
+        return body
