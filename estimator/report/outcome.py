@@ -11,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from estimator.report.posterior_report import PosteriorReport
-from estimator.report.result import LegResult, ModelResult, PartResult, Result
+from estimator.report.result import MAIN_BODY, LegResult, ModelResult, PartResult, Result
 from estimator.report.tables import (
     between,
     mm,
@@ -37,7 +37,7 @@ _LIKELY: Final = 0.5
 
 def headline(result: Result) -> str:
     """Whether the body is found and how surely, in a few words."""
-    legs = f"{len(result.legs)} {'leg' if len(result.legs) == 1 else 'legs'}"
+    legs = _subject(result)
     judged, posterior = result.judged, result.posterior
     if not result.legs:
         return "Nothing is known of this body yet"
@@ -48,6 +48,14 @@ def headline(result: Result) -> str:
     if not posterior.attachments:
         return f"{legs}, found to ± {worst_length(posterior):.0f} mm"
     return f"{legs}, {_how_sure(posterior.probability)}"
+
+
+def _subject(result: Result) -> str:
+    """What is told of: legs, or parts where some sit on others, since a leg may be several."""
+    parts = result.best_models[0].parts if result.best_models else ()
+    if any(part.joint and part.parent != MAIN_BODY for part in parts):
+        return f"{len(parts)} parts"
+    return f"{len(result.legs)} {'leg' if len(result.legs) == 1 else 'legs'}"
 
 
 def _how_sure(probability: float | None) -> str:

@@ -24,6 +24,10 @@ class _Record(BaseModel):
     model_config = ConfigDict(frozen=True, json_schema_serialization_defaults_required=True)
 
 
+MAIN_BODY: Final = "main body"
+"""What parts that sit on it say they sit on."""
+
+
 class PartResult(_Record):
     """One part of a model.
 

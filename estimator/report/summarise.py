@@ -16,6 +16,7 @@ from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation, touched
 from estimator.report.posterior_report import posterior_report
 from estimator.report.result import (
+    MAIN_BODY,
     FitReport,
     LegResult,
     ModelResult,
@@ -171,7 +172,7 @@ def _model(
         parts=tuple(
             PartResult(
                 name=name,
-                parent="main body" if part.parent == BASE else names[part.parent],
+                parent=MAIN_BODY if part.parent == BASE else names[part.parent],
                 mount=body.mount(row).name,
                 hinge=body.hinge(row).name,
                 length_m=part.length,

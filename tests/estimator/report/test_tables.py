@@ -15,7 +15,7 @@ from estimator.evaluation.attachments import Configuration
 from estimator.evaluation.score import Score
 from estimator.evaluation.validate import PredictionErrors, Validation
 from estimator.report.evaluations import print_score, print_validation
-from estimator.report.outcome import print_result
+from estimator.report.outcome import headline, print_result
 from estimator.report.page.run_page import PageSources, run_page
 from estimator.report.posterior_report import sums_of_lengths
 from estimator.report.summarise import summarise
@@ -431,6 +431,19 @@ def test_a_result_shows_how_parts_hang_together_where_that_was_to_be_found(tmp_p
     assert "sits on" not in texts[0]
     lines = [line for line in texts[1].splitlines() if line.startswith("back ")]
     assert lines[0].split()[:5] == ["back", "right", "front", "up", "100.0"]
+
+
+def test_a_title_counts_parts_where_legs_have_several(tmp_path: Path) -> None:
+    with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3, hinge=UP) as run:
+        result = summarise(run)
+    assert headline(result).startswith("4 legs")
+    model = result.best_models[0]
+    first, second, *others = model.parts
+    on_first = second.model_copy(update={"parent": first.name, "joint": "knee"})
+    parts = (first, on_first, *others)
+    several = model.model_copy(update={"parts": parts})
+    result = result.model_copy(update={"best_models": (several, *result.best_models[1:])})
+    assert headline(result).startswith(f"{len(parts)} parts")
 
 
 @pytest.mark.parametrize(
