@@ -7,23 +7,9 @@ out=${1:-demo-damage}
 seed=${SEED:-1}
 damage=${DAMAGE:-body.cut=2:70}
 
-show() { printf '\n\033[1m$ %s\033[0m\n' "$*"; "$@"; }
-
-rm -rf "$out"
-mkdir -p "$out"
-
-bind='tcp://127.0.0.1:*'
+. "$(dirname "$0")/start-simulator.sh"
 control="ipc://$PWD/$out/control"
-printf "\033[1m$ sim-robotd --bind '%s' --control %s --seed %s &\033[0m\n" "$bind" "$control" "$seed"
-sim-robotd --bind "$bind" --control "$control" --seed "$seed" 2> "$out/sim-robotd.log" &
-daemon=$!
-trap 'kill "$daemon" 2> /dev/null || true' EXIT
-until grep -q serving "$out/sim-robotd.log"; do
-    kill -0 "$daemon" 2> /dev/null || { cat "$out/sim-robotd.log" >&2; exit 1; }
-    sleep 0.1
-done
-robot=$(grep -m 1 -o 'serving [^,]*' "$out/sim-robotd.log" | grep -o 'tcp://.*')
-printf 'The robot is at %s\n' "$robot"
+start_simulator --control "$control" --seed "$seed"
 pose="--tilt-forward 5 --tilt-left 0 --yes"
 
 # Which legs has it, and how long are they? Then: stand with the nose up by 5 degrees.

@@ -7,23 +7,8 @@ out=${1:-demo}
 seed=${SEED:-1}
 electronics=${ELECTRONICS:-pc104}
 
-show() { printf '\n\033[1m$ %s\033[0m\n' "$*"; "$@"; }
-
-rm -rf "$out"
-mkdir -p "$out"
-
-bind='tcp://127.0.0.1:*'
-printf "\033[1m$ sim-robotd --bind '%s' --seed %s --electronics %s &\033[0m\n" "$bind" "$seed" \
-    "$electronics"
-sim-robotd --bind "$bind" --seed "$seed" --electronics "$electronics" 2> "$out/sim-robotd.log" &
-daemon=$!
-trap 'kill "$daemon" 2> /dev/null || true' EXIT
-until grep -q serving "$out/sim-robotd.log"; do
-    kill -0 "$daemon" 2> /dev/null || { cat "$out/sim-robotd.log" >&2; exit 1; }
-    sleep 0.1
-done
-robot=$(grep -m 1 -o 'serving [^,]*' "$out/sim-robotd.log" | grep -o 'tcp://.*')
-printf 'The robot is at %s\n' "$robot"
+. "$(dirname "$0")/start-simulator.sh"
+start_simulator --seed "$seed" --electronics "$electronics"
 
 # The paper's way: one population of models, optimised, and movements drawn at random.
 show estimator identify --robot "$robot" --problem parametric --method paper --seed "$seed" \

@@ -1,25 +1,21 @@
 """A parameter of a robot: how far it may be from what is stated, and what that changes.
 
-Its *narrow* component is how far robots stray unnoticed, and is always open: a normal distribution
-around what the problem states. Its *wide* one is a robot that is not as stated at all, and has a
-probability: ``DEVIATES`` for all parameters together. ``rows`` has the table.
+Its *narrow* component is how far robots stray unnoticed: a normal distribution around what the
+problem states. Its *wide* one is a robot that is not as stated at all, or has changed. ``rows`` has
+the table.
 """
 
 from __future__ import annotations
 
 import math
-from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 
 from estimator.body.arrays import Bodies, Flags, Integers
 from estimator.body.morphology import Array
-
-DEVIATES: Final = 0.05
-"""Probability, before any reading, that a robot has one of the wide components."""
 
 
 class Draft:
@@ -129,66 +125,3 @@ class Parameter:
         shown = amount * self.unit
         digits = max(0, 1 - math.floor(math.log10(abs(shown)))) if shown else 0
         return f"{shown:{'' if self.factor else '+'}.{min(digits, 3)}f}"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Opened:
-    """Parameters that are open at once, each with one column of θ ~ N(0, 1).
-
-    Attributes:
-        parameters: In the order of the columns.
-        spreads: What one unit of each stands for: a standard deviation, SI or of a logarithm.
-    """
-
-    parameters: tuple[Parameter, ...]
-    spreads: tuple[float, ...]
-
-    def __len__(self) -> int:
-        return len(self.parameters)
-
-    @classmethod
-    def narrow(cls, table: Sequence[Parameter], scale: float = 1.0) -> Opened:
-        """The narrow components of a table, all their spreads times a common factor; 0: none."""
-        own = tuple(one for one in table if one.narrow * scale > 0)
-        return cls(parameters=own, spreads=tuple(scale * one.narrow for one in own))
-
-    def with_wide(self, wide: Parameter) -> Opened:
-        """With the wide component of one parameter in the place of its narrow one, as last."""
-        kept = [
-            (one, spread)
-            for one, spread in zip(self.parameters, self.spreads, strict=True)
-            if one.name != wide.name
-        ]
-        return Opened(
-            parameters=(*(one for one, _ in kept), wide),
-            spreads=(*(spread for _, spread in kept), wide.wide or 1.0),
-        )
-
-    def amounts(self, theta: Array) -> Array:
-        """Amounts of n points, shape (n, parameters)."""
-        columns = [
-            one.amounts(spread, column)
-            for one, spread, column in zip(self.parameters, self.spreads, theta.T, strict=True)
-        ]
-        return np.column_stack(columns) if columns else np.empty((len(theta), 0))
-
-    def applied(self, bodies: Bodies, theta: Array) -> Bodies:
-        """The n bodies as their θ, shape (n, parameters), have them."""
-        if not self.parameters:
-            return bodies
-        draft = Draft(bodies)
-        for one, amounts in zip(self.parameters, self.amounts(theta).T, strict=True):
-            one.change(draft, amounts)
-        return draft.done()
-
-
-def log_priors(table: Sequence[Parameter]) -> dict[str, float]:
-    """Logarithm of the probability of each wide component before any reading, by name.
-
-    They add up to ``DEVIATES``. Groups are as probable as each other, and so are the parameters of
-    a group: that a builder was wrong about how thick parts are is not a hundred times less probable
-    because there are so many hinges.
-    """
-    wide = [one for one in table if one.wide > 0 or one.switch]
-    sizes = Counter(one.group for one in wide)
-    return {one.name: math.log(DEVIATES) - math.log(len(sizes) * sizes[one.group]) for one in wide}

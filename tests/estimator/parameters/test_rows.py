@@ -12,7 +12,7 @@ from estimator.body.arrays import ACCELEROMETER, Bodies
 from estimator.body.morphology import Array, Base
 from estimator.parameters.instruments import as_sensed
 from estimator.parameters.rows import SOURCES, table_of
-from estimator.parameters.table import DEVIATES, Opened, Parameter, log_priors
+from estimator.parameters.table import Parameter
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.problem.genome import Genome
@@ -167,32 +167,6 @@ def test_distances(predictor: Predictor) -> None:
     assert np.allclose(farther.clearance, before.clearance * np.where(before.saturated, 1, 1.5))
     far = TABLE["distance sensor's gain"].applied(bodies, 2.0)[np.zeros(40, dtype=np.intp)]
     assert np.array_equal(as_sensed(before, far).saturated, before.saturated)
-
-
-def test_several_are_open_at_once_each_with_its_own_column(predictor: Predictor) -> None:
-    opened = Opened.narrow(tuple(TABLE.values()))
-    rng = np.random.default_rng(1)
-    theta = rng.normal(size=(3, len(opened)))
-    bodies = predictor.unknowns.bodies(np.repeat(LENGTHS, 3, axis=0))
-    together = opened.applied(bodies, theta)
-    by_hand = bodies
-    for one, amounts in zip(opened.parameters, opened.amounts(theta).T, strict=True):
-        by_hand = one.applied(by_hand, amounts)
-    for name in ("radius", "density", "zero", "travel", "base"):
-        assert np.array_equal(getattr(together, name), getattr(by_hand, name))
-    wide = opened.with_wide(TABLE["mass of left upper"])
-    assert len(wide) == len(opened) + 1
-    assert len(opened.with_wide(TABLE["thickness of all parts"])) == len(opened)
-    assert not len(Opened.narrow(tuple(TABLE.values()), 0.0))
-    assert Opened.narrow((), 1.0).applied(bodies, np.empty((3, 0))) is bodies
-
-
-def test_all_that_may_be_otherwise_has_one_robot_in_twenty_group_by_group() -> None:
-    priors = log_priors(tuple(TABLE.values()))
-    assert sum(map(math.exp, priors.values())) == pytest.approx(DEVIATES)
-    hinges = [prior for name, prior in priors.items() if name.startswith("hinge of")]
-    assert sum(map(math.exp, hinges)) == pytest.approx(math.exp(priors["thickness of all parts"]))
-    assert "mass of all parts" not in priors  # its narrow component is wide enough
 
 
 def test_what_repeats_an_open_choice_has_no_row() -> None:
