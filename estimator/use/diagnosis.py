@@ -20,6 +20,7 @@ import numpy as np
 from estimator.body.arrays import Bodies, Flags
 from estimator.body.limbs import driven_limbs
 from estimator.body.morphology import Array
+from estimator.identification.method import information_in_words
 from estimator.parameters.changes import Within
 from estimator.posterior.fitted import FittedPosterior
 from estimator.posterior.model.likelihood import Likelihood, Noise
@@ -201,7 +202,7 @@ def _reason(weighed: Weighed, bits: float) -> str:
     first, second = (
         "no change" if one.cause is None else one.cause.name for one in weighed.particles[:2]
     )
-    return f"tells apart: {first} or {second}; expected {bits:.1f} bits"
+    return f"tells apart: {first} or {second}; {information_in_words(bits)}"
 
 
 # --- the test -------------------------------------------------------------------------------------
