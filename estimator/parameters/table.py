@@ -65,7 +65,8 @@ class Draft:
 
 
 Change: TypeAlias = Callable[[Draft, Array], None]
-"""Changes n bodies, each by its own amount, shape (n,); travels to worker processes."""
+"""Changes n bodies, each by its own amount, shape (n,); what is 0, or of a factor 1, it leaves as
+it is. Travels to worker processes."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,7 +81,7 @@ class Parameter:
         sentence: For people, as the rest of "a robot with …"; braces stand for the amount.
         check: What to look at with one's hands.
         factor: Whether amounts are factors, and spreads those of their logarithms.
-        switch: Whether it either is so or is not, without an amount.
+        switch: Whether it either is so or is not, without an amount: 1 and 0.
         unit: Factor from SI on the amount in the sentence.
         narrow: Standard deviation of robots as people build them; 0: as stated.
         wide: Standard deviation of a robot that is not as stated; 0: there is none.
@@ -131,55 +132,20 @@ class Parameter:
         return f"{shown:{'' if self.factor else '+'}.{min(digits, 3)}f}"
 
 
-@dataclass(frozen=True, kw_only=True)
-class Opened:
-    """Parameters that are open at once, each with one column of θ ~ N(0, 1).
+def applied(table: Sequence[Parameter], bodies: Bodies, away: Array) -> Bodies:
+    """Bodies as columns of a posterior have them.
 
-    Attributes:
-        parameters: In the order of the columns.
-        spreads: What one unit of each stands for: a standard deviation, SI or of a logarithm.
+    Args:
+        table: The rows that columns stand for.
+        bodies: n bodies, as stated.
+        away: How far each is from that, shape (n, rows): SI, of factors their logarithms, of
+            switches 1. What is 0 is as stated.
     """
-
-    parameters: tuple[Parameter, ...]
-    spreads: tuple[float, ...]
-
-    def __len__(self) -> int:
-        return len(self.parameters)
-
-    @classmethod
-    def narrow(cls, table: Sequence[Parameter], scale: float = 1.0) -> Opened:
-        """The narrow components of a table, all their spreads times a common factor; 0: none."""
-        own = tuple(one for one in table if one.narrow * scale > 0)
-        return cls(parameters=own, spreads=tuple(scale * one.narrow for one in own))
-
-    def with_wide(self, wide: Parameter) -> Opened:
-        """With the wide component of one parameter in the place of its narrow one, as last."""
-        kept = [
-            (one, spread)
-            for one, spread in zip(self.parameters, self.spreads, strict=True)
-            if one.name != wide.name
-        ]
-        return Opened(
-            parameters=(*(one for one, _ in kept), wide),
-            spreads=(*(spread for _, spread in kept), wide.wide or 1.0),
-        )
-
-    def amounts(self, theta: Array) -> Array:
-        """Amounts of n points, shape (n, parameters)."""
-        columns = [
-            one.amounts(spread, column)
-            for one, spread, column in zip(self.parameters, self.spreads, theta.T, strict=True)
-        ]
-        return np.column_stack(columns) if columns else np.empty((len(theta), 0))
-
-    def applied(self, bodies: Bodies, theta: Array) -> Bodies:
-        """The n bodies as their θ, shape (n, parameters), have them."""
-        if not self.parameters:
-            return bodies
-        draft = Draft(bodies)
-        for one, amounts in zip(self.parameters, self.amounts(theta).T, strict=True):
-            one.change(draft, amounts)
-        return draft.done()
+    draft = Draft(bodies)
+    for column in np.flatnonzero(np.any(away != 0, axis=0)).tolist():
+        row, own = table[column], away[:, column]
+        row.change(draft, own if row.switch else row.amounts(1.0, own))
+    return draft.done()
 
 
 def log_priors(table: Sequence[Parameter]) -> dict[str, float]:

@@ -19,7 +19,6 @@ from estimator.body.morphology import Array, Morphology
 from estimator.errors import EstimatorError
 from estimator.physics.backends import open_arrays
 from estimator.physics.base import ArrayPhysics, WorldSettings
-from estimator.posterior.model.deviations import Alternative
 from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Predictor, Unknowns
@@ -75,8 +74,6 @@ class FittedPosterior:
         searched: Of a population, subjective errors as the search computed them, shape (n,).
         ranking: Of a population, its indices, best first, shape (n,). Models that the reference
             back-end simulated come before the others, in its order.
-        alternatives: Bodies that deviate from the problem and explain the readings as well, while a
-            run goes on.
     """
 
     problem: Problem
@@ -90,7 +87,6 @@ class FittedPosterior:
     errors: Array | None = None
     searched: Array | None = None
     ranking: NDArray[np.intp] | None = None
-    alternatives: tuple[Alternative, ...] = ()
 
     # --- as a run has it --------------------------------------------------------------------------
 
@@ -118,7 +114,7 @@ class FittedPosterior:
         """As a run has stored it."""
         with reading(store.directory):
             best = np.array(stored.best, dtype=float)
-            posterior = load_posterior(stored, Unknowns(store.genome))
+            posterior = load_posterior(stored, unknowns_of(store))
         return replace(cls.in_run(store, posterior, observations), best=best, summary=stored)
 
     @classmethod
@@ -169,7 +165,7 @@ class FittedPosterior:
             modalities=settings.modalities,
             observations=tuple(observations),
             posterior=posterior,
-            open_predictor=partial(_opened, store.genome, physics, store.world),
+            open_predictor=partial(_opened, unknowns_of(store), physics, store.world),
         )
 
     def computed_by(self, physics: ArrayPhysics) -> FittedPosterior:
@@ -184,6 +180,14 @@ class FittedPosterior:
     @property
     def samples(self) -> Array:
         """Genomes, shape (n, genes), each number in [0, 1]."""
+        return self.unknowns.cube(self.points)
+
+    @property
+    def points(self) -> Array:
+        """Genomes and how far each robot is from what is stated otherwise, shape (n, size).
+
+        ``unknowns`` makes bodies of them.
+        """
         return self.posterior.values
 
     @property
@@ -266,7 +270,8 @@ class FittedPosterior:
     @cached_property
     def unknowns(self) -> Unknowns:
         """What the posterior is over."""
-        return Unknowns(self.genome)
+        genes = self.posterior.values.shape[1] - len(self.genome.genes)
+        return Unknowns(self.genome, self.problem.table if genes else ())
 
     @cached_property
     def predictor(self) -> Predictor:
@@ -308,7 +313,7 @@ class FittedPosterior:
         """
         angles = self._checked(programs)
         several = np.atleast_2d(angles)
-        bodies, count = self.unknowns.bodies(self.samples), len(self)
+        bodies, count = self.unknowns.bodies(self.points), len(self)
         at_once, pieces = max(1, _AT_ONCE // max(1, count)), []
         for start in range(0, len(several), at_once):
             some = several[start : start + at_once]
@@ -330,7 +335,7 @@ class FittedPosterior:
         several, count = np.atleast_2d(angles), len(self)
         rows = np.tile(np.arange(count), len(several))
         margins = self.predictor.margins(
-            self.unknowns.bodies(self.samples), rows, np.repeat(several, count, axis=0)
+            self.unknowns.bodies(self.points), rows, np.repeat(several, count, axis=0)
         )
         return margins.reshape(*angles.shape[:-1], count)
 
@@ -363,7 +368,7 @@ class FittedPosterior:
             )
         observed = SensorData.of([observation], self.modalities, self.clearance_cap)
         likelihood = Likelihood(replace(observed, programs=angles[None]), self.noise)
-        return likelihood.normalised(self.predictor, self.samples, self.scales)[:, 0]
+        return likelihood.normalised(self.predictor, self.points, self.scales)[:, 0]
 
     def _checked(self, programs: ArrayLike) -> Array:
         """Programs as an array of one or two dimensions."""
@@ -382,11 +387,26 @@ class FittedPosterior:
         return angles
 
 
+def unknowns_of(store: RunStore) -> Unknowns:
+    """What a run's posterior is over; of a population, bodies that are just as stated."""
+    table = store.problem.table if store.settings.keeps_samples else ()
+    return Unknowns(store.genome, table)
+
+
 def load_posterior(stored: StoredPosterior, unknowns: Unknowns) -> Posterior:
     """Loads the posterior that was stored with its summary."""
-    points = np.array([mode.genes for mode in stored.modes]).reshape(-1, unknowns.size)
+    points = unknowns.points(
+        np.array([mode.genes for mode in stored.modes]).reshape(-1, unknowns.genes_size),
+        {
+            name: np.array([mode.amounts.get(name, 0.0) for mode in stored.modes])
+            for name in {name for mode in stored.modes for name in mode.amounts}
+        },
+    )
     return Posterior(
-        values=np.array(stored.genes),
+        values=unknowns.points(
+            np.array(stored.genes),
+            {name: np.array(amounts) for name, amounts in stored.amounts.items()},
+        ),
         scales=np.array(stored.scales),
         weights=np.array(stored.weights),
         modes=tuple(
@@ -397,5 +417,5 @@ def load_posterior(stored: StoredPosterior, unknowns: Unknowns) -> Posterior:
     )
 
 
-def _opened(genome: Genome, physics: str, world: WorldSettings) -> Predictor:
-    return Predictor(Unknowns(genome), open_arrays(physics, world))
+def _opened(unknowns: Unknowns, physics: str, world: WorldSettings) -> Predictor:
+    return Predictor(unknowns, open_arrays(physics, world))

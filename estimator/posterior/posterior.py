@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import Final, Self
+from typing import Final, NamedTuple, Self
 
 import numpy as np
 
@@ -35,6 +35,25 @@ class Mode:
     found: tuple[bool, ...]
 
 
+class CauseShare(NamedTuple):
+    """How probable one wide component of the table of parameters is.
+
+    Attributes:
+        row: Of the table.
+        probability: Share of the posterior.
+        low: How far the robot is from what is stated, as ``parameters.table.applied`` has it: of
+            the posterior with this component 5 % lie below,
+        median: half of it,
+        high: 95 %.
+    """
+
+    row: int
+    probability: float
+    low: float
+    median: float
+    high: float
+
+
 @dataclass(frozen=True, kw_only=True)
 class Posterior:
     """Weighted samples, and the modes in order.
@@ -45,6 +64,9 @@ class Posterior:
         weights: Of the samples, adding up to 1, shape (n,).
         modes: The most probable first.
         adequate_fit: Whether the readings are explained so well that something can be probable.
+        causes: What makes the robot otherwise than stated, the most probable first.
+        as_stated: Points of the first mode, shape (m, size), if the robot is exactly as stated;
+            ``None``: not known, or the samples are these.
     """
 
     values: Array
@@ -52,6 +74,8 @@ class Posterior:
     weights: Array
     modes: tuple[Mode, ...]
     adequate_fit: bool
+    causes: tuple[CauseShare, ...] = ()
+    as_stated: Array | None = None
 
     @classmethod
     def equally_likely(cls, values: Array, scales: Array | None = None) -> Self:

@@ -12,7 +12,7 @@ from estimator.body.arrays import ACCELEROMETER, Bodies
 from estimator.body.morphology import Array, Base
 from estimator.parameters.instruments import as_sensed
 from estimator.parameters.rows import SOURCES, table_of
-from estimator.parameters.table import DEVIATES, Opened, Parameter, log_priors
+from estimator.parameters.table import DEVIATES, Parameter, applied, log_priors
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.problem.genome import Genome
@@ -71,9 +71,8 @@ def test_every_row_can_be_felt_and_by_no_amount_is_nothing(predictor: Predictor,
             for away in row.amounts(row.wide or row.narrow, np.array([-2.0, 2.0]))
         )
     assert same(before, predictor.read(bodies, *EVERYWHERE))  # the bodies are left as they were
-    if not row.switch and row.group != "servo_jammed":
-        stated = row.applied(bodies, row.amounts(row.wide or row.narrow, np.zeros(1)))
-        assert same(before, predictor.read(stated, *EVERYWHERE))
+    stated = row.applied(bodies, 1.0 if row.factor else 0.0)
+    assert same(before, predictor.read(stated, *EVERYWHERE))
     assert row.check
     assert "{" not in row.said(1.25, (1.0, 1.5))
 
@@ -169,22 +168,22 @@ def test_distances(predictor: Predictor) -> None:
     assert np.array_equal(as_sensed(before, far).saturated, before.saturated)
 
 
-def test_several_are_open_at_once_each_with_its_own_column(predictor: Predictor) -> None:
-    opened = Opened.narrow(tuple(TABLE.values()))
-    rng = np.random.default_rng(1)
-    theta = rng.normal(size=(3, len(opened)))
-    bodies = predictor.unknowns.bodies(np.repeat(LENGTHS, 3, axis=0))
-    together = opened.applied(bodies, theta)
-    by_hand = bodies
-    for one, amounts in zip(opened.parameters, opened.amounts(theta).T, strict=True):
-        by_hand = one.applied(by_hand, amounts)
-    for name in ("radius", "density", "zero", "travel", "base"):
-        assert np.array_equal(getattr(together, name), getattr(by_hand, name))
-    wide = opened.with_wide(TABLE["mass of left upper"])
-    assert len(wide) == len(opened) + 1
-    assert len(opened.with_wide(TABLE["thickness of all parts"])) == len(opened)
-    assert not len(Opened.narrow(tuple(TABLE.values()), 0.0))
-    assert Opened.narrow((), 1.0).applied(bodies, np.empty((3, 0))) is bodies
+def test_many_bodies_each_by_its_own_columns(predictor: Predictor) -> None:
+    rows = tuple(TABLE.values())
+    away = np.zeros((len(rows), len(rows)))
+    np.fill_diagonal(away, [1.0 if one.switch else one.wide or one.narrow for one in rows])
+    bodies = predictor.unknowns.bodies(np.repeat(LENGTHS, len(rows), axis=0))
+    together = predictor.read(
+        applied(rows, bodies, away), np.arange(len(rows)), np.tile(MOVED[7], (len(rows), 1))
+    )
+    for number, row in enumerate(rows):
+        amount = row.amounts(1.0, away[[number], [number]])
+        alone = predictor.read(
+            row.applied(bodies[number : number + 1], amount), np.zeros(1, int), MOVED[[7]]
+        )
+        assert np.array_equal(together.tilt[number], alone.tilt[0]), row.name
+        assert np.array_equal(together.touch[number], alone.touch[0]), row.name
+    assert applied((), bodies, np.empty((len(rows), 0))) is bodies
 
 
 def test_all_that_may_be_otherwise_has_one_robot_in_twenty_group_by_group() -> None:

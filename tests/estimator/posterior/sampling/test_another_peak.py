@@ -65,7 +65,7 @@ def test_a_body_that_was_probable_is_held_against_the_next_reading_at_all_its_le
     )
     genome = Genome(Problem.parse(HEAD + legs, "legs"), Base(size=(0.14, 0.14, 0.085), mass=0.6))
     predictor = Predictor(Unknowns(genome), StaticsPhysics())
-    sampler = make_sampler(predictor, effort=replace(QUICK, draws=100))
+    sampler = make_sampler(predictor, effort=replace(QUICK, particles=128))
     observations = [
         Observation(
             angles=tuple(np.radians(angles).tolist()),
