@@ -222,6 +222,9 @@ class PosteriorMethod:
         return sure[-1] if left < 1 - SURE else None
 
     def _lengths_known(self, summary: StoredPosterior) -> bool:
+        """Whether they are known so well if the robot is as stated: no movement tells more."""
+        if summary.as_stated_m:
+            return all(one.high - one.low <= 2 * PRECISE for one in summary.as_stated_m)
         lengths = FittedPosterior.of_stored(self._store, summary, ()).leg_lengths
         low, high = np.quantile(lengths, (0.05, 0.95), axis=0)
         return bool(np.all(high - low <= 2 * PRECISE))
