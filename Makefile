@@ -7,7 +7,7 @@ READY := $(VENV)/.installed
 COMPILED := $(VENV)/.compiled
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test test-newest wheel check format bench compare-engines reproduce parametric power ablations self-calibration soak three screenshots latency leaps calibration faults fuzz clean
+.PHONY: help install demo test test-newest wheel check docs format bench compare-engines reproduce power ablations self-calibration soak three animation docs-commands screenshots latency attacks leaps calibration faults fuzz exports clean
 
 help: ## List the targets
 	@awk -F':.*## ' '/^[a-z-]+:.*## / {printf "  make %-16s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -92,20 +92,17 @@ SEED ?= 0
 compare-engines: $(READY) ## Statics against PyBullet and MuJoCo; BODIES=1000 SEED=0, three minutes
 	$(BIN)/python -m bench.engines --bodies $(BODIES) --seed $(SEED) $(COMPARE)
 
-reproduce: $(READY) ## The paper's figures and claims, with statics; docs/reproduction.md says more
+reproduce: $(READY) ## The paper's figures and claims, with statics; docs/accuracy.md says more
 	$(BIN)/estimator reproduce all --physics statics
 
 self-calibration: $(READY) ## Does the posterior mean what it says? 300 bodies, statics as the robot; hours
 	$(BIN)/python -m bench.simulation_based_calibration
 
-power: $(READY) ## Each method on the reported seeds, other bodies, faults; writes docs/power.md
-	$(BIN)/python -m bench.power --page
+power: $(READY) ## Each method on the reported seeds, other bodies, faults; writes docs/runs
+	$(BIN)/python -m bench.power --publish
 
 ablations: $(READY) ## The method with one part left out at a time, on development seeds; twenty minutes
 	$(BIN)/python -m bench.power.ablations
-
-parametric: $(READY) ## Leg lengths on the reported seeds; writes docs/parametric.md
-	$(BIN)/python -m bench.parametric
 
 SOAK ?=
 soak: $(READY) ## 24 virtual hours of random commands, faults, clients; 40 minutes; SOAK='--electronics pi'
@@ -127,7 +124,10 @@ leaps: $(READY) ## A thousand faults in mid-motion, and a thousand on damaged li
 calibration: $(READY) ## Wrong electronics of both kinds, ten seeds each, put right by a simulated person
 	ALL_SEEDS=1 $(BIN)/python -m pytest -q tests/sim_robot/simulator/test_calibrate.py
 
-faults: $(READY) ## Write docs/faults.md from the fault matrix
+exports: $(READY) ## Exported bodies of all robots that ship, at rest for 20 s in MuJoCo and PyBullet
+	ALL_BODIES=1 $(BIN)/python -m pytest -q tests/docs/test_export.py
+
+faults: $(READY) ## Write docs/faults.csv, the fault matrix
 	$(BIN)/python -m tests.faults.document
 
 THREE := estimator/report/page
@@ -137,6 +137,16 @@ three: ## Bundle what the pages need of three.js, from npm: needs node
 	build/npm/node_modules/.bin/esbuild build/npm/three.js --bundle --minify --format=iife \
 		--global-name=THREE --legal-comments=inline --outfile=$(THREE)/three.min.js
 	cp build/npm/node_modules/three/LICENSE $(THREE)/three.LICENSE
+
+docs: $(READY) ## Build the documentation as a site into build/docs
+	$(BIN)/python -m sphinx --quiet --fail-on-warning --builder html docs build/docs
+	@echo "build/docs/index.html"
+
+docs-commands: $(READY) ## Run the commands of README and first page as they stand; ten minutes
+	ALL_EFFORT=1 $(BIN)/python -m pytest -q --timeout 3600 tests/docs/test_readme.py
+
+animation: $(READY) ## Make README's moving picture of a body being found; a minute
+	PATH="$(abspath $(BIN)):$$PATH" $(BIN)/python -m bench.animation
 
 screenshots: $(READY) ## Take the documentation's pictures of report.html, of a run; three minutes
 	PATH="$(abspath $(BIN)):$$PATH" $(BIN)/python -m tests.estimator.report.page.screenshots docs/images

@@ -4,13 +4,6 @@ All rates are per second of CPU of one core, in one run, so that other work on t
 all alike. The *plain loop* is what one would write first: reset, build, 300 steps, read, one body
 after the other in one process. Our PyBullet back-end stops at rest, and tries a child first where
 it will fail, then drops it; its searches are counted in simulations *requested*.
-
-The *arithmetic floor* is the time that the additions, multiplications and comparisons of the pose
-alone would take, one after another at the rate at which this machine does them when it does nothing
-else. They are counted for the bodies at hand, in ``count_operations``, from the formulas of
-``estimator/physics/kernel``: moving links and points, the plane under three contacts, the moments
-about them and the lowest point, once per step. Rolling is left out, and so is all bookkeeping;
-on the other hand a body that still lies on its belly needs less than is counted.
 """
 
 from __future__ import annotations
@@ -21,13 +14,11 @@ from collections.abc import Callable
 from functools import partial
 from typing import Final, TypeVar
 
-import numba
 import numpy as np
 
 from bench.engines.runs import draw
 from bench.prior_bodies import on_default_robot
 from estimator.body.arrays import Bodies
-from estimator.body.morphology import BASE, Morphology
 from estimator.executors import WorkerProcesses
 from estimator.identification.paper.fit import Modeller
 from estimator.identification.paper.objectives import LargestError
@@ -36,7 +27,7 @@ from estimator.physics.backends import REFERENCE, PhysicsPool, approximation_of
 from estimator.physics.base import ArrayPhysics, Pair, Physics, WorldSettings
 from estimator.physics.mujoco import MuJoCoPhysics
 from estimator.physics.pybullet import PyBulletPhysics
-from estimator.physics.statics import PACE, StaticsPhysics
+from estimator.physics.statics import StaticsPhysics
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation
@@ -48,7 +39,6 @@ KINDS: Final = (("quadruped", "parametric"), ("8-part trees", "topological-24"))
 SEED: Final = 7
 FLOOR: Final = 600  # times the plain loop, for statics
 AIM: Final = 2000
-AIM_OVER_ARITHMETIC: Final = 5
 
 GENERATIONS: Final = 40  # the paper's, with
 FEW: Final = 50  # models: the share of children that win is that of a whole run
@@ -61,16 +51,6 @@ _SIMULATED: Final = 100
 _PLAIN: Final = 300  # simulations of the plain loop
 _REPEATS: Final = 5
 _JOBS: Final = 2
-
-# Operations: multiplications, additions, subtractions, comparisons; a root or quotient counts as 1.
-_PER_LINK: Final = 3 * 23 + 3  # three rows of origin, axes, hinge and moment; then the sum
-_PER_MOVED_POINT: Final = 3 * 4
-_PER_POINT: Final = 7  # its depth, and whether it is the deepest
-_PER_STEP: Final = 3 + 26 + 9 + 3 * 17 + 6  # centre of mass, plane, arms, moments, comparisons
-_CORNERS: Final = 8
-
-_CHAINS: Final = 8
-_ROUNDS: Final = 20_000_000
 
 
 def workload() -> tuple[Problem, Genome, list[Observation]]:
@@ -111,13 +91,15 @@ def simulations_per_second(physics: Physics, pairs: list[Pair], *, afresh: bool 
     return len(pairs) / (time.process_time() - start)
 
 
-def statics_rate(pairs: list[Pair]) -> float:
+def statics_rate(pairs: list[Pair], *, coarse_step: bool = False) -> float:
     """Poses per CPU second of statics on one core: the best of a few times."""
     bodies = Bodies.of([body for body, _ in pairs])
     programs = np.array([program for _, program in pairs])
     with StaticsPhysics() as physics:
         physics.read_bodies(bodies, programs)  # compiles, or loads what was compiled
-        return best_rate(lambda: physics.read_bodies(bodies, programs), len(pairs))
+        return best_rate(
+            lambda: physics.read_bodies(bodies, programs, coarse_step=coarse_step), len(pairs)
+        )
 
 
 def best_rate(work: Callable[[], object], count: int) -> float:
@@ -128,42 +110,6 @@ def best_rate(work: Callable[[], object], count: int) -> float:
         work()
         best = min(best, time.process_time() - start)
     return count / best
-
-
-def count_operations(body: Morphology, program: np.ndarray) -> int:
-    """Operations that the pose of one body needs at the least; see the module."""
-    angles = body.part_angles(program)
-    steps = [math.ceil(abs(angle) / PACE) for angle in angles]
-    longest = max(steps, default=0)
-    moves: list[int] = []  # steps until each part is where it will be
-    operations = (longest + 1) * _PER_STEP
-    points = _CORNERS
-    for part, own in zip(body.parts, steps, strict=True):
-        carrier = 0 if part.parent == BASE else moves[part.parent]
-        moves.append(max(carrier, own))
-        is_link = part.motor is not None or part.parent == BASE
-        ends = 2 if is_link else 1  # a part that goes on from another has one new end
-        points += ends
-        operations += (moves[-1] + 1) * (ends * _PER_MOVED_POINT + (_PER_LINK if is_link else 0))
-    return operations + (longest + 1) * points * _PER_POINT
-
-
-@numba.njit(error_model="numpy")  # type: ignore[misc,unused-ignore]
-def _chains(rounds: int, factor: float, term: float) -> float:  # pragma: no cover
-    a = b = c = d = e = f = g = h = 1.0
-    for _ in range(rounds):
-        a, b, c, d = a * factor + term, b * factor + term, c * factor + term, d * factor + term
-        e, f, g, h = e * factor + term, f * factor + term, g * factor + term, h * factor + term
-    return a + b + c + d + e + f + g + h
-
-
-def scalar_rate() -> float:
-    """Operations per CPU second: eight independent chains of multiplications and additions.
-
-    Each depends on the one before, so the compiler cannot put several into one instruction.
-    """
-    _chains(1, 0.5, 0.5)
-    return best_rate(lambda: _chains(_ROUNDS, 0.999, 0.001), 2 * _CHAINS * _ROUNDS)
 
 
 def _pairs(genome: Genome, observations: list[Observation], count: int) -> list[Pair]:
@@ -269,7 +215,7 @@ def report_search_with_statics() -> None:
     )
 
 
-def report_engines(kind: str, problem: str, operations_per_second: float) -> None:
+def report_engines(kind: str, problem: str) -> None:
     """Prints the rates for one kind of body."""
     pairs = pairs_of(problem, _COMPUTED)
     computed = statics_rate(pairs)
@@ -283,32 +229,25 @@ def report_engines(kind: str, problem: str, operations_per_second: float) -> Non
         coarse = simulations_per_second(mujoco, few)
     with MuJoCoPhysics(fine) as mujoco:
         slow = simulations_per_second(mujoco, few)
-    operations = float(np.mean([count_operations(body, program) for body, program in pairs]))
-    arithmetic = operations / operations_per_second
     rows: list[tuple[str, float]] = [
         ("PyBullet, plain loop, 300 × 1/60 s", plain),
         ("PyBullet, our back-end, until it rests", ours),
         ("MuJoCo, our back-end, until it rests", coarse),
         ("MuJoCo, our back-end, 1,200 × 1/240 s", slow),
         ("statics", computed),
-        (f"arithmetic floor, {operations:.0f} operations", 1 / arithmetic),
+        ("statics, coarse step", statics_rate(pairs, coarse_step=True)),
     ]
     print(f"{kind}, one core:")
     for name, rate in rows:
         print(f"  {name:<54} {1e6 / rate:>10.2f} µs {rate / plain:>9.1f} × the plain loop")
-    print(
-        f"  statics: {computed / plain:.0f} times the plain loop (floor {FLOOR}, aim {AIM:,}), "
-        f"{1 / computed / arithmetic:.1f} times the arithmetic floor (aim {AIM_OVER_ARITHMETIC})"
-    )
+    print(f"  statics: {computed / plain:.0f} times the plain loop (floor {FLOOR}, aim {AIM:,})")
 
 
 def main() -> None:
     """Prints all of it; some minutes."""
     report_search_in_pybullet()
-    rate = scalar_rate()
-    print(f"scalar arithmetic: {rate / 1e9:.2f} thousand million operations per CPU second")
     for kind, problem in KINDS:
-        report_engines(kind, problem, rate)
+        report_engines(kind, problem)
     report_search_with_statics()
 
 

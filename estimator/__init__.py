@@ -1,7 +1,7 @@
 """Finds out a robot's body from what it feels when it moves: a package of bodyschema.
 
-``docs/architecture.md`` has the plan. A program needs no more than the names below, which
-``__init__.pyi`` lists; ``docs/api.md`` has an example::
+``docs/extending.md`` has the plan. A program needs no more than the names below, which
+``__init__.pyi`` lists; ``docs/extending.md`` has an example::
 
     from estimator import RunConfig, identify
 

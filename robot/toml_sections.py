@@ -151,6 +151,17 @@ class Section:
             )
         return values
 
+    def name_or_number(self, key: str, least: int, most: int) -> str | int:
+        """A non-empty string, or an integer from ``least`` to ``most``."""
+        value = self._take(key)
+        if isinstance(value, str) and value:
+            return value
+        if type(value) is int and least <= value <= most:
+            return value
+        raise self.refuse(
+            key, f"must be a name, or an integer from {least} to {most}, not {value!r}."
+        )
+
     def one_of(self, key: str, choices: Sequence[int], default: int, *, written: str = "{}") -> int:
         """One of some integers; ``written`` is the format in which the sentence shows them."""
         value = self._take(key, default)

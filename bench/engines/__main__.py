@@ -50,7 +50,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if options.publish:
             plot(_ROOT / "docs" / "images" / name, compared)
     if options.publish:
-        publish(_ROOT / "docs" / "statics.md", measured)
+        publish(_ROOT / "docs" / "physics.md", measured)
     if console.is_terminal:
         console.print(Markdown(measured))
     else:
@@ -66,7 +66,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--seed", type=int, default=0, help="of bodies and poses (%(default)s)")
     add_options(parser, Path("runs/engines"))
     parser.add_argument(
-        "--publish", action="store_true", help="put tables and plots into docs/statics.md"
+        "--publish", action="store_true", help="put tables and plots into docs/physics.md"
     )
     options = parser.parse_args(arguments)
     for name in ("bodies", "jobs"):

@@ -1,4 +1,4 @@
-"""The tables and pictures of the comparison, for people and for docs/statics.md."""
+"""The tables and pictures of the comparison, for people and for docs/physics.md."""
 
 from __future__ import annotations
 

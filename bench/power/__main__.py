@@ -1,4 +1,4 @@
-"""Does what is left to do of the study, and writes its page: ``python -m bench.power --help``."""
+"""Does what is left to do of the study, and prints its tables: ``python -m bench.power --help``."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from typing import Final
 
 from bench.power.robots import BODIES, Robot, from_prior, shipped
 from bench.power.study import PICTURES, REPORTED, SEEDS, study
-from bench.power.tables import by_group, page, plot_success
+from bench.power.tables import by_group, overview, plot_success, write_tables
 from bench.power.trial import Trial, TrialRun
 from bench.study_command import add_options, complete_by_command
 from estimator.report.canvas import as_png
 from estimator.reproduction.harness import made_by
 from sim_robot.world.body import DEFAULT
 
-PAGE: Final = Path(__file__).parents[2] / "docs" / "power.md"
+DOCS: Final = Path(__file__).parents[2] / "docs"
 BY_HAND: Final = "by hand"
 
 
@@ -25,8 +25,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = _parser()
     options = parser.parse_args(arguments)
     part = options.only or options.trial or options.problem or options.seeds != REPORTED
-    if options.page and part:
-        parser.error(f"{PAGE.name} is of the whole study: leave --page out, or the others")
+    if options.publish and part:
+        parser.error("the tables are of the whole study: leave --publish out, or the others")
     if options.problem is None:
         groups = study(SEEDS[options.seeds])
         known = set(groups) if options.only is None else set(options.only)
@@ -45,14 +45,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     ]
     complete_by_command(runs, root, options)
     done = by_group(runs, root)
-    text = page(done, made_by(root, runs))
-    print(text)
-    if options.page:
-        PAGE.write_text(text, encoding="utf-8")
+    made = made_by(root, runs)
+    print(overview(done, made))
+    if options.publish:
+        write_tables(done, DOCS / "runs", made)
         for group in set(PICTURES).intersection(done):
-            (PAGE.parent / "images" / PICTURES[group]).write_bytes(
-                as_png(plot_success(done[group]))
-            )
+            (DOCS / "images" / PICTURES[group]).write_bytes(as_png(plot_success(done[group])))
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -62,7 +60,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--trial", default="", help="only trials whose name contains this")
     parser.add_argument("--done", action="store_true", help="only runs that were made before")
     add_options(parser, Path("runs/power"))
-    parser.add_argument("--page", action="store_true", help=f"write {PAGE.name} and its pictures")
+    parser.add_argument(
+        "--publish", action="store_true", help="write the tables and pictures of docs/accuracy.md"
+    )
     hand = parser.add_argument_group("a trial that is not of the study")
     hand.add_argument("--problem", help="name, or file")
     hand.add_argument("--method", choices=("posterior", "paper"), default="posterior")

@@ -18,7 +18,7 @@ from unittest import mock
 import numpy as np
 
 from bench.power.study import SEEDS
-from bench.power.tables import by_group, run_table, success_table
+from bench.power.tables import RUNS, SUMMARY, by_group, markdown, run_rows, summary_rows
 from bench.power.trial import Trial, TrialRun
 from bench.study_command import add_options, complete_by_command
 from estimator.identification import posterior_method
@@ -85,7 +85,9 @@ def main() -> None:
     ]
     complete_by_command(runs, options.out, options)
     done = by_group(runs, options.out)[GROUP]
-    print(success_table(done), run_table(done), made_by(options.out, runs), sep="\n")
+    for header, rows in ((SUMMARY, summary_rows(done)), (RUNS, run_rows(done))):
+        print(markdown(header, rows))
+    print(made_by(options.out, runs))
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The list of all runs, by group: each group is a table of ``docs/power.md``."""
+"""The list of all runs, by group: each group is a table."""
 
 from __future__ import annotations
 

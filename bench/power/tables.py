@@ -1,7 +1,8 @@
-"""What the runs of the study say, as tables in Markdown and as a picture."""
+"""What the runs of the study say, as tables and as a picture."""
 
 from __future__ import annotations
 
+import csv
 import importlib
 import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from bench.power.study import FAULTY, KNOWN_ATTACHMENTS, PICTURES, SUBJECTS
+from bench.power.study import FAULTY, KNOWN_ATTACHMENTS, SUBJECTS
 from bench.power.trial import Figures, Step, Trial, TrialRun
 from estimator.report.canvas import COLOURS, new_figure
 from estimator.storage.posteriors import SURE
@@ -18,14 +19,6 @@ from estimator.storage.posteriors import SURE
 Runs = Sequence[tuple[Trial, Sequence[Figures]]]
 Steps = Sequence[tuple[Figures, Step]]
 """Runs after one interaction."""
-
-_HEAD: Final = """# How often the body is found, and whether the estimator knows
-
-`make power` wrote this page; run again, it goes on where it stopped. Robots are simulated (PyBullet
-at 1/240 s, default noise) and reached through the protocol; models are computed with statics. The
-best body after each interaction is held against the true one, up to what no sensor can tell apart.
-*CPU* is the estimator's own time on one core, in the mean; the robot's is not in it.
-"""
 
 _BINS: Final = (0.0, 0.5, 0.8, SURE, 0.99, 1.0 + 1e-9)
 
@@ -39,21 +32,18 @@ def by_group(runs: Iterable[TrialRun], root: Path) -> dict[str, list[tuple[Trial
     return {group: list(trials.values()) for group, trials in done.items()}
 
 
-def page(done: Mapping[str, Runs], made: str) -> str:
-    """All groups, and the calibration of all statements.
+def overview(done: Mapping[str, Runs], made: str) -> str:
+    """Each group after each interaction, and whether statements come true, in Markdown.
 
     Args:
         done: Runs by group.
         made: A sentence that names the commits which made them.
     """
-    parts = [_HEAD, f"\n{made}\n"]
+    parts = [f"{made}\n"]
     for group, runs in done.items():
         parts.append(f"\n## {group.capitalize()}\n\n{SUBJECTS.get(group, '')}\n\n")
-        if group in PICTURES:
-            parts.append(f"![Share of runs that are right](images/{PICTURES[group]})\n\n")
-        parts.append(fault_table(runs) if group in FAULTY else success_table(runs))
-        if group not in FAULTY:
-            parts.append(run_table(runs))
+        rows = fault_rows(runs) if group in FAULTY else summary_rows(runs)
+        parts.append(markdown(FAULTS if group in FAULTY else SUMMARY, rows))
     sound = {
         group: [one for _, some in runs for one in some]
         for group, runs in done.items()
@@ -63,17 +53,55 @@ def page(done: Mapping[str, Runs], made: str) -> str:
     return "".join(parts)
 
 
-def success_table(runs: Runs) -> str:
+def write_tables(done: Mapping[str, Runs], folder: Path, made: str) -> None:
+    """Writes ``summary.csv``, ``runs.csv`` and ``faults.csv``: after each interaction, each run.
+
+    Args:
+        done: Runs by group.
+        folder: Where.
+        made: What is written of the commits into each line.
+    """
+    sound = {group: runs for group, runs in done.items() if group not in FAULTY}
+    faulty = {group: runs for group, runs in done.items() if group in FAULTY}
+    for name, header, groups, rows in (
+        ("summary", SUMMARY, sound, summary_rows),
+        ("runs", RUNS, sound, run_rows),
+        ("faults", FAULTS, faulty, fault_rows),
+    ):
+        with (folder / f"{name}.csv").open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(("group", *header, "commit"))
+            writer.writerows(
+                (group, *row, made) for group, runs in groups.items() for row in rows(runs)
+            )
+
+
+SUMMARY: Final = (
+    *("trial", "after interaction", "all right", "95 % interval", "stated >= 0.95"),
+    *("of these right", "mean leg error (mm)", "median leg error (mm)"),
+    *("legs in their 90 % interval", "CPU (s)"),
+)
+RUNS: Final = (
+    *("trial", "seed", "right after", "stated after each interaction", "leg errors (mm)"),
+    *("CPU (s)", "no body explains it"),
+)
+FAULTS: Final = (
+    *("robot", "seed", "attachments right", "stated", "leg errors (mm)"),
+    *("certain and wrong", "what it says"),
+)
+
+
+def markdown(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table."""
+    lines = [header, ["---"] * len(header), *rows]
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+
+
+def summary_rows(runs: Runs) -> Iterator[tuple[str, ...]]:
     """After each interaction: how many are right, their probabilities, and how good the lengths."""
-    lines = [
-        "| | after interaction | all right | 95 % interval | stated ≥ 0.95 | of these right | "
-        "mean leg error (mm) | median (mm) | legs in their 90 % interval | CPU (s) |",
-        "|---|---|---|---|---|---|---|---|---|---|",
-    ]
     for trial, figures in runs:
         for number, steps in enumerate(by_interaction(figures), start=1):
-            lines.append(f"| {trial.name if number == 1 else ''} | {number} | {_success(steps)} |")
-    return "\n".join(lines) + "\n"
+            yield trial.name, str(number), *_success(steps)
 
 
 def by_interaction(figures: Sequence[Figures]) -> Iterator[Steps]:
@@ -90,7 +118,7 @@ def share_right(steps: Steps) -> tuple[float, float, float]:
     return count / len(steps), low, high
 
 
-def _success(steps: Steps) -> str:
+def _success(steps: Steps) -> tuple[str, ...]:
     right = [step.cells == one.cells for one, step in steps]
     _, low, high = share_right(steps)
     sure = [
@@ -101,27 +129,20 @@ def _success(steps: Steps) -> str:
     states = any(step.probability is not None for _, step in steps)
     errors = np.abs([error for _, step in steps for error in step.leg_errors_mm])
     inside = [one for _, step in steps for one in step.inside]
-    return " | ".join(
-        [
-            f"{sum(right)} of {len(right)}",
-            f"{100 * low:.0f}–{100 * high:.0f} %",
-            str(len(sure)) if states else "–",
-            str(sum(sure)) if states else "–",
-            f"{errors.mean():.1f}",
-            f"{np.median(errors):.1f}",
-            f"{sum(inside)} of {len(inside)}" if inside else "–",
-            f"{np.mean([step.cpu_seconds for _, step in steps]):.0f}",
-        ]
+    return (
+        f"{sum(right)} of {len(right)}",
+        f"{100 * low:.0f}–{100 * high:.0f} %",
+        str(len(sure)) if states else "–",
+        str(sum(sure)) if states else "–",
+        f"{errors.mean():.1f}",
+        f"{np.median(errors):.1f}",
+        f"{sum(inside)} of {len(inside)}" if inside else "–",
+        f"{np.mean([step.cpu_seconds for _, step in steps]):.0f}",
     )
 
 
-def run_table(runs: Runs) -> str:
-    """Every run."""
-    lines = [
-        "\n| | seed | right after | stated after each interaction | leg errors (mm) | CPU (s) | "
-        "no body explains it |",
-        "|---|---|---|---|---|---|---|",
-    ]
+def run_rows(runs: Runs) -> Iterator[tuple[str, ...]]:
+    """Every run; in parentheses what was stated of a body that does not explain the readings."""
     for trial, figures in runs:
         for one in figures:
             marks = "".join("■" if step.cells == one.cells else "□" for step in one.steps)
@@ -134,32 +155,21 @@ def run_table(runs: Runs) -> str:
                 for step in one.steps
             )
             errors = " ".join(f"{error:+.1f}" for error in _last_errors(one))
-            lines.append(
-                f"| {trial.name} | {one.seed} | {marks} | {stated} | {errors} | "
-                f"{one.cpu_seconds:.0f} | {'' if one.explained else one.verdict} |"
-            )
-    return "\n".join(lines) + "\n"
+            verdict = "" if one.explained else one.verdict
+            cpu = f"{one.cpu_seconds:.0f}"
+            yield trial.name, str(one.seed), marks, stated, errors, cpu, verdict
 
 
-def fault_table(runs: Runs) -> str:
+def fault_rows(runs: Runs) -> Iterator[tuple[str, ...]]:
     """Every run with a fault: what it says, and whether it is taken in."""
-    lines = [
-        "| | seed | attachments right | stated | leg errors (mm) | certain and wrong | "
-        "what it says |",
-        "|---|---|---|---|---|---|---|",
-    ]
     for trial, figures in runs:
         for one in figures:
             last = one.steps[-1] if one.steps else None
             cells = f"{last.cells} of {one.cells}" if last else "–"
             stated = f"{last.probability:.2f}" if last and last.probability is not None else "–"
             errors = " ".join(f"{error:+.0f}" for error in _last_errors(one))
-            wrong = "**yes**" if one.certain_and_wrong else "no"
-            lines.append(
-                f"| {trial.name} | {one.seed} | {cells} | {stated} | {errors} | {wrong} | "
-                f"{one.verdict} |"
-            )
-    return "\n".join(lines) + "\n"
+            wrong = "yes" if one.certain_and_wrong else "no"
+            yield trial.name, str(one.seed), cells, stated, errors, wrong, one.verdict
 
 
 def _calibration(done: Mapping[str, Sequence[Figures]]) -> str:

@@ -23,7 +23,7 @@ from rich.progress import (
 from rich.segment import Segment
 
 from estimator.errors import RunDirectoryError
-from estimator.identification.method import Listener
+from estimator.identification.method import Listener, information_in_words
 from estimator.readings.modalities import MODALITIES
 from estimator.readings.observation import Observation
 from estimator.storage.database import holds_run
@@ -196,7 +196,7 @@ class Screen(Listener):
 
     def chosen(self, number: int, reason: str, bits: float | None) -> None:
         """Says why a movement is made."""
-        expected = "" if bits is None else f"; expected {bits:.1f} bits"
+        expected = "" if bits is None else f"; {information_in_words(bits)}"
         self.say(f"Interaction {number + 1} {reason}{expected}.")
 
     def moving(self, number: int, phase: str, fraction: float) -> None:

@@ -25,8 +25,8 @@ from estimator.cli.live import LIVE_BIND, LiveScreen, LiveView
 from estimator.cli.options import CORES, Dask, Jobs, Keys, Live, LiveBind, Strict, executors
 from estimator.identification.run import identify
 from estimator.problem.values import complaint
+from estimator.report.outcome import print_result
 from estimator.report.run_files import write_report
-from estimator.report.tables import print_result
 from estimator.storage.run_config import RunConfig
 
 _NUMBERS: Final = (bool, int, float)
@@ -95,7 +95,7 @@ def command(
     with errors_as_sentences(place), LiveView(place, live_bind if live else None) as live_view:
         with executors(jobs, dask) as opened, LiveScreen(err, live_view) as screen:
             result = identify(place, config, opened, screen, keys=keys, report=write_report)
-        print_result(out, result)
+        print_result(out, result, place)
         print_run_directory(place)
         live_view.stay(err)
     if strict:

@@ -18,12 +18,13 @@ from estimator.errors import EstimatorError, RunDirectoryError
 from estimator.posterior.fitted import FittedPosterior
 from estimator.report.canvas import as_png
 from estimator.report.comparison import ComparedRun, comparison_picture, joints_of
-from estimator.report.export.formats import BODY_FORMATS, BodyFormat, in_words_of
+from estimator.report.export.formats import BODY_FORMATS, BodyFormat, Exported, in_words_of
 from estimator.report.formats import FORMATS
+from estimator.report.outcome import print_result
 from estimator.report.page.run_page import PageSources, run_page
 from estimator.report.run_files import PAGE, write_files
 from estimator.report.summarise import summarise
-from estimator.report.tables import number, percent, plain_table, print_result
+from estimator.report.tables import number, percent, plain_table
 from estimator.reproduction.report import reproduction_page
 from estimator.storage.store import RunStore
 from protocol.system.files import replace_bytes, replace_text
@@ -40,13 +41,16 @@ def show(
             help=f"Print it as {', '.join(FORMATS.own)}, or as a plug-in does. Default: as tables.",
         ),
     ] = None,
+    details: Annotated[
+        bool, typer.Option("--details", help="Probabilities, rivals, each movement, costs.")
+    ] = False,
 ) -> None:
     """Show how far a run has come; rewrites its result.json, readings.csv and plots if it can."""
     with errors_as_sentences(None), RunStore.open(directory, to_write=False) as store:
         write = None if form is None else FORMATS.load(form)
         result = summarise(store)
         if write is None:
-            print_result(out, result)
+            print_result(out, result, directory, details=details)
         with unless_unwritable(directory):
             write_files(store, result)
             if write is None:
@@ -179,24 +183,32 @@ def _print_lengths(runs: list[ComparedRun]) -> None:
 
 def export(
     directory: Directory,
-    form: Annotated[BodyFormat, typer.Option("--format", help="Of the file.")],
+    form: Annotated[BodyFormat, typer.Option("--format", help="Of the file, or files.")],
     sample: Annotated[
         int, typer.Option(min=0, help="Another than the best model (0): 1 is the second best.")
     ] = 0,
-    file: Annotated[
-        Path | None, typer.Option("--out", dir_okay=False, help="Default: standard output.")
+    place: Annotated[
+        Path | None,
+        typer.Option("--out", help="File, or of ros2 the folder of packages. Default: print it."),
     ] = None,
 ) -> None:
-    """Write a run's best model, or another one, as URDF, MJCF or JSON."""
+    """Write a run's best model, or another one, as URDF, MJCF, JSON or a package for ROS 2."""
+    several = form is BodyFormat.ROS2
+    if several and place is None:
+        raise typer.BadParameter("ros2 is a folder of files: --out says where to put it, say src")
+    if not several and place is not None and place.is_dir():
+        raise typer.BadParameter(f"--out: {place} is a directory, and {form} is one file")
     with errors_as_sentences(None):
-        text = exported(directory, form, sample)
-        if file is None:
-            typer.echo(text, nl=False)
-        else:
-            replace_text(file, text)
+        content = exported(directory, form, sample)
+        files = {"": content} if isinstance(content, str) else content
+        for path, text in files.items():
+            if place is None:
+                typer.echo(text, nl=False)
+            else:
+                replace_text(place / path, text)
 
 
-def exported(directory: Path, form: BodyFormat, sample: int) -> str:
+def exported(directory: Path, form: BodyFormat, sample: int) -> Exported:
     """A model of a run in a format.
 
     Raises:

@@ -26,8 +26,8 @@ from estimator.cli.options import (
     executors,
 )
 from estimator.identification.run import resume
+from estimator.report.outcome import print_result
 from estimator.report.run_files import write_report
-from estimator.report.tables import print_result
 
 
 def command(
@@ -47,7 +47,7 @@ def command(
     with errors_as_sentences(directory), LiveView(directory, live_bind if live else None) as view:
         with executors(jobs, dask) as opened, LiveScreen(err, view) as screen:
             result = resume(directory, opened, screen, robot=robot, keys=keys, report=write_report)
-        print_result(out, result)
+        print_result(out, result, directory)
         print_run_directory(directory)
         view.stay(err)
     if strict:

@@ -33,6 +33,8 @@ POPULATION: Final = "population_median"
 RANDOM: Final = "random_models"
 RANDOM_MODELS: Final = 50
 _SAME_ANGLE: Final = math.radians(0.1)
+_AS_PREDICTED: Final = {"touch": 0.5, "tilt_deg": 1.5, "clearance_mm": 5.0}
+"""Larger errors, of any value, are no noise: the body landed elsewhere, or is another."""
 
 
 PredictionErrors: TypeAlias = dict[str, float | None]
@@ -50,6 +52,8 @@ class Validation(BaseModel):
         random_models: Errors of models drawn at random: what knowing nothing is worth.
         invalid_predictions: Predictions of the three groups that could not be simulated and are
             left out.
+        as_predicted: Programs after which every sensor read what the best model predicts, to 1.5°
+            and 5 mm.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -59,6 +63,7 @@ class Validation(BaseModel):
     population_median: PredictionErrors
     random_models: PredictionErrors
     invalid_predictions: int
+    as_predicted: int
 
     @property
     def groups(self) -> tuple[tuple[str, PredictionErrors], ...]:
@@ -129,7 +134,18 @@ def compare(predictions: Sequence[Prediction], observations: Sequence[Observatio
             for group in groups
             for row in next(iter(item.readings[group].values()))
         ),
+        as_predicted=sum(map(_is_as_predicted, arrays[BEST], observations)),
     )
+
+
+def _is_as_predicted(predicted: Mapping[str, Array], observation: Observation) -> bool:
+    """Whether all sensors read what a model predicts; not if it predicts nothing."""
+    errors = {
+        modality.error_name: modality.prediction_errors(predicted[name], observation)
+        for name, modality in MODALITIES.items()
+    }
+    far = any(bool(np.any(error > _AS_PREDICTED[name])) for name, error in errors.items())
+    return not far and any(bool(np.any(~np.isnan(error))) for error in errors.values())
 
 
 def _programs(store: RunStore, link: RobotLink, count: int, number: int) -> list[Program]:

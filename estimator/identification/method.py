@@ -100,3 +100,10 @@ class Listener:
     def may_retry(self, error: RobotError) -> bool:
         """Whether to ask the robot again, now that a person has done what ``error`` advises."""
         return False
+
+
+def information_in_words(bits: float) -> str:
+    """Information that a movement is expected to give, as people understand it."""
+    if bits < 1:
+        return f"it is expected to rule out {100 * (1 - 0.5**bits):.0f} % of the possibilities"
+    return f"it is expected to leave one possibility in {2**bits:.0f}"

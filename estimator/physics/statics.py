@@ -14,7 +14,7 @@ slewing: what depends on momentum it cannot know, and ``path_margins`` says how 
   of its height, so this one figure takes in the smallest margin of support along the path, the
   energy barriers around the final pose and forks on the way down.
 
-Agreement with simulation, and what it depends on, is in ``docs/statics.md``.
+Agreement with simulation, and what it depends on, is in ``docs/how-it-works.md``.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from estimator.body.arrays import Bodies, Integers
+from estimator.body.arrays import Bodies
 from estimator.body.morphology import Array
 from estimator.errors import PhysicsError
 from estimator.executors import Threads
@@ -40,11 +40,19 @@ PACE: Final = math.radians(1.5)
 7 land elsewhere than with steps thirty times smaller."""
 
 COARSE_PACE: Final = math.radians(8.0)
-"""Coarser turn of a joint in one step: costs half as much, and one body in several hundred lands
-elsewhere."""
+"""Coarser turn of a joint in one step: costs three quarters, and one body in several hundred lands
+elsewhere. With finer steps a body that goes on lying flat is looked at as rarely."""
 
 _FEWEST: Final = 100  # bodies worth waking another thread for: a quarter of a millisecond
 _LARGEST_MARGIN: Final = math.atan(0.5)
+_WAYS: Final = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
+_SAME: Final = 1e-3  # rad; poses that differ by less are one: far below what sensors resolve
+_LADDER: Final = (
+    5  # rungs from the steepest inclination down, each a quarter of the one above; not tuned
+)
+_FINE: Final = (
+    1.2  # ratio of the two inclinations between which a margin is known to lie; not tuned
+)
 _FARTHEST: Final = 100 * 2 * math.pi  # rad; so far no joint turns
 
 
@@ -104,32 +112,9 @@ class StaticsPhysics(ArrayPhysics):
 
         With a coarse step joints turn by ``COARSE_PACE`` at a time.
         """
-        settings, count = self._settings, len(bodies)
-        angles, farthest = _angles(bodies, programs)
-        readings = PredictedReadings.empty(count, bodies.sensors)
-        self.steps += self._share_out(
-            self._kernel.rest,
-            count,
-            (
-                *self._trees(bodies),
-                angles,
-                _checked_tilts(bodies, gravity_tilts),
-                self._slew(farthest, max(self._pace, COARSE_PACE) if coarse_step else self._pace),
-                settings.clearance_cap,
-                settings.touch_gap,
-                settings.doubtful_gap,
-                settings.joint_tolerance,
-                readings.touch,
-                readings.touch_doubtful,
-                readings.tilt,
-                readings.clearance,
-                readings.saturated,
-                readings.joint_miss,
-                readings.valid,
-                readings.undecided,
-            ),
-        )
-        self.simulations += count
+        pace = max(self._pace, COARSE_PACE) if coarse_step else self._pace
+        readings, _ = self._at_rest(bodies, programs, gravity_tilts, pace, plumb=True)
+        self.simulations += len(bodies)
         return readings
 
     def path_margins_of_bodies(
@@ -137,35 +122,85 @@ class StaticsPhysics(ArrayPhysics):
     ) -> Array:
         """Path margins, at most the arc tangent of 0.5; see ``ArrayPhysics``.
 
-        Each costs as much as 2 readings where it is the largest wanted, 10 to 15 elsewhere.
+        Each costs as much as 4 readings where it is the largest wanted, 10 to 20 elsewhere.
         """
-        margins = np.zeros(len(bodies))
+        most = min(most, _LARGEST_MARGIN)
+        steepest = math.tan(most)
+        programs = np.atleast_2d(np.asarray(programs, dtype=float))
+        good, bad = np.zeros(len(bodies)), np.full(len(bodies), steepest)
+        tried, rungs = bad.copy(), 0
+        _, plumb = self._at_rest(bodies, programs, None, self._pace, plumb=False)
+        searched = np.arange(len(bodies))
+        while len(searched):
+            rows = searched.repeat(len(_WAYS))
+            own = programs if len(programs) == 1 else programs[rows]
+            inclined = tried[rows, None] * np.tile(_WAYS, (len(searched), 1))
+            _, up = self._at_rest(bodies[rows], own, inclined, self._pace, plumb=False)
+            away = np.abs(up - plumb[rows]).reshape(len(searched), -1).max(axis=1)
+            alike = away <= _SAME  # not where it is NaN
+            good[searched[alike]] = tried[searched[alike]]
+            bad[searched[~alike]] = tried[searched[~alike]]
+            rungs += 1
+            lost = (good == 0) & (rungs == _LADDER)
+            searched = searched[((bad > _FINE * good) & ~lost)[searched]]
+            tried = np.where(good > 0, np.sqrt(good * bad), 0.25 * tried)
+        return np.where(good == steepest, most, np.arctan(good))
+
+    def _at_rest(
+        self,
+        bodies: Bodies,
+        programs: Array,
+        gravity_tilts: Array | None,
+        pace: float,
+        *,
+        plumb: bool,
+    ) -> tuple[PredictedReadings, Array]:
+        """Readings, and where up was under the inclined gravity: NaN where the body did not rest.
+
+        Without ``plumb`` there is nothing in the readings.
+        """
+        settings, count, trees = self._settings, len(bodies), self._kernel.Trees
         angles, farthest = _angles(bodies, programs)
-        self._share_out(
-            self._kernel.margins,
-            len(bodies),
+        whole, rows = bodies.origin
+        readings, up = PredictedReadings.empty(count, bodies.sensors), np.empty((count, 3))
+        self.steps += self._share_out(
+            self._kernel.rest,
+            count,
             (
-                *self._trees(bodies),
+                trees(whole.count, *(getattr(whole, name) for name in trees._fields[1:])),
+                rows,
                 angles,
-                self._slew(farthest, self._pace),
-                min(most, _LARGEST_MARGIN),
-                margins,
+                _checked_tilts(bodies, gravity_tilts),
+                self._slew(farthest, pace),
+                self._kernel.Limits(
+                    settings.clearance_cap,
+                    settings.touch_gap,
+                    settings.doubtful_gap,
+                    settings.joint_tolerance,
+                ),
+                plumb,
+                self._kernel.Readings(
+                    readings.touch,
+                    readings.touch_doubtful,
+                    readings.tilt,
+                    readings.clearance,
+                    readings.saturated,
+                    readings.joint_miss,
+                    readings.valid,
+                    readings.undecided,
+                    up,
+                ),
             ),
         )
-        return margins
-
-    def _trees(self, bodies: Bodies) -> tuple[Any, Integers]:
-        """The bodies as the kernel takes them, and which of these each is."""
-        whole, rows = bodies.origin
-        trees = self._kernel.Trees
-        return trees(whole.count, *(getattr(whole, name) for name in trees._fields[1:])), rows
+        return readings, up
 
     def _slew(self, farthest: float, pace: float) -> Any:
         """How joints turn that turn so far at most, as the kernel takes it."""
         settings = self._settings
         reach = min(settings.slew * settings.step * settings.steps, _FARTHEST)
         angles = pace * np.arange(math.ceil(min(farthest, reach) / pace) + 2)
-        return self._kernel.Slew(pace, reach, np.cos(angles), np.sin(angles))
+        stride = max(1, int(COARSE_PACE / pace))
+        return self._kernel.Slew(pace, stride, reach, np.cos(angles), np.sin(angles))
 
     def _share_out(self, function: Any, count: int, arguments: tuple[Any, ...]) -> int:
         """Has all rows computed, each by one thread alone, so that sums have one order."""

@@ -19,7 +19,7 @@ from protocol.text import printable
 
 WIDTH: Final = 480
 HEIGHT: Final = 360
-_ELEVATION, _AZIMUTH = 25.0, -32.0  # degrees, towards the camera: ahead of the robot, to its right
+_ELEVATION, _AZIMUTH = 30.0, -32.0  # degrees, towards the camera: ahead of the robot, to its right
 _FOCAL_LENGTH: Final = 4.0  # in half-widths of what is seen: hardly any perspective
 _ZOOM: Final = 1.3  # the sphere around the main body fills the height
 _LIGHT: Final = np.array([0.28, -0.39, 0.88])
@@ -58,7 +58,10 @@ def take_picture(solids: Sequence[Solid], radius: float) -> Picture:
     canvas = importlib.import_module("matplotlib.backends.backend_agg").FigureCanvasAgg(figure)
     square = (0, (1 - WIDTH / HEIGHT) / 2, 1, WIDTH / HEIGHT)  # as wide as the picture
     axes: Any = figure.add_axes(square, projection="3d", computed_zorder=False)
-    _aim(axes, next(item.place for item in solids if item.limb == MAIN_BODY), radius)
+    middle = next(item.place for item in solids if item.limb == MAIN_BODY).copy()
+    top = max(item.place[2] + max(item.size) / 2 for item in solids)
+    middle[2] = top / 2  # of a tall body head and feet are in the picture
+    _aim(axes, middle, radius)
     faces, colours = _shaded(solids)
     art3d = importlib.import_module("mpl_toolkits.mplot3d.art3d")
     dark = tuple(_SHADE * light for light in _GROUND)

@@ -1,21 +1,21 @@
-"""A run as a person reads it in a terminal: tables in millimetres and degrees, plain warnings."""
+"""Words and tables of a run, in millimetres and degrees, and its details in a terminal."""
 
 from __future__ import annotations
 
 import math
-from typing import Final
 
 from rich.console import Console, JustifyMethod
 from rich.table import Table
 from rich.text import Text
 
+from estimator.identification.method import information_in_words
 from estimator.readings.modalities import MODALITIES
 from estimator.report.posterior_report import (
     PosteriorReport,
     Step,
     SumOfLengths,
 )
-from estimator.report.result import FitReport, ModelResult, Result
+from estimator.report.result import Result
 from estimator.storage.posteriors import Interval
 
 
@@ -27,47 +27,35 @@ def plain_table(*columns: str, justify: JustifyMethod = "right") -> Table:
     return table
 
 
-WHAT_TO_CHECK: Final = (
-    "Check that the problem describes this robot: where legs can sit, how thick parts are and "
-    "of what shape, units, the order and direction of the servos, the sign of the tilts, whether "
-    "every servo moves and holds its angle, each foot's gauge, and whether the ground is level."
-)
-
-
-def print_verdict(console: Console, judged: PosteriorReport | FitReport) -> None:
-    """Whether any body explains the readings and, where none does, what to check."""
-    if judged.explained:
-        console.print(Text(judged.verdict))
-    else:
-        console.print(Text(judged.verdict, style="bold red"))
-        console.print(WHAT_TO_CHECK)
-
-
-def print_posterior(console: Console, result: Result, posterior: PosteriorReport) -> None:
-    """The verdict, the body with its probabilities, rivals, each movement, what it cost."""
-    print_verdict(console, posterior)
-    state = "complete" if result.complete else "not finished"
+def print_details(console: Console, result: Result) -> None:
+    """Probabilities, rivals, each movement, how each reading fits, and what it all cost."""
+    posterior = result.posterior
     console.print(
         Text.assemble(
             *("Problem ", (result.problem, "bold"), f", seed {result.seed}, "),
-            f"{', '.join(result.modalities)}; posterior by {result.physics}; {state}.",
+            f"{', '.join(result.modalities)}; {'posterior by ' if posterior else ''}"
+            f"{result.physics}.",
         )
     )
-    _print_attachments(console, posterior)
-    table = plain_table("leg", "mount", "length (mm)", "90 % interval (mm)", "touched")
-    for leg, length in zip(result.legs, posterior.lengths_m, strict=True):
-        table.add_row(
-            leg.joint, leg.mount, mm(length.median), _between(length, 1000), leg.touched_in_words
-        )
-    console.print(table)
-    for known in posterior.sums:
-        console.print(Text(sum_of_lengths(result, known)))
+    if posterior is None:
+        _print_search(console, result)
+    else:
+        _print_posterior(console, result, posterior)
+
+
+def _print_posterior(console: Console, result: Result, posterior: PosteriorReport) -> None:
+    if posterior.attachments:
+        console.print(probability_sentence(posterior))
+        table = plain_table("what", "best body", "share of samples", justify="left")
+        for item in posterior.attachments:
+            table.add_row(item.what, item.value, percent(item.probability))
+        console.print(table)
     _print_otherwise(console, result, posterior)
     _print_rivals(console, result, posterior)
     _print_steps(console, posterior)
     _print_residuals(console, posterior)
     factors = "; ".join(
-        f"{name} {factor.median:.1f} times what is expected ({_between(factor, 1, 1)})"
+        f"{name} {factor.median:.1f} times what is expected ({between(factor, 1, 1)})"
         for name, factor in posterior.noise.items()
     )
     console.print(f"Noise: {factors}.")
@@ -81,18 +69,6 @@ def print_posterior(console: Console, result: Result, posterior: PosteriorReport
         f"{result.interactions} interactions, {result.simulations_requested:,} simulations "
         f"requested, {result.simulations_run:,} run, {result.wall_seconds:.0f} s."
     )
-    for warning in result.warnings:
-        console.print(Text.assemble(("Warning:", "yellow"), f" {warning}"))
-
-
-def _print_attachments(console: Console, posterior: PosteriorReport) -> None:
-    if not posterior.attachments:
-        return
-    console.print(probability_sentence(posterior))
-    table = plain_table("what", "best body", "share of samples", justify="left")
-    for item in posterior.attachments:
-        table.add_row(item.what, item.value, percent(item.probability))
-    console.print(table)
 
 
 def as_stated_in_words(result: Result, posterior: PosteriorReport) -> str:
@@ -133,13 +109,14 @@ def _print_rivals(console: Console, result: Result, posterior: PosteriorReport) 
             for name, angle in zip(names, movement.program, strict=True)
             if angle
         )
-        gain = f"expected {movement.bits:.1f} bits" if movement.bits else "expected to tell little"
+        told = information_in_words(movement.bits)
+        gain = told if movement.bits else "it is expected to tell little"
         console.print(Text(f"Most informative next movement: {angles}; {movement.reason}; {gain}."))
 
 
 def _print_steps(console: Console, posterior: PosteriorReport) -> None:
     table = plain_table(
-        "interaction", "expected (bits)", "gained (bits)", "probability", "why", justify="left"
+        *("interaction", "expected (bits)", "gained (bits)", "probability", "why"), justify="left"
     )
     for place, step in enumerate(posterior.steps, 1):
         bits = (
@@ -148,6 +125,7 @@ def _print_steps(console: Console, posterior: PosteriorReport) -> None:
         )
         table.add_row(str(place), *bits, probability_after(step), Text(step.reason))
     console.print(table)
+    console.print("A bit halves the possibilities.")
 
 
 def _print_residuals(console: Console, posterior: PosteriorReport) -> None:
@@ -186,7 +164,7 @@ def sum_of_lengths(result: Result, known: SumOfLengths) -> str:
     one, other = (result.legs[leg].joint for leg in known.legs)
     return (
         f"Of {one} and {other} the sum is known: {mm(known.length_m.median)} mm "
-        f"({_between(known.length_m, 1000)})."
+        f"({between(known.length_m, 1000)})."
     )
 
 
@@ -195,28 +173,14 @@ def percent(share: float) -> str:
     return f"{100 * share:.1f} %" if share < 0.9995 else "> 99.9 %"
 
 
-def _between(interval: Interval, factor: float, digits: int = 1) -> str:
+def between(interval: Interval, factor: float, digits: int = 1) -> str:
+    """The ends of an interval, each times a factor."""
     dash = "–" if interval.low >= 0 else " to "
     return f"{factor * interval.low:.{digits}f}{dash}{factor * interval.high:.{digits}f}"
 
 
-NOT_IDENTIFIABLE: Final = Text("not identifiable", style="dim")
-
-
-def print_result(console: Console, result: Result) -> None:
-    """A run's outcome: what it cost, the body, and what to be wary of."""
-    if result.posterior is not None:
-        print_posterior(console, result, result.posterior)
-        return
-    if result.fit is not None:
-        print_verdict(console, result.fit)
-    state = "complete" if result.complete else "not finished"
-    console.print(
-        Text.assemble(
-            *("Problem ", (result.problem, "bold"), f", seed {result.seed}, "),
-            f"{', '.join(result.modalities)}; {result.physics}; {state}.",
-        )
-    )
+def _print_search(console: Console, result: Result) -> None:
+    """What the search of the method ``paper`` did."""
     uncounted = f"{result.simulations_invalid:,} of them invalid"
     if result.simulations_undecided:
         uncounted += f", {result.simulations_undecided:,} undecided"
@@ -224,9 +188,6 @@ def print_result(console: Console, result: Result) -> None:
         f"{result.interactions} interactions, {result.simulations_requested:,} simulations "
         f"requested, {result.simulations_run:,} run ({uncounted}), {result.wall_seconds:.0f} s."
     )
-    if result.best_models:
-        error = number(result.sensor_error, 3)
-        console.print(f"Sensor (subjective) error of the best model: {error}.")
     if result.finish is not None and result.best_models:
         end, best = result.finish, result.best_models[0]
         console.print(
@@ -236,39 +197,6 @@ def print_result(console: Console, result: Result) -> None:
             f"best model (whose error is {number(best.sensor_error, 3)}, "
             f"{number(best.searched_error, 3)} by {result.physics})."
         )
-    if result.legs:
-        table = plain_table("leg", "mount", "length (mm)", "in the population (mm)", "touched")
-        for leg in result.legs:
-            table.add_row(
-                leg.joint,
-                leg.mount,
-                mm(leg.length_m),
-                "–" if leg.population_m is None else "–".join(map(mm, leg.population_m)),
-                leg.touched_in_words,
-            )
-        console.print(table)
-        console.print(
-            "A population that has converged agrees, right or wrong: how uncertain a length is, "
-            "only --method posterior says."
-        )
-    if result.best_models and any(not name.startswith("length") for name in result.searched):
-        _print_parts(console, result.best_models[0])
-    for warning in result.warnings:
-        console.print(Text.assemble(("Warning:", "yellow"), f" {warning}"))
-
-
-def _print_parts(console: Console, model: ModelResult) -> None:
-    """How the best model's parts hang together."""
-    table = plain_table("part", "sits on", "mount", "positive angle", "length (mm)")
-    for part in model.parts:
-        table.add_row(
-            part.name,
-            part.parent,
-            part.mount,
-            part.hinge if part.joint else NOT_IDENTIFIABLE,
-            mm(part.length_m),
-        )
-    console.print(table)
 
 
 def number(value: float | None, digits: int = 2) -> str:

@@ -41,7 +41,7 @@ def run(options: argparse.Namespace) -> int:
 def describe_config(config: RobotConfig, path: Path) -> Finding:
     """A finding that says what the configuration has, and how far it is calibrated."""
     text = f"{config.name}: {len(config.joints)} joints, {len(config.touch)} touch sensors"
-    advice = f"robotd calibrate --config {path}; see docs/calibration.md"
+    advice = f"robotd calibrate --config {path}; see docs/your-robot.md"
     _, file = read_config(path)
     if file is None or not may_exist(file):
         missing = f"; {file} does not exist yet" if file else ""

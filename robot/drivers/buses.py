@@ -12,13 +12,8 @@ from dataclasses import dataclass
 import serial
 
 from robot.drivers.links.analogue_inputs import AnalogueInputs
-from robot.drivers.links.device_files import (
-    GPIOLine,
-    OutputLine,
-    PortIO,
-    open_dev_port,
-    open_serial,
-)
+from robot.drivers.links.device_files import PortIO, open_dev_port, open_serial
+from robot.drivers.links.gpio import GPIODevices, LinuxGPIO
 from robot.drivers.links.i2c import I2CBus, I2CLink, open_i2c
 from robot.host.clock import Clock
 
@@ -32,7 +27,7 @@ class Buses:
         open_serial: Opens a serial line, given its device file and baud rate.
         open_ports: Opens the I/O ports of a board, given its base address.
         open_i2c: Opens an I²C bus, given its device file.
-        open_line: Opens an output line, given its chip's device file, its number and first level.
+        gpio: The GPIO chips.
         analogue: The inputs of the ``[daq]`` board, or ``None`` where there is none.
     """
 
@@ -40,7 +35,7 @@ class Buses:
     open_serial: Callable[[str, int], serial.Serial] = open_serial
     open_ports: Callable[[int], PortIO] = open_dev_port
     open_i2c: Callable[[str], I2CBus] = open_i2c
-    open_line: Callable[[str, int, bool], OutputLine] = GPIOLine
+    gpio: GPIODevices = LinuxGPIO()
     analogue: AnalogueInputs | None = None
 
     def i2c(self, number: int) -> I2CLink:

@@ -42,6 +42,7 @@ OURS: Final = MappingProxyType(
                 "accelerometer.mpu6050": "robot.drivers.sensors.mpu6050:MPU6050Settings",
                 "accelerometer.analogue": "robot.drivers.sensors.analogue:AnalogueAxes",
                 "touch.switch": "robot.drivers.sensors.analogue:SwitchSettings",
+                "touch.gpio": "robot.drivers.sensors.gpio:GPIOSwitchSettings",
                 "touch.analogue": "robot.drivers.sensors.analogue:StrainGauge",
                 "distance.vl6180x": "robot.drivers.sensors.vl6180x:VL6180XSettings",
             }

@@ -3,7 +3,6 @@
 import csv
 import json
 import math
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +20,6 @@ from bench.engines.figures import (
 )
 from bench.engines.page import publish
 from bench.engines.runs import CEILINGS, PROBLEMS, RIVALS, RUNS, draw
-from bench.simulation_cost import count_operations
 from estimator.body.morphology import BASE, Base, Morphology, Part
 from estimator.errors import EstimatorError
 from estimator.physics.base import WorldSettings
@@ -176,11 +174,3 @@ def test_tables_replace_the_old_ones_in_the_page_and_nothing_else(tmp_path: Path
     page.write_text("no place\n", encoding="utf-8")
     with pytest.raises(EstimatorError, match="no lines"):
         publish(page, "new\n")
-
-
-def test_operations_grow_with_the_body_and_its_turn() -> None:
-    body = four_legs(0.1)
-    still, far = (count_operations(body, np.radians([angle] * 4)) for angle in (0, 30))
-    assert 0 < still < far
-    smaller = replace(body, parts=body.parts[:1])
-    assert count_operations(smaller, np.radians([30.0] * 4)) < far

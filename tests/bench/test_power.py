@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import pickle
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from lxml import etree
 from bench.power.__main__ import main
 from bench.power.robots import Robot
 from bench.power.study import SEEDS, study
-from bench.power.tables import page, plot_success
+from bench.power.tables import overview, plot_success, run_rows, write_tables
 from bench.power.trial import Figures, Step, Trial, TrialRun
 from bench.prior_bodies import drawn_body
 from estimator.identification.method import Listener
@@ -94,16 +95,18 @@ def test_what_was_done_is_not_repeated(
     done_before(tmp_path)
     main(["--only", "eight parts", "--done", "--out", str(tmp_path)])
     assert "10 of 10" in capsys.readouterr().out
-    monkeypatch.setattr("bench.power.__main__.PAGE", tmp_path / "power.md")
-    (tmp_path / "images").mkdir()
+    monkeypatch.setattr("bench.power.__main__.DOCS", tmp_path)
+    for name in ("images", "runs"):
+        (tmp_path / name).mkdir()
     with pytest.raises(SystemExit):
-        main(["--only", "eight parts", "--page", "--done", "--out", str(tmp_path)])
-    main(["--page", "--done", "--out", str(tmp_path)])
+        main(["--only", "eight parts", "--publish", "--done", "--out", str(tmp_path)])
+    main(["--publish", "--done", "--out", str(tmp_path)])
     (picture,) = (tmp_path / "images").iterdir()
     assert picture.read_bytes().startswith(b"\x89PNG")
-    text = (tmp_path / "power.md").read_text()
-    assert f"](images/{picture.name})" in text
-    assert "Made at commit 1." in text
+    with (tmp_path / "runs" / "runs.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["seed"] for row in rows] == [str(seed) for seed in SEEDS["reported"][:10]]
+    assert {row["commit"] for row in rows} == {"Made at commit 1."}
 
 
 def test_a_run_that_was_broken_off_begins_anew(tmp_path: Path) -> None:
@@ -136,19 +139,26 @@ def test_certain_and_wrong(run: Figures, wrong: bool) -> None:
     assert run.certain_and_wrong == wrong
 
 
-def test_the_page_holds_every_run() -> None:
+def test_the_tables_hold_every_run(tmp_path: Path) -> None:
     trial = Trial(name="one method", seeds=(1, 2))
     runs = [figures(1, 12, 0.99), figures(2, 11, 0.40)]
-    text = page(
-        {"whole body": [(trial, runs)], "faults": [(trial, runs[:1])], "lengths": [(trial, runs)]},
-        "Made at commit 1.",
-    )
+    done = {
+        "whole body": [(trial, runs)],
+        "faults": [(trial, runs[:1])],
+        "lengths": [(trial, runs)],
+    }
+    text = overview(done, "Made at commit 1.")
     assert "Made at commit 1." in text
     assert "| one method | 1 | 1 of 2 | 9–91 % | 1 | 1 | 1.0 | 1.0 | 2 of 4 | 20 |" in text
-    assert "| one method | 2 | □ | 0.40 | +1.0 -1.0 | 20 |  |" in text
     assert "| one method | 1 | 12 of 12 | 0.99 | +1 -1 | no | Some body explains it. |" in text
     assert "| 0.99–1 | 1 | 0.99 | 1 |" in text  # lengths alone state nothing
     assert "4 of 8 hold the true length" in text
+    write_tables(done, tmp_path, "commit 1")
+    lines = (tmp_path / "runs.csv").read_text(encoding="utf-8").splitlines()
+    assert "whole body,one method,2,□,0.40,+1.0 -1.0,20,,commit 1" in lines
+    assert len(lines) == 5
+    faults = (tmp_path / "faults.csv").read_text(encoding="utf-8")
+    assert "faults,one method,1,12 of 12,0.99,+1 -1,no,Some body explains it.,commit 1" in faults
 
 
 def test_the_picture_has_a_line_for_each_method() -> None:
@@ -166,7 +176,7 @@ def test_the_picture_has_a_line_for_each_method() -> None:
 def test_what_a_run_does_not_stand_by_is_no_statement() -> None:
     trial = Trial(name="one method", seeds=(1, 2))
     runs = [figures(1, 12, 0.99), figures(2, 11, 0.97, explained=False)]
-    text = page({"whole body": [(trial, runs)]}, "")
+    text = overview({"whole body": [(trial, runs)]}, "")
     assert "| one method | 1 | 1 of 2 | 9–91 % | 1 | 1 |" in text
-    assert "| one method | 2 | □ | (0.97) | +1.0 -1.0 |" in text
+    assert [row[3] for row in run_rows([(trial, runs)])] == ["0.99", "(0.97)"]
     assert "| 0.95–0.99 |" not in text

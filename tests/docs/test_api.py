@@ -1,4 +1,4 @@
-"""``docs/api.md`` is true: its program identifies a simulated robot."""
+"""The programs of ``docs/extending.md`` are true: one identifies a simulated robot."""
 
 from __future__ import annotations
 
@@ -9,10 +9,9 @@ import sys
 from pathlib import Path
 
 from bench.daemons import simulator
+from tests.docs.pages import blocks, section
 
-ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
-QUESTIONS, PROGRAM = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+QUESTIONS, PROGRAM = blocks(section("extending", "From your own program"), "python")
 
 
 def run(program: Path) -> subprocess.CompletedProcess[str]:

@@ -1,4 +1,4 @@
-"""``docs/calibration.md`` can be followed: its commands are run, in order, by a newcomer.
+"""The calibration of ``docs/your-robot.md``: a newcomer runs its commands, in order.
 
 The devices are emulated, and the newcomer types into a terminal that is a list. Time is virtual.
 """
@@ -22,9 +22,10 @@ from robot.drivers.servos.sv203 import COUNTS
 from sim_robot.electronics.dmm32 import DMM32Emulator
 from sim_robot.electronics.sv203 import SV203Emulator
 from sim_robot.electronics.vl6180x import VL6180XEmulator
+from tests.docs.pages import section
 from tests.robot.clocks import InstantClock
 
-PAGE = (Path(__file__).parents[2] / "docs" / "calibration.md").read_text(encoding="utf-8")
+PAGE = section("your-robot", "Calibration")
 EXAMPLE = Path(str(resources.files("robot") / "robot.toml")).read_text(encoding="utf-8")
 HIP = ["-20", "u 20", "u 20", "4", "done", "0", "yes"]  # count 128 is -20°, and 0.6° a count
 GROUND, PLATE = ["", "", "", "done"], ["100", "", "", "", "done"]

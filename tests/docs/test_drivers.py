@@ -1,9 +1,8 @@
-"""``docs/drivers.md`` is true: a robot runs on its drivers, which lie outside our tree."""
+"""``docs/extending.md`` is true: a robot runs on its drivers, which lie outside our tree."""
 
 from __future__ import annotations
 
 import os
-import re
 import signal
 import subprocess
 import sys
@@ -14,11 +13,11 @@ from pathlib import Path
 import pytest
 
 from protocol.transport.client import RobotClient
+from tests.docs.pages import blocks, section
 from tests.free_ports import free_address
 from tests.terminal_window import TerminalWindow
 
-PAGE = (Path(__file__).parents[2] / "docs" / "drivers.md").read_text(encoding="utf-8")
-PYTHON, POINTS, TABLES = re.findall(r"```(?:python|toml)\n(.+?)```", PAGE, re.DOTALL)
+PYTHON, POINTS, TABLES = blocks(section("extending", "Drivers"), "(?:python|toml)")
 REST = """
 [robot]
 name = "bench"

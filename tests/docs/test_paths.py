@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
+from tests.docs.pages import ROOT, section
+
 PAGES = [*sorted(ROOT.glob("*.md")), ROOT / "protocol" / "SPEC.md", *sorted(ROOT.glob("docs/*.md"))]
 OURS = re.compile(r"`((?:protocol|robot|sim_robot|estimator|tests|bench|docs)/[\w./-]+)")
 
@@ -26,7 +27,7 @@ def test_the_paths_and_links_of_a_page_lead_somewhere(page: Path) -> None:
 
 
 def test_the_rooms_of_the_architecture_are_those_that_there_are() -> None:
-    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    text = section("extending", "Architecture")
     header, _, *rows = re.findall(r"^\|.*\|$", text[text.index("| `protocol/` | `robot/`") :], re.M)
     packages = re.findall(r"`(\w+)/`", header)
     cells = [[cell.strip() for cell in row.strip("|").split("|")] for row in rows]

@@ -1,4 +1,4 @@
-"""``docs/two-computers.md`` is true: its ten commands, on one machine in two folders."""
+"""Two computers as in ``docs/your-robot.md``: the ten commands, on one machine in two folders."""
 
 from __future__ import annotations
 
@@ -13,11 +13,12 @@ from pathlib import Path
 from packaging.requirements import Requirement
 
 from protocol.sockets.zmq_sockets import Endpoint
+from tests.docs.pages import ROOT, section
 from tests.free_ports import free_address
 
-ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "two-computers.md").read_text(encoding="utf-8")
-COMMANDS = re.findall(r"^(robot|workstation)\$ (.+)$", PAGE, re.MULTILINE)
+COMMANDS = re.findall(
+    r"^(robot|workstation)\$ (.+)$", section("your-robot", "Two computers"), re.MULTILINE
+)
 SHORT = " --method paper --population 8 --generations 1 --interactions 1 --jobs 1"
 SCP = """#!/bin/bash -e
 there() { [[ $1 == robot:* ]] && echo "../robot/${1#robot:}" || echo "$1"; }

@@ -25,10 +25,11 @@ from sim_robot.electronics.i2c_bus import I2CBus
 from sim_robot.electronics.mpu6050 import MPU6050Emulator
 from sim_robot.electronics.pca9685 import PCA9685Emulator
 from sim_robot.electronics.vl6180x import VL6180XEmulator
+from tests.docs.pages import page
 from tests.free_ports import free_address
 from tests.robot.clocks import InstantClock
 
-PAGE = (Path(__file__).parents[2] / "docs" / "your-robot.md").read_text(encoding="utf-8")
+PAGE = page("your-robot").partition("\n## Calibration\n")[0]
 COMMANDS = re.findall(r"^robot\$ (.+)$", PAGE, re.MULTILINE)
 (TABLE,) = re.findall(r"### A Raspberry Pi.+?\n(\|.+?)\n\n", PAGE, re.DOTALL)
 ADDRESSES = {

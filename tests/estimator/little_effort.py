@@ -16,7 +16,7 @@ from estimator.exploration import best_programs, information
 from estimator.identification import posterior_method
 from estimator.posterior.checks import simulator
 from estimator.posterior.discovery import discovery
-from estimator.posterior.sampling import tempering, weighing
+from estimator.posterior.sampling import weighing
 from estimator.posterior.sampling.sampler import Effort
 
 _LITTLE: Final = Effort(levels=4, chains_per_level=8, steps=10, rounds=1, particles=60, samples=16)
@@ -31,8 +31,6 @@ def little_search() -> Iterator[None]:
         patch.setattr(discovery, "_STARTS", 6)
         patch.setattr(discovery, "_ELSEWHERE", 100)
         patch.setattr(weighing, "_MOST", 24)
-        patch.setattr(tempering, "_MOVES", 2)
-        patch.setattr(tempering, "_LAST", 2)
         yield
 
 

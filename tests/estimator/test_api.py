@@ -1,4 +1,4 @@
-"""What a program gets from ``identify`` and ``resume``; ``docs/api.md`` has a whole run."""
+"""What a program gets from ``identify`` and ``resume``; ``docs/extending.md`` has a whole run."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """The fault matrix: what is broken, how, and what must come of it.
 
-The tests run every row, and ``python -m tests.faults.document`` writes ``docs/faults.md`` from it.
+The tests run every row, and ``python -m tests.faults.document`` writes ``docs/faults.csv`` from it.
 """
 
 from __future__ import annotations

@@ -33,7 +33,7 @@ from protocol.wire.capabilities import Capabilities
 EXCUSED: Final = 1
 """Interactions in which a body may be undecided: one in five hundred is by chance, so a body that
 is undecided twice is built so. A search also finds some that are undecided once and would fit worse
-otherwise: docs/statics.md tells how often."""
+otherwise: docs/how-it-works.md tells how often."""
 
 
 def interaction_errors(

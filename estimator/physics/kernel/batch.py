@@ -1,55 +1,79 @@
-"""Bodies from the planar pose to their motor programs, and how stable their paths are.
+"""Bodies from the planar pose to their motor programs, ``LANES`` of them at a time.
 
 All joints turn at the same speed, each to its own target, in steps of ``pace``. After each step the
 body is brought to rest again.
 
+Most steps change nothing but angles: the body goes on lying flat, or standing on the same three
+contacts. Whether it does is tested for all lanes at once; what does not is picked out and rolls
+alone. Until that first happens ``stride`` steps are taken at once, and then once more one by one. A
+lane whose body is at its targets takes the next of the batch.
+
 Gravity may be inclined in the body frame (tangents of angles towards x and y): the centre of mass
 acts as if it were shifted by that share of its height. Where a body lands under an inclined gravity
 tells how stable it is to land there under a plumb one.
-
-``rest`` and ``margins`` do that for many bodies, one after another; the back-end calls them.
 """
 
 from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any, Final
-
-import numpy as np
+from typing import Any, Final, NamedTuple
 
 from estimator.body import geometry
-from estimator.body.arrays import ACCELEROMETER, CENTRE, Flags, Integers
+from estimator.body.arrays import ACCELEROMETER, Flags, Integers
 from estimator.body.morphology import Array
 from estimator.body.mounts import Vector
-from estimator.physics.kernel.compiling import compiled, entrance, stamp
-from estimator.physics.kernel.links import (
-    CORNERS,
-    END,
-    FIRST,
-    FRAME_COLUMNS,
-    GROUP,
-    MASS,
-    STEPS,
-    TOGETHER,
+from estimator.physics.kernel.compiling import compiled, entrance, inlined, stamp
+from estimator.physics.kernel.lanes import (
+    LANES,
+    bits,
+    choose,
+    every,
+    gather,
+    load,
+    size,
+    store,
+)
+from estimator.physics.kernel.parts import (
+    AT,
+    DEEP,
+    FIRM,
+    GRAVITY,
+    HALF,
+    LAST,
+    LIES,
+    MIDDLE,
+    MOMENTS,
+    NEXT,
+    POINT_ROWS,
+    RESTS,
+    ROW,
+    STANCE,
+    STEP,
+    STEP_COSINE,
+    STEP_SINE,
+    STRIDE,
+    UP,
+    WEIGHT,
     Slew,
     Trees,
     Work,
-    assemble,
-    list_points,
+    board,
+    board_again,
     move,
+    pick_out,
     work_space,
 )
 from estimator.physics.kernel.rest import (
     BALANCED,
     TOUCHING,
-    at,
     balanced,
     depth,
     dot,
     follow,
     minus,
     roll,
+    stands,
     touching,
     turning,
     vector,
@@ -69,205 +93,246 @@ _clearance_of: Final = compiled(definitions.clearance_of)
 _touches: Final = compiled(definitions.touches)
 _touch_is_doubtful: Final = compiled(definitions.touch_is_doubtful)
 
-_SAME: Final = 1e-3  # rad; poses that differ by less are one: far below what sensors resolve
-_LADDER: Final = (
-    5  # rungs from the steepest inclination down, each a quarter of the one above; not tuned
-)
-_FINE: Final = (
-    1.2  # ratio of the two inclinations between which a margin is known to lie; not tuned
-)
 _QUICK: Final = 8.0  # paces by which the body may turn in one and still be followed; not tuned
 
 
-@compiled
-def settle(
-    work: Work, links: int, count: int, base: Array, slew: Slew, several: int | np.int64
-) -> None:
-    """Takes an assembled body from the planar pose to its targets, at rest after each step.
+class Limits(NamedTuple):
+    """Of the world; see ``WorldSettings``."""
 
-    Under several inclinations of gravity at once: most of the time goes into turning the joints.
+    cap: float
+    touch_gap: float
+    doubtful_gap: float
+    joint_tolerance: float
 
-    Args:
-        work: Holds the body and the inclinations, and receives the poses.
-        links: How many it has.
-        count: How many points it has.
-        base: Its main body.
-        slew: How joints turn.
-        several: How many inclinations there are.
+
+class Readings(NamedTuple):
+    """Receives a row for each pair."""
+
+    touch: Flags
+    doubtful: Flags
+    tilt: Array
+    clearance: Array
+    saturated: Flags
+    miss: Array
+    valid: Flags
+    balances: Flags
+    up: Array
+
+
+@inlined
+def _rest_alike(work: Work, least_cosine: float) -> int:
+    """Which bodies rest as they did before their last step: bits, one for each lane.
+
+    Their poses are brought up to date, and of all bodies where the mass acts.
     """
-    tree, joint, frame, points = work.tree, work.joint, work.frame, work.points
-    touch, flat, lies, rested = work.touch, work.flat, work.lies, work.rested
-    gravity, ups, stances = work.gravity, work.up, work.stance
-    mass, steps = 0.0, 0
-    for link in range(links):
-        mass += joint[link, MASS]
-        steps = max(steps, tree[link, STEPS])
-    for column in range(FRAME_COLUMNS):
-        frame[0, column] = 1.0 if column in (3, 7, 11) else 0.0
+    bodies, points, counts = work.bodies, work.points, work.counts
+    before = load(bodies, UP), load(bodies, UP + 1), load(bodies, UP + 2)
+    lies = load(bodies, LIES) > 0.0
+    half_x, half_y, half_z = load(bodies, HALF), load(bodies, HALF + 1), load(bodies, HALF + 2)
+    foot = _contact(points, counts, STANCE)
+    second, third = _contact(points, counts, STANCE + 1), _contact(points, counts, STANCE + 2)
+    radius = gather(points, counts, STANCE, POINT_ROWS, 3)
+    second_rise = gather(points, counts, STANCE + 1, POINT_ROWS, 3) - radius
+    third_rise = gather(points, counts, STANCE + 2, POINT_ROWS, 3) - radius
+    weight = load(bodies, WEIGHT)
+    x, y = load(bodies, MOMENTS) / weight, load(bodies, MOMENTS + 1) / weight
+    z = load(bodies, MOMENTS + 2) / weight
+    height = radius + dot(before, minus((x, y, z), foot))
+    x, y = x + load(bodies, GRAVITY) * height, y + load(bodies, GRAVITY + 1) * height
+    store(bodies, MIDDLE, x)
+    store(bodies, MIDDLE + 1, y)
+    store(bodies, MIDDLE + 2, z)
+    does, up, _ = stands(
+        foot, second, third, second_rise, third_rise, (x, y, z), before, least_cosine
+    )
+    up_x, up_y = choose(lies, before[0], up[0]), choose(lies, before[1], up[1])
+    up_z = choose(lies, before[2], up[2])
+    deepest = every(-math.inf)
+    for part in range(len(work.first)):
+        lowest = every(-math.inf)
+        for point in range(work.first[part], work.end[part]):
+            first = POINT_ROWS * point
+            across = up_x * load(points, first) + up_y * load(points, first + 1)
+            below = load(points, first + 3) - (across + up_z * load(points, first + 2))
+            lowest = choose(below > lowest, below, lowest)
+        store(work.lowest, part, lowest)
+        deepest = choose(lowest > deepest, lowest, deepest)
+    corner = size(up_x) * half_x + size(up_y) * half_y + size(up_z) * half_z
+    lowest = radius - dot((up_x, up_y, up_z), foot) + TOUCHING
+    flat = (size(x) < half_x) & (size(y) < half_y) & (deepest <= half_z + TOUCHING)
+    firm = (load(bodies, FIRM) > 0.0) & (deepest <= lowest) & (corner <= lowest)
+    stays = (lies & flat) | ((load(bodies, LIES) <= 0.0) & firm & does)
+    store(bodies, DEEP, choose(corner > deepest, corner, deepest))
+    store(bodies, UP, choose(stays, up_x, before[0]))
+    store(bodies, UP + 1, choose(stays, up_y, before[1]))
+    store(bodies, UP + 2, choose(stays, up_z, before[2]))
+    staying: int = bits(stays)
+    return staying
+
+
+@inlined
+def _contact(points: Array, counts: Integers, which: int) -> Vector:
+    return (
+        gather(points, counts, which, POINT_ROWS, 0),
+        gather(points, counts, which, POINT_ROWS, 1),
+        gather(points, counts, which, POINT_ROWS, 2),
+    )
+
+
+@inlined
+def _start(work: Work, lane: int, row: int, tilt_x: float, tilt_y: float) -> None:
+    """Lays a body that is in a lane flat, with its joints where they start."""
+    bodies, counts = work.bodies, work.counts
+    bodies[UP, lane], bodies[UP + 1, lane], bodies[UP + 2, lane] = 0.0, 0.0, 1.0
+    bodies[GRAVITY, lane], bodies[GRAVITY + 1, lane] = tilt_x, tilt_y
+    bodies[LIES, lane] = bodies[FIRM, lane] = 1.0
+    for contact in range(3):
+        counts[STANCE + contact, lane] = contact
+    counts[ROW, lane], counts[AT, lane], counts[RESTS, lane] = row, -1, 1
+
+
+@inlined
+def _turn_to(work: Work, lane: int, step: int, slew: Slew) -> None:
+    """After how many steps a lane is looked at next."""
+    work.counts[NEXT, lane] = step
+    work.bodies[STEP, lane] = step
+    work.bodies[STEP_COSINE, lane], work.bodies[STEP_SINE, lane] = (
+        slew.cosines[step],
+        slew.sines[step],
+    )
+
+
+@inlined
+def _come_to_rest(work: Work, lane: int, least_cosine: float) -> None:
+    """Brings a body to rest that does not rest as before."""
+    bodies = work.bodies
+    pick_out(work, lane)
+    _take_pose(work, lane)
+    bodies[LIES, lane] = 0.0
+    centre = bodies[MIDDLE, lane], bodies[MIDDLE + 1, lane], bodies[MIDDLE + 2, lane]
+    count = work.one.shape[1]
+    if bodies[FIRM, lane] == 0.0 or not follow(
+        work.one, count, centre, work.pose, work.stance, least_cosine
+    ):
+        _roll(work, lane, centre)
+    _keep_pose(work, lane)
+
+
+@inlined
+def _roll(work: Work, lane: int, centre: Vector) -> None:
+    """Rolls the body that was picked out."""
+    count = work.one.shape[1]
+    if not roll(work.one, count, centre, work.pose, work.stance, work.touch, work.flat):
+        work.counts[RESTS, lane] = 0
+    work.bodies[FIRM, lane] = 1.0 if work.stance[2] >= 0 else 0.0
+
+
+@inlined
+def _take_pose(work: Work, lane: int) -> None:
     for axis in range(3):
-        frame[0, 12 + axis] = base[3] * base[CENTRE + axis]
-    for each in range(several):
-        for axis in range(3):
-            ups[each, axis] = 1.0 if axis == 2 else 0.0
-            stances[each, axis] = axis
-        lies[each] = rested[each] = True
-    least_cosine = math.cos(_QUICK * slew.pace)
-    for step in range(steps + 1):
-        x, y, z = move(step, links, tree, joint, frame, points, slew.cosines, slew.sines)
-        x, y, z = x / mass, y / mass, z / mass
-        for each in range(several):
-            up, stance = ups[each], stances[each]
-            centre = _as_if_shifted(
-                points, up, stance[0], gravity[each, 0], gravity[each, 1], x, y, z
-            )
-            if lies[each]:
-                lies[each] = _lies(points, count, base, centre[0], centre[1])
-            if lies[each]:
-                continue
-            if stance[2] >= 0 and follow(points, count, centre, up, stance, least_cosine):
-                continue
-            if not roll(points, count, centre, up, stance, touch, flat):
-                rested[each] = False
+        work.pose[axis] = work.bodies[UP + axis, lane]
+        work.stance[axis] = work.counts[STANCE + axis, lane]
 
 
-@compiled
-def _as_if_shifted(
-    points: Array,
-    up: Array,
-    foot: int,
-    tilt_x: float,
-    tilt_y: float,
-    x: float,
-    y: float,
-    z: float,
-) -> Vector:
-    """Where the centre of mass acts, which is at x, y, z, of a body that stands on a foot."""
-    if tilt_x != 0 or tilt_y != 0:
-        height = points[3, foot] + up[0] * (x - points[0, foot])
-        height += up[1] * (y - points[1, foot]) + up[2] * (z - points[2, foot])
-        x, y = x + tilt_x * height, y + tilt_y * height
-    return x, y, z
+@inlined
+def _keep_pose(work: Work, lane: int) -> None:
+    for axis in range(3):
+        work.bodies[UP + axis, lane] = work.pose[axis]
+        work.counts[STANCE + axis, lane] = max(work.stance[axis], 0)
+    work.bodies[DEEP, lane] = depth(work.one, work.one.shape[1], vector(work.pose))
 
 
-@compiled
-def _lies(points: Array, count: int, base: Array, x: float, y: float) -> bool:
-    """Whether a body that lay flat on its main body still does."""
-    belly = -0.5 * base[2] - TOUCHING
-    lies: bool = abs(x) < 0.5 * base[0] and abs(y) < 0.5 * base[1]
-    for point in range(CORNERS, count):
-        if points[2, point] - points[3, point] < belly:
-            lies = False
-    return lies
-
-
-@compiled
-def _centre_of_mass(work: Work, links: int) -> Vector:
-    """Centre of mass of the body, which lies at rest, in the body frame, m."""
-    mass = x = y = z = 0.0
-    for link in range(links):
-        mass += work.joint[link, MASS]
-        x, y = x + work.frame[link, 12], y + work.frame[link, 13]
-        z += work.frame[link, 14]
-    return x / mass, y / mass, z / mass
-
-
-@compiled
-def right_itself(work: Work, links: int, count: int, each: int) -> None:
-    """Brings a body that rests under an inclined gravity to rest under a plumb one."""
-    centre, up, stance = _centre_of_mass(work, links), work.up[each], work.stance[each]
-    if not roll(work.points, count, centre, up, stance, work.touch, work.flat):
-        work.rested[each] = False
-
-
-@compiled
-def undecided(work: Work, links: int, count: int, each: int) -> bool:
-    """Whether the body, which lies at rest, is balanced on the rim of its support."""
-    points, up, stance = work.points, vector(work.up[each]), work.stance[each]
-    centre = _centre_of_mass(work, links)
-    if stance[2] >= 0:
+@inlined
+def _undecided(work: Work, lane: int, centre: Vector, up: Vector) -> bool:
+    """Whether a body, which lies at rest, is balanced on the rim of its support."""
+    if work.bodies[FIRM, lane] != 0.0:
         least = math.inf
         for side in range(3):
-            one, two = at(points, stance[side]), at(points, stance[(side + 1) % 3])
-            edge = minus(two, one)
+            one = _point(work, lane, work.counts[STANCE + side, lane])
+            edge = minus(_point(work, lane, work.counts[STANCE + (side + 1) % 3, lane]), one)
             area = turning(up, minus(one, centre), edge)
             least = min(least, area * area / dot(edge, edge))
         if least > 4 * BALANCED * BALANCED:
             return False
-    contacts = touching(points, count, centre, up, work.touch, work.flat)
+    pick_out(work, lane)
+    contacts = touching(work.one, work.one.shape[1], centre, up, work.touch, work.flat)
     return balanced(work.flat, contacts)
 
 
-@compiled
-def margin(work: Work, links: int, count: int, base: Array, slew: Slew, most: float) -> float:
-    """How far gravity may be inclined, in each of four directions, with the body landing alike.
-
-    Args:
-        work: Holds a body that lies at rest.
-        most: The largest margin wanted, rad.
-
-    Returns:
-        rad.
-    """
-    up, gravity = work.up, work.gravity
-    up_x, up_y, up_z = up[0, 0], up[0, 1], up[0, 2]
-    steepest = math.tan(most)
-    good, bad, tried = 0.0, steepest, steepest
-    trials = 0
-    while bad > _FINE * good:
-        for way in range(4):
-            gravity[way, 0], gravity[way, 1] = 0.0, 0.0
-            gravity[way, way % 2] = tried if way < 2 else -tried
-        settle(work, links, count, base, slew, np.int64(4))  # a plain 4 is a type of its own
-        alike = True
-        for way in range(4):
-            away = max(abs(up[way, 0] - up_x), abs(up[way, 1] - up_y), abs(up[way, 2] - up_z))
-            alike = alike and work.rested[way] and away <= _SAME
-        if alike:
-            good = tried
-        else:
-            bad = tried
-        trials += 1
-        if good == 0 and trials == _LADDER:
-            break
-        tried = math.sqrt(good * bad) if good > 0 else 0.25 * tried
-    return most if good == steepest else math.atan(good)
+@inlined
+def _point(work: Work, lane: int, point: int) -> Vector:
+    first = POINT_ROWS * point
+    return work.points[first, lane], work.points[first + 1, lane], work.points[first + 2, lane]
 
 
-@compiled
-def gap(work: Work, link: int, up: Vector, deep: float) -> float:
-    """Distance of a link's lowest point from the ground, m; 0 where it touches.
+@inlined
+def _read(
+    work: Work,
+    lane: int,
+    trees: Trees,
+    body: int,
+    program: Array,
+    slew: Slew,
+    limits: Limits,
+    row: int,
+    stays: bool,
+    plumb: bool,
+    readings: Readings,
+) -> None:
+    """What the sensors of a body say that has reached its targets and rests."""
+    bodies, own, rests = work.bodies, trees.base[body], work.counts[RESTS, lane] > 0
+    for axis in range(3):
+        readings.up[row, axis] = bodies[UP + axis, lane] if rests else math.nan
+    if not plumb:
+        return
+    weight = bodies[WEIGHT, lane]
+    centre = (
+        bodies[MOMENTS, lane] / weight,
+        bodies[MOMENTS + 1, lane] / weight,
+        bodies[MOMENTS + 2, lane] / weight,
+    )
+    if bodies[GRAVITY, lane] != 0 or bodies[GRAVITY + 1, lane] != 0:
+        pick_out(work, lane)
+        _take_pose(work, lane)
+        _roll(work, lane, centre)
+        _keep_pose(work, lane)
+        stays = False
+    up, deep = (bodies[UP, lane], bodies[UP + 1, lane], bodies[UP + 2, lane]), bodies[DEEP, lane]
+    readings.balances[row] = _undecided(work, lane, centre, up)
+    measured = _up_as_measured(up, own[ACCELEROMETER], own[ACCELEROMETER + 1])
+    readings.tilt[row, 0], readings.tilt[row, 1] = _tilt_of(measured)
+    ray = _belly_ray(deep - 0.5 * own[2] * up[2], up)
+    readings.clearance[row], readings.saturated[row] = _clearance_of(ray, limits.cap)
+    largest, parts = 0.0, trees.parts[body]
+    for part in range(parts):
+        work.above[part] = math.inf
+    for part in range(parts):
+        if not stays:
+            work.lowest[part, lane] = _lowest(work, lane, part, up)
+        group = work.group[part, lane]
+        work.above[group] = min(work.above[group], deep - work.lowest[part, lane])
+        motor = trees.motor[body, part]
+        if motor >= 0:
+            largest = max(largest, abs(program[motor]) - slew.reach)
+    for part in range(parts):
+        sensor = trees.sensor[body, part]
+        if sensor >= 0:
+            above = work.above[work.group[part, lane]]
+            gap = 0.0 if above < TOUCHING else above
+            readings.touch[row, sensor] = _touches(gap, limits.touch_gap)
+            readings.doubtful[row, sensor] = _touch_is_doubtful(gap, limits.doubtful_gap)
+    readings.miss[row] = largest
+    readings.valid[row] = work.counts[RESTS, lane] > 0 and largest <= limits.joint_tolerance
 
-    Args:
-        work: Holds a body that lies at rest.
-        link: Of it.
-        up: World up in the body frame.
-        deep: Depth of the body at rest, m.
-    """
-    points = work.points
-    least = math.inf
-    for point in range(work.tree[link, FIRST], work.tree[link, END]):
-        least = min(least, deep + dot(up, at(points, point)) - points[3, point])
-    return 0.0 if least < TOUCHING else least
 
-
-@compiled
-def _rows_together(
-    work: Work, first: int, end: int, which: Integers, programs: Array, gravity_tilts: Array
-) -> int:
-    """How many rows from one on are of the same body in the same program: at most ``TOGETHER``.
-
-    Fills in how gravity is inclined for each.
-    """
-    row = first
-    while row < end and row < first + TOGETHER and which[row] == which[first]:
-        if len(programs) > 1:
-            for motor in range(programs.shape[1]):
-                if programs[row, motor] != programs[first, motor]:
-                    return row - first
-        inclined = gravity_tilts[row if len(gravity_tilts) > 1 else 0]
-        work.gravity[row - first, 0], work.gravity[row - first, 1] = inclined[0], inclined[1]
-        row += 1
-    return row - first
+@inlined
+def _lowest(work: Work, lane: int, part: int, up: Vector) -> float:
+    """How far a part's lowest point lies below the body's origin, m."""
+    lowest = -math.inf
+    for point in range(work.first[part], work.end[part]):
+        below = work.points[POINT_ROWS * point + 3, lane] - dot(up, _point(work, lane, point))
+        lowest = max(lowest, below)
+    return lowest
 
 
 def _make_rest(sources: int) -> Any:
@@ -280,20 +345,14 @@ def _make_rest(sources: int) -> Any:
         programs: Array,
         gravity_tilts: Array,
         slew: Slew,
-        cap: float,
-        touch_gap: float,
-        doubtful_gap: float,
-        joint_tolerance: float,
-        touch: Flags,
-        doubtful: Flags,
-        tilt: Array,
-        clearance: Array,
-        saturated: Flags,
-        miss: Array,
-        valid: Flags,
-        balances: Flags,
+        limits: Limits,
+        plumb: bool,
+        readings: Readings,
     ) -> int:
         """Fills rows ``start`` to ``end`` of the readings.
+
+        In the end gravity is plumb again, and the sensors are read; unless ``plumb`` is false: then
+        only ``up`` is filled in.
 
         ``which`` has each row's tree. ``programs`` and ``gravity_tilts`` have one row for all or
         one for each.
@@ -301,77 +360,92 @@ def _make_rest(sources: int) -> Any:
         Returns:
             How many steps that took.
         """
-        work = work_space(trees.parent.shape[1])
+        work = work_space(trees, which, start, end)
+        counts = work.counts
+        least_cosine = math.cos(_QUICK * slew.pace)
         steps = 0 * sources  # named here, so that the cache's key knows it
-        row = start
-        while row < end:
-            body = which[row]
-            own = trees.base[body]
-            program = programs[row if len(programs) > 1 else 0]
-            links = assemble(trees, body, program, slew, work)
-            points = list_points(trees, body, links, work)
-            several = _rows_together(work, row, end, which, programs, gravity_tilts)
-            settle(work, links, points, own, slew, several)
-            for each in range(several):
-                if work.gravity[each, 0] != 0 or work.gravity[each, 1] != 0:
-                    right_itself(work, links, points, each)
-                balances[row] = undecided(work, links, points, each)
-                up = vector(work.up[each])
-                deep = depth(work.points, points, up)
-                measured = _up_as_measured(up, own[ACCELEROMETER], own[ACCELEROMETER + 1])
-                tilt[row, 0], tilt[row, 1] = _tilt_of(measured)
-                ray = _belly_ray(deep - 0.5 * own[2] * up[2], up)
-                clearance[row], saturated[row] = _clearance_of(ray, cap)
-                largest, longest = 0.0, 0
-                for part in range(trees.parts[body]):
-                    longest = max(longest, work.tree[work.place[part], STEPS])
-                    motor, sensor = trees.motor[body, part], trees.sensor[body, part]
-                    if motor >= 0:
-                        largest = max(largest, abs(program[motor]) - slew.reach)
-                    if sensor >= 0:
-                        group = work.tree[work.place[part], GROUP]
-                        above = gap(work, group, up, deep)
-                        for link in range(group + 1, links):
-                            if work.tree[link, GROUP] == group:
-                                above = min(above, gap(work, link, up, deep))
-                        touch[row, sensor] = _touches(above, touch_gap)
-                        doubtful[row, sensor] = _touch_is_doubtful(above, doubtful_gap)
-                miss[row] = largest
-                valid[row] = work.rested[each] and largest <= joint_tolerance
-                steps += longest
-                row += 1
+        row, occupied, latest = start, 0, -1
+        for lane in range(LANES):
+            counts[ROW, lane] = -1
+        while row < end or occupied:
+            for lane in range(LANES):
+                if counts[ROW, lane] < 0 and row < end:
+                    _take_in(work, lane, latest, row, trees, which, programs, gravity_tilts, slew)
+                    latest = lane
+                    row += 1
+                    occupied += 1
+            move(work)
+            stay = _rest_alike(work, least_cosine)
+            for lane in range(LANES):
+                if counts[ROW, lane] < 0:
+                    continue
+                steps += 1
+                step, known, last = counts[NEXT, lane], counts[AT, lane], counts[LAST, lane]
+                stays = bool(stay >> lane & 1)
+                if not stays:
+                    counts[STRIDE, lane] = 1
+                    if step > known + 1:
+                        _turn_to(work, lane, known + 1, slew)
+                        continue
+                    _come_to_rest(work, lane, least_cosine)
+                if step < last:
+                    counts[AT, lane] = step
+                    _turn_to(work, lane, min(step + counts[STRIDE, lane], last), slew)
+                    continue
+                done = counts[ROW, lane]
+                program = programs[done if len(programs) > 1 else 0]
+                _read(
+                    work,
+                    lane,
+                    trees,
+                    which[done],
+                    program,
+                    slew,
+                    limits,
+                    done,
+                    stays,
+                    plumb,
+                    readings,
+                )
+                counts[ROW, lane] = -1
+                occupied -= 1
         return steps
 
     return rest
 
 
-def _make_margins(sources: int) -> Any:
-    @entrance
-    def margins(
-        start: int,
-        end: int,
-        trees: Trees,
-        which: Integers,
-        programs: Array,
-        slew: Slew,
-        most: float,
-        path_margins: Array,
-    ) -> int:
-        """Fills rows ``start`` to ``end`` of the path margins; see ``rest``."""
-        work = work_space(trees.parent.shape[1])
-        for row in range(start, end):
-            body = which[row]
-            own = trees.base[body]
-            program = programs[row if len(programs) > 1 else 0]
-            links = assemble(trees, body, program, slew, work)
-            points = list_points(trees, body, links, work)
-            work.gravity[0, 0] = work.gravity[0, 1] = 0.0
-            settle(work, links, points, own, slew, np.int64(1))  # a plain 1 is a type of its own
-            path_margins[row] = margin(work, links, points, own, slew, most)
-        return 0 * sources
+@inlined
+def _take_in(
+    work: Work,
+    lane: int,
+    latest: int,
+    row: int,
+    trees: Trees,
+    which: Integers,
+    programs: Array,
+    gravity_tilts: Array,
+    slew: Slew,
+) -> None:
+    """Puts a row of the batch into a lane: its body flat, with its joints where they start."""
+    program = programs[row if len(programs) > 1 else 0]
+    if latest >= 0 and which[row] == which[row - 1] and _same(programs, row):
+        board_again(work, lane, latest)
+    else:
+        board(trees, which[row], program, slew, work, lane)
+    tilt = gravity_tilts[row if len(gravity_tilts) > 1 else 0]
+    _start(work, lane, row, tilt[0], tilt[1])
+    work.counts[STRIDE, lane] = slew.stride
+    _turn_to(work, lane, 0, slew)
 
-    return margins
+
+@inlined
+def _same(programs: Array, row: int) -> bool:
+    """Whether a row has the program of the one before it."""
+    if len(programs) > 1:
+        for motor in range(programs.shape[1]):
+            if programs[row, motor] != programs[row - 1, motor]:
+                return False
+    return True
 
 
 rest: Final = _make_rest(_SOURCES)
-margins: Final = _make_margins(_SOURCES)

@@ -42,6 +42,15 @@ def compiled(function: _Function) -> _Function:
     return machine_code
 
 
+def inlined(function: _Function) -> _Function:
+    """The same, made a part of what calls it: for what is given a whole work space.
+
+    Arguments are passed by value, and to copy some hundred words would take longer than the work.
+    """
+    machine_code: _Function = _njit(**_LENT, forceinline=True)(function)
+    return machine_code
+
+
 def compiled_for_vectors(function: _Function) -> _Function:
     """A function for the kernel in which a maximum's order is free, to compare several at once.
 

@@ -24,6 +24,7 @@ from estimator.body.arrays import Integers
 from estimator.body.morphology import Array
 from estimator.body.mounts import Vector
 from estimator.physics.kernel.compiling import compiled, compiled_for_vectors
+from estimator.physics.kernel.lanes import choose, root
 
 
 @compiled
@@ -299,6 +300,54 @@ def _turn(points: Array, count: int, centre: Vector, up: Array, pivot: int, othe
 
 
 @compiled
+def stands(
+    foot: Vector,
+    second: Vector,
+    third: Vector,
+    second_rise: float,
+    third_rise: float,
+    centre: Vector,
+    before: Vector,
+    least_cosine: float,
+) -> tuple[bool, Vector, float]:
+    """How a body stands on three spheres; of one body, or of ``LANES`` at once.
+
+    Args:
+        foot: Middle of the first sphere.
+        second: Of the second.
+        third: Of the third.
+        second_rise: By how much its radius is larger than the first's.
+        third_rise: Likewise.
+        centre: Of mass.
+        before: Up before the change of shape.
+        least_cosine: Of the angle by which up may turn.
+
+    Returns:
+        Whether the centre of mass is between the three and up turns by no more; up, across the
+        plane under the spheres: of the two solutions the one nearer ``before``; and twice the area
+        from the centre to the first two, above 0 if they lie in a turn to the left.
+    """
+    to_b, to_c = minus(second, foot), minus(third, foot)
+    across = cross(to_b, to_c)
+    squared = dot(across, across)
+    scale = 1.0 / squared
+    tilted = times(
+        scale, plus(times(second_rise, cross(to_c, across)), times(third_rise, cross(across, to_b)))
+    )
+    left = 1.0 - dot(tilted, tilted)
+    length = root(left * scale)
+    length = choose(dot(across, before) < 0.0, -1.0 * length, length)
+    up = plus(tilted, times(length, across))
+    to_a, to_b, to_c = minus(foot, centre), minus(second, centre), minus(third, centre)
+    a_b, b_c, c_a = turning(up, to_a, to_b), turning(up, to_b, to_c), turning(up, to_c, to_a)
+    leftward = (a_b > 0.0) & (b_c > 0.0) & (c_a > 0.0)
+    rightward = (a_b < 0.0) & (b_c < 0.0) & (c_a < 0.0)
+    fixed = (squared >= _FLAT) & (left > 0.0)
+    near = dot(up, before) >= least_cosine
+    return fixed & near & (leftward | rightward), up, a_b
+
+
+@compiled
 def follow(
     points: Array, count: int, centre: Vector, up: Array, stance: Integers, least_cosine: float
 ) -> bool:
@@ -316,15 +365,17 @@ def follow(
     a, b, c = stance[0], stance[1], stance[2]
     before = vector(up)
     for _ in range(_PIVOTS):
-        fixed, now = _upright(points, a, b, c, before)
-        if not fixed or dot(now, before) < least_cosine:
-            return False
-        to_a = minus(at(points, a), centre)
-        to_b = minus(at(points, b), centre)
-        to_c = minus(at(points, c), centre)
-        a_b, b_c, c_a = turning(now, to_a, to_b), turning(now, to_b, to_c), turning(now, to_c, to_a)
-        leftward = a_b > 0 and b_c > 0 and c_a > 0
-        if not (leftward or (a_b < 0 and b_c < 0 and c_a < 0)):
+        does, now, left = stands(
+            at(points, a),
+            at(points, b),
+            at(points, c),
+            points[3, b] - points[3, a],
+            points[3, c] - points[3, a],
+            centre,
+            before,
+            least_cosine,
+        )
+        if not does:
             return False
         lowest = depth(points, count, now)
         if lowest <= points[3, a] - dot(now, at(points, a)) + TOUCHING:
@@ -336,10 +387,10 @@ def follow(
             if points[3, point] - dot(now, at(points, point)) >= lowest:
                 new = point
         to_new = minus(at(points, new), centre)
-        side = 1.0 if leftward else -1.0
-        n_a = side * turning(now, to_new, to_a)
-        n_b = side * turning(now, to_new, to_b)
-        n_c = side * turning(now, to_new, to_c)
+        side = 1.0 if left > 0 else -1.0
+        n_a = side * turning(now, to_new, minus(at(points, a), centre))
+        n_b = side * turning(now, to_new, minus(at(points, b), centre))
+        n_c = side * turning(now, to_new, minus(at(points, c), centre))
         if n_a > 0 > n_b:
             c = new
         elif n_b > 0 > n_c:
@@ -347,28 +398,3 @@ def follow(
         else:
             b = new
     return False
-
-
-@compiled
-def _upright(points: Array, a: int, b: int, c: int, before: Vector) -> tuple[bool, Vector]:
-    """Up, across the plane under three spheres: of its two solutions the one nearer ``before``."""
-    to_b, b_rise = minus(at(points, b), at(points, a)), points[3, b] - points[3, a]
-    to_c, c_rise = minus(at(points, c), at(points, a)), points[3, c] - points[3, a]
-    across = cross(to_b, to_c)
-    squared = dot(across, across)
-    if squared < _FLAT:
-        return False, before
-    scale = 1 / squared
-    tilted = 0.0, 0.0, 0.0
-    left = 1.0
-    if b_rise != 0 or c_rise != 0:
-        tilted = times(
-            scale, plus(times(b_rise, cross(to_c, across)), times(c_rise, cross(across, to_b)))
-        )
-        left = 1 - dot(tilted, tilted)
-        if left <= 0:
-            return False, before
-    length = math.sqrt(left * scale)
-    if dot(across, before) < 0:
-        length = -length
-    return True, plus(tilted, times(length, across))

@@ -15,8 +15,9 @@ others (differential evolution); θ by preconditioned Crank-Nicolson steps in ra
 lengths following as they depend on θ; lengths alone. Several sets of attachments are computed side
 by side, each with powers of its own. Noise factors are integrated on a grid.
 
-On the way bodies fall as statics has it with coarse steps. From the posterior by that particles go
-on to the one by the likelihood proper, with its forks, in the same manner.
+Where no best point fell to another side of a fork, bodies fall on the way as statics has it with
+coarse steps; from the posterior by that, particles go on to the one by the likelihood proper, with
+its forks, in the same manner.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.posterior.model.gauss_newton import Free
 from estimator.posterior.model.likelihood import Likelihood
+from estimator.posterior.model.sensor_data import BRANCH
 from estimator.posterior.model.special import logsumexp
 from estimator.posterior.model.unknowns import Columns, Predictor
 
@@ -44,7 +46,6 @@ _JITTER: Final = 1e-3
 _FREEDOM: Final = 4.0  # of the lengths' own steps, Student's t
 _BISECTIONS: Final = 30
 _NOWHERE: Final = -1e9  # log-likelihood where there is no body
-_ON_THE_WAY: Final = 0.5  # power at which particles are kept for the next interaction
 _MOST_STEPS: Final = 60  # towards the posterior
 
 
@@ -56,15 +57,12 @@ class Particles(NamedTuple):
         values: Equally likely points, shape (particles, size).
         fits: Their log-likelihoods, noise factors integrated out, shape (particles,).
         ess: How many were different when they were drawn by their weights for the last time.
-        spread: Points as they were on the way there, shape (particles, size): also such as the next
-            reading may make probable.
     """
 
     log_evidence: float
     values: Array
     fits: Array
     ess: float
-    spread: Array
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,8 +156,9 @@ class _Run:
         groups = len(points)
         normal = rng.standard_normal((groups, count, np.count_nonzero(free.normal)))
         self._x = np.concatenate([self._start.draw(count, rng), normal], axis=2)
-        self._spread = self._x.copy()
-        self._proper = False  # whether the likelihood is
+        branches = likelihood.misfits_of(predictor, points)[..., BRANCH]
+        self._forked = bool(np.any(branches != 0))
+        self._proper = False  # whether that is where particles go to
         self._goal, self._base = self._evaluated(self._x, np.arange(groups))
         self._powers, self._log_evidence = np.zeros(groups), np.zeros(groups)
 
@@ -168,10 +167,11 @@ class _Run:
         everyone = np.arange(len(self._points))
         self._drawn_anew(everyone, np.where(self._goal > _NOWHERE, 0.0, _NOWHERE))
         self._go()
-        self._proper = True
-        self._powers[:] = 0.0
-        self._goal, self._base = self._evaluated(self._x, everyone)
-        self._go()
+        if not self._forked:
+            self._proper = True
+            self._powers[:] = 0.0
+            self._goal, self._base = self._evaluated(self._x, everyone)
+            self._go()
         for _ in range(_LAST):
             self._move(everyone)
         return [self._particles(group) for group in range(len(self._points))]
@@ -182,9 +182,6 @@ class _Run:
             going = np.flatnonzero(self._powers < 1)
             if not going.size:
                 return
-            if not self._proper:
-                early = going[self._powers[going] < _ON_THE_WAY]
-                self._spread[early] = self._x[early]
             self._go_on(going)
             for _ in range(_MOVES):
                 self._move(going)
@@ -195,7 +192,6 @@ class _Run:
             values=self._values(np.full(self._count, group), self._x[group]),
             fits=self._goal[group].copy(),
             ess=float(self._ess[group]),
-            spread=self._values(np.full(self._count, group), self._spread[group]),
         )
 
     def _evaluated(self, x: Array, groups: Columns) -> tuple[Array, Array]:
@@ -205,7 +201,7 @@ class _Run:
         which, _ = np.nonzero(inside)
         values = self._values(groups[which], x[inside])
         rough = np.full(inside.shape, _NOWHERE)
-        rough[inside] = self._fits_of(values, surely=True)
+        rough[inside] = self._fits_of(values, surely=not self._forked)
         if not self._proper:
             return rough, self._start.log_density(lengths, groups)
         proper = np.full(inside.shape, _NOWHERE)

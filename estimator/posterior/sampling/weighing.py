@@ -18,7 +18,6 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.parameters.table import DEVIATES, log_priors
 from estimator.posterior.model.gauss_newton import Free, GaussNewton
@@ -241,8 +240,7 @@ class Weigher:
         for row in range(len(points)):
             own = max(np.flatnonzero(mode == row).tolist(), key=lambda number: shares[number])
             particles = weights[own].particles
-            inside = particles.spread[self._integrals.inside(particles.spread)]
-            draws.append(inside[self._rng.integers(len(inside), size=_DRAWN)])
+            draws.append(self._spread_out(particles.values))
             points[row] = particles.values[int(np.argmax(particles.fits))]
         behind = np.array([one.particles.ess for one in weights])
         return WeighedModes(
@@ -254,6 +252,18 @@ class Weigher:
             as_stated=as_stated,
             draws=draws,
         )
+
+    def _spread_out(self, values: Array) -> Array:
+        """Some particles, half of them with the least known length anywhere.
+
+        The next reading may make probable what hardly is by now.
+        """
+        drawn = values[self._rng.integers(len(values), size=_DRAWN)].copy()
+        lengths = self._predictor.unknowns.continuous
+        if lengths.size:
+            column = lengths[int(np.argmax(values[:, lengths].std(axis=0)))]
+            drawn[::2, column] = self._rng.random(len(drawn[::2]))
+        return drawn
 
     def _causes(self, weights: Sequence[_Weight], shares: Array) -> tuple[CauseShare, ...]:
         unknowns, causes = self._predictor.unknowns, []
@@ -350,12 +360,6 @@ class _Integrals:
         best = np.argmax(fits.reshape(len(starts), -1), axis=0)
         chosen: Array = found[best * len(points) + np.arange(len(points))]
         return chosen
-
-    def inside(self, values: Array) -> Flags:
-        """Which of n points have lengths in their ranges."""
-        lengths = values[:, self._lengths]
-        within: Flags = np.all((lengths >= 0) & (lengths <= 1), axis=1)
-        return within
 
     def fitted_wide(self, starts: Array) -> list[tuple[int, Array]]:
         """For each wide component the point that fits best with it, the rest as it is but lengths.

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from estimator.identification.method import information_in_words
 from estimator.report.canvas import leg_colour
 from estimator.report.live.run_view import RunView
 from estimator.report.page.templates import render
@@ -38,7 +39,7 @@ def _movements(view: RunView) -> Iterator[dict[str, Any]]:
     posterior = view.result.posterior
     steps = () if posterior is None else posterior.steps
     for index, item in enumerate(view.interactions):
-        notes = [] if item.bits is None else [f"{item.bits:.1f} bits expected"]
+        notes = [] if item.bits is None else [information_in_words(item.bits)]
         if index < len(steps):
             step = steps[index]
             if step.information_gain_bits is not None:

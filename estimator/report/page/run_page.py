@@ -13,17 +13,18 @@ from markupsafe import Markup
 
 from estimator.evaluation.score import Score
 from estimator.evaluation.validate import Validation
+from estimator.identification.method import information_in_words
 from estimator.readings.modalities import MODALITIES
 from estimator.readings.observation import Observation
 from estimator.report.camera import body_picture
 from estimator.report.canvas import as_png, as_svg, leg_colour
 from estimator.report.evaluations import read_true_body, read_validation, score_of
+from estimator.report.outcome import WHAT_TO_CHECK, headline
 from estimator.report.page.templates import render
 from estimator.report.plots import RunPlot, plot_predictions, run_plots
 from estimator.report.result import Result
 from estimator.report.shown_bodies import ShownBodies, shown_bodies
 from estimator.report.tables import (
-    WHAT_TO_CHECK,
     as_stated_in_words,
     percent,
     probability_after,
@@ -111,7 +112,7 @@ def run_page(store: RunStore, sources: PageSources) -> str:
         posterior=posterior,
         score=sources.score,
         validation=_validation(sources.validation),
-        headline=_headline(result),
+        headline=headline(result),
         **_verdict(result),
         interactions_asked=store.settings.interactions,
         facts=_facts(result),
@@ -124,6 +125,7 @@ def run_page(store: RunStore, sources: PageSources) -> str:
         as_stated="" if posterior is None else as_stated_in_words(result, posterior),
         searched_attachments=any(not name.startswith("length") for name in result.searched),
         percent=percent,
+        information_in_words=information_in_words,
         probability_after=probability_after,
         legs=list(zip(result.legs, result.leg_intervals, strict=True)),
         modalities=tuple(MODALITIES),
@@ -138,23 +140,16 @@ def _drawing(figure: Figure, caption: str) -> dict[str, str | Markup]:
     return {"caption": caption, "svg": Markup(as_svg(figure))}  # matplotlib escapes its text
 
 
-def _headline(result: Result) -> str:
-    legs = len(result.legs)
-    if not legs:
-        return "Nothing is known of this body yet"
-    return f"{legs} {'leg' if legs == 1 else 'legs'}, found in {result.interactions} movements"
-
-
 def _verdict(result: Result) -> dict[str, Any]:
     """Whether any body fits: yes, no, or not known yet."""
     judged = result.judged
     if judged is not None:
-        advice = None if judged.explained else WHAT_TO_CHECK
+        advice = () if judged.explained else WHAT_TO_CHECK
         return {"fits": judged.explained, "verdict": judged.verdict, "advice": advice}
     unknown = "Nothing was learnt yet."
     if result.best_models:
         unknown = "The best model of a population is judged when the search has ended."
-    return {"fits": None, "verdict": unknown, "advice": None}
+    return {"fits": None, "verdict": unknown, "advice": ()}
 
 
 def _facts(result: Result) -> list[tuple[str, str]]:

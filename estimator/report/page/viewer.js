@@ -320,4 +320,9 @@
   paint();
   if (data.poses.length) buttons[data.poses.length - 1].click();
   else show();
+  // Aimed at half the height at which the bodies stand: one that is tall keeps head and feet in view.
+  const top = Math.max(...views.map((view) => new THREE.Box3().setFromObject(view.body.root, true).max.z));
+  target.z = top / 2;
+  controls.forEach((control) => control.target.copy(target));
+  look(-32 * DEGREE, (top > reach * 0.8 ? 14 : 30) * DEGREE, 2.9 * reach)();
 })();

@@ -33,7 +33,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Final, TypeVar
 
 from robot.drivers.buses import Buses
-from robot.drivers.links.device_files import GPIOLine, OutputLine
+from robot.drivers.links.gpio import GPIODevices, GPIOLine, LinePlace, output_line
 from robot.drivers.links.i2c import I2CLink
 from robot.drivers.servos.pca9685_board import (
     ALL_CALL,
@@ -75,7 +75,7 @@ class PCA9685Settings:
         prescale: Of the chips' oscillators, for the update rate at 25 MHz.
         widths_us: The narrowest and the widest pulse, µs.
         oscillators_mhz: Measured frequency of each board, MHz, or ``None``: taken as 25.
-        enable: Device file of the GPIO chip, and the line to the boards' pin OE; or ``None``.
+        enable: The GPIO line to the boards' pin OE, or ``None``.
     """
 
     name: ClassVar = NAME
@@ -85,7 +85,7 @@ class PCA9685Settings:
     prescale: int
     widths_us: tuple[float, ...]
     oscillators_mhz: tuple[float, ...] | None = None
-    enable: tuple[str, int] | None = None
+    enable: LinePlace | None = None
 
     @classmethod
     def read(cls, table: Section) -> PCA9685Settings:
@@ -119,12 +119,7 @@ class PCA9685Settings:
             prescale=round(OSCILLATOR_MHZ * 1e6 / (TICKS * rate)) - 1,
             widths_us=(low, high),
             oscillators_mhz=oscillators,
-            enable=(
-                table.text("enable_chip", "/dev/gpiochip0"),
-                table.integer("enable_line", 0, 511),
-            )
-            if table.has("enable_line")
-            else None,
+            enable=LinePlace.read(table, "enable_") if table.has("enable_line") else None,
         )
 
     @property
@@ -161,8 +156,9 @@ class PCA9685Settings:
 
     @property
     def claims(self) -> tuple[str, ...]:
-        """The boards' own addresses, and the one at which all of them answer."""
-        return tuple(f"0x{one:x} on I²C bus {self.bus}" for one in (*self.boards, ALL_CALL))
+        """The boards' own addresses, the one at which all of them answer, and the line to OE."""
+        line = () if self.enable is None else (f"GPIO {self.enable}",)
+        return (*(f"0x{one:x} on I²C bus {self.bus}" for one in (*self.boards, ALL_CALL)), *line)
 
     def open(self, buses: Buses) -> PCA9685:
         """Opens the bus and identifies the boards; outputs stay as they are."""
@@ -170,7 +166,7 @@ class PCA9685Settings:
             buses.i2c(self.bus),
             settings=self,
             clock=buses.clock,
-            open_line=buses.open_line,
+            gpio=buses.gpio,
         )
 
     def __str__(self) -> str:
@@ -190,7 +186,7 @@ class PCA9685:
         link: The bus, which the driver opens and closes.
         settings: Where the boards are.
         clock: Paces the updates: one a pulse.
-        open_line: Opens the line to the pin OE, given its chip, number and first level.
+        gpio: The chip of the line to the pin OE.
 
     Attributes:
         name: What it is called in sentences.
@@ -207,11 +203,11 @@ class PCA9685:
         *,
         settings: PCA9685Settings,
         clock: Clock,
-        open_line: Callable[[str, int, bool], OutputLine] = GPIOLine,
+        gpio: GPIODevices,
     ):
         self._link = link
-        self._open_line = open_line
-        self._line: OutputLine | None = None
+        self._gpio = gpio
+        self._line: GPIOLine | None = None
         self._on = False
         self._settings = settings
         self._clock = clock
@@ -367,7 +363,7 @@ class PCA9685:
                 board.identify()
             if self._settings.enable is not None:
                 self._on = any(board.pulses() for board in self._boards)
-                self._line = self._open_line(*self._settings.enable, not self._on)
+                self._line = output_line(self._gpio, self._settings.enable, not self._on)
         except BaseException:
             self._link.close()
             raise

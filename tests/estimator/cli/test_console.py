@@ -109,7 +109,8 @@ def test_a_movement_comes_with_its_reason_and_what_it_is_expected_to_tell() -> N
         screen.chosen(3, "was recorded", None)
     first, second = text.getvalue().splitlines()
     assert first == (
-        "Interaction 3 tells apart: front leg on its left or right side; expected 3.1 bits."
+        "Interaction 3 tells apart: front leg on its left or right side; it is expected to leave "
+        "one possibility in 9."
     )
     assert second == "Interaction 4 was recorded."
 

@@ -66,6 +66,19 @@ def test_the_best_body_of_a_posterior_is_a_robot(posterior_run: Path, tmp_path: 
     assert reply.touch == tuple(read.touch[0].tolist())
 
 
+def test_a_package_for_ros2_is_a_folder(posterior_run: Path, tmp_path: Path) -> None:
+    assert export(posterior_run, "--format", "ros2", "--out", tmp_path / "src").exit_code == 0
+    (package,) = (tmp_path / "src").iterdir()
+    assert package.name == "model_description"
+    body = load_body(package / "urdf" / "robot.urdf")
+    assert [motor.name for motor in body.motors] == list(JOINTS)
+    assert not body.notes
+    (tmp_path / "file").touch()
+    ended = export(posterior_run, "--format", "ros2", "--out", tmp_path / "file")
+    assert ended.exit_code == 1
+    assert "cannot be read or written" in ended.stderr
+
+
 def test_any_sample_can_be_had(posterior_run: Path) -> None:
     for sample, lengths in enumerate(LENGTHS):
         found = json.loads(
@@ -81,6 +94,9 @@ def test_a_sample_that_there_is_not_is_refused(posterior_run: Path) -> None:
     assert ended.exit_code == 1
     assert "there is no sample 99999: choose 0 to" in ended.stderr
     assert export(posterior_run, "--format", "stl").exit_code == 2
+    nowhere = export(posterior_run, "--format", "ros2")
+    assert nowhere.exit_code == 2
+    assert "--out" in nowhere.stderr
     folder = export(posterior_run, "--format", "json", "--out", str(posterior_run))
     assert folder.exit_code == 2
     assert "directory" in folder.stderr

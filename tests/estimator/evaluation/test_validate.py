@@ -92,6 +92,7 @@ def test_errors_by_hand() -> None:
     assert validation.best_model["clearance_mm"] == pytest.approx(10.0)
     assert validation.population_median == validation.random_models == validation.best_model
     assert validation.invalid_predictions == 0
+    assert validation.as_predicted == 1
 
 
 def test_an_invalid_prediction_is_counted_and_left_out() -> None:
@@ -101,6 +102,7 @@ def test_an_invalid_prediction_is_counted_and_left_out() -> None:
     assert validation.best_model["touch"] == pytest.approx(0.5)
     assert validation.best_model["clearance_mm"] == pytest.approx(10.0)
     assert validation.invalid_predictions == 1 + 3 + 3
+    assert validation.as_predicted == 0
 
 
 def test_a_robot_without_touch_sensors_has_no_touch_error() -> None:

@@ -19,9 +19,9 @@ from estimator.identification.run import identify, resume
 from estimator.physics.backends import IN_THIS_PROCESS as HERE
 from estimator.physics.backends import REFERENCE, Executors, in_this_process, on_this_computer
 from estimator.physics.base import Physics, WorldSettings
+from estimator.report.outcome import print_result
 from estimator.report.result import Result
 from estimator.report.run_files import write_report
-from estimator.report.tables import print_result
 from estimator.storage.records import Generation
 from estimator.storage.store import RunStore
 from protocol.errors import RobotError, RobotUnreachableError
@@ -139,7 +139,7 @@ def test_where_pybullet_is_not_installed_mujoco_has_the_last_word(
     assert opened == ["statics", "mujoco"]
     assert result.reference == "mujoco"
     assert result.finish is not None
-    print_result(Console(width=200), result)
+    print_result(Console(width=200), result, details=True)
     assert "mujoco had the last word" in capsys.readouterr().out
     monkeypatch.undo()
     opened.clear()

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from estimator.body.arrays import Bodies
-from estimator.body.morphology import part_frames
+from estimator.body.morphology import BASE, Base, Morphology, Part, part_frames
+from estimator.body.mounts import PartMount
 from estimator.physics.base import WorldSettings
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import StaticsPhysics
@@ -67,6 +69,23 @@ def test_the_engines_agree(
     away = np.degrees(np.abs(by_statics.tilt - simulated.tilt).max(axis=1))
     assert sure.sum() > 10
     assert np.mean(away[sure & simulated.valid] < 0.5) > 0.9
+
+
+def test_a_knee_that_is_fixed_at_an_angle_touches_as_one_that_is_held_there(
+    statics: StaticsPhysics,
+) -> None:
+    """It is lower than both ends of a leg that goes down, then up."""
+    leg = Part(parent=BASE, mount=1, hinge=2, length=0.1, radius=0.01, motor=0)
+    bent = PartMount(name="bent", fraction=1.0, yaw=0.0, elevation=1.2)
+    fixed = Part(parent=0, mount=0, hinge=2, length=0.1, radius=0.01, sensor=0)
+    base = Base(size=(0.14, 0.14, 0.085), mass=1.0)
+    body = Morphology(base=base, parts=(leg, fixed), density=1000.0, part_mounts=(bent,))
+    held = replace(body, parts=(leg, replace(fixed, motor=1)))
+    program = np.radians([-60, 0])
+    felt, expected = statics.read([(body, program)]), statics.read([(held, program)])
+    assert expected.touch.all()
+    assert felt.tilt == pytest.approx(expected.tilt, abs=1e-12)
+    assert felt.touch.all()
 
 
 def test_a_mount_below_the_belly_lifts_it(

@@ -14,11 +14,12 @@ from rich.console import Console
 
 from estimator.evaluation.attachments import Configuration
 from estimator.evaluation.score import Score
-from estimator.report.evaluations import print_score
+from estimator.evaluation.validate import PredictionErrors, Validation
+from estimator.report.evaluations import print_score, print_validation
+from estimator.report.outcome import print_result
 from estimator.report.page.run_page import PageSources, run_page
 from estimator.report.posterior_report import sums_of_lengths
 from estimator.report.summarise import summarise
-from estimator.report.tables import print_result
 from estimator.report.verdict import verdict_on_posterior
 from estimator.storage.posteriors import (
     Cause,
@@ -70,13 +71,13 @@ def test_rivals_come_with_the_movement_that_would_decide(tmp_path: Path) -> None
     ) as run:
         result = summarise(run)
     text = io.StringIO()
-    print_result(Console(file=text, width=200), result)
+    print_result(Console(file=text, width=200), result, details=True)
     said = text.getvalue()
     assert "Rival (12.5 %): hinge of back: down." in said
     assert "Indistinguishable (12.5 %): hinge of back: roll_left." in said
     assert (
         "Most informative next movement: right 6°, back -29°; tells apart: "
-        "hinge of back (up or down); expected 0.8 bits." in said
+        "hinge of back (up or down); it is expected to rule out 43 % of the possibilities." in said
     )
     assert result.posterior is not None
     assert result.posterior.next_movement == movement
@@ -96,7 +97,11 @@ def test_residuals_are_in_a_table(tmp_path: Path) -> None:
     )
     posterior = result.posterior.model_copy(update={"predicted": (told,)})
     text = io.StringIO()
-    print_result(Console(file=text, width=200), result.model_copy(update={"posterior": posterior}))
+    print_result(
+        Console(file=text, width=200),
+        result.model_copy(update={"posterior": posterior}),
+        details=True,
+    )
     _, _, table = text.getvalue().partition("in standard deviations of the noise:\n")
     heading, row, *_ = (line.split() for line in table.splitlines())
     assert heading == ["interaction", "touch", "tilt", "clearance", "outlier"]
@@ -108,7 +113,7 @@ def test_that_the_robot_may_be_built_otherwise_is_taken_off_and_said(tmp_path: P
         result = summarise(run)
         page = run_page(run, PageSources.of(run, result))
     text = io.StringIO()
-    print_result(Console(file=text, width=200), result)
+    print_result(Console(file=text, width=200), result, details=True)
     said = (
         "attachments together is 72.0 %; the probability that the robot is otherwise than this "
         "problem can say, 4.0 %."
@@ -128,7 +133,7 @@ def test_what_the_robot_has_otherwise_is_in_terminal_and_page(tmp_path: Path) ->
         result = summarise(run)
         page = run_page(run, PageSources.of(run, result)).replace("&#39;", "'")
     text = io.StringIO()
-    print_result(Console(file=text, width=400), result)
+    print_result(Console(file=text, width=400), result, details=True)
     for said in (text.getvalue(), page):
         assert "an accelerometer turned by +1.3° left/right, or ground that rises so" in said
         assert "If the robot is exactly as stated: left " in said
@@ -160,7 +165,7 @@ def test_of_legs_in_line_the_sum_is_said_in_terminal_and_page(tmp_path: Path) ->
     total = 1000 * (first + second)
     sentence = f"Of {one} and {other} the sum is known: {total:.1f} mm ({total:.1f}–{total:.1f})."
     text = io.StringIO()
-    print_result(Console(file=text, width=200), result)
+    print_result(Console(file=text, width=200), result, details=True)
     assert sentence in text.getvalue()
     assert sentence in page
 
@@ -299,7 +304,7 @@ def test_after_a_movement_nothing_may_be_known_or_explained(tmp_path: Path) -> N
         result = result.model_copy(update={"posterior": posterior})
         page = run_page(run, PageSources.of(run, result))
     text = io.StringIO()
-    print_result(Console(file=text, width=200), result)
+    print_result(Console(file=text, width=200), result, details=True)
     for said in (text.getvalue(), page):
         assert said.count("not explained") == 1
         assert "99.0 %, not explained" in said
@@ -413,9 +418,30 @@ def test_a_result_shows_how_parts_hang_together_where_that_was_to_be_found(tmp_p
     for each in (known, store):
         with each:
             console = Console(file=StringIO(), width=120, color_system=None)
-            print_result(console, summarise(each))
+            print_result(console, summarise(each), details=True)
             assert isinstance(console.file, StringIO)
             texts.append(console.file.getvalue())
     assert "sits on" not in texts[0]
     lines = [line for line in texts[1].splitlines() if line.startswith("back ")]
-    assert lines[-1].split() == ["back", "right", "front", "up", "100.0"]
+    assert lines[0].split()[:5] == ["back", "right", "front", "up", "100.0"]
+
+
+@pytest.mark.parametrize(
+    ("right", "said"),
+    [(9, "predicts the robot: 9 of 10"), (6, "in part: 6 of 10"), (1, "does not predict")],
+)
+def test_a_validation_begins_with_a_verdict(right: int, said: str) -> None:
+    errors: PredictionErrors = {"touch": 0.1, "tilt_deg": 1.0, "clearance_mm": 2.0}
+    validation = Validation(
+        programs=10,
+        best_model=errors,
+        population_median=errors,
+        random_models=errors,
+        invalid_predictions=0,
+        as_predicted=right,
+    )
+    text = io.StringIO()
+    print_validation(Console(file=text, width=200), validation)
+    first, *_ = text.getvalue().splitlines()
+    assert first.startswith("This body ")
+    assert said in first

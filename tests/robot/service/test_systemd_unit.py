@@ -13,7 +13,7 @@ from robot.cli.command_line import COMMANDS
 from robot.cli.run import add_arguments
 
 UNIT = resources.files("robot").joinpath("systemd/robotd.service").read_text(encoding="utf-8")
-GUIDE = (Path(__file__).parents[3] / "docs" / "install.md").read_text(encoding="utf-8")
+GUIDE = (Path(__file__).parents[3] / "docs" / "your-robot.md").read_text(encoding="utf-8")
 SETTINGS: list[tuple[str, str]] = re.findall(r"^(\w+)=(.*)$", UNIT, flags=re.MULTILINE)
 
 
@@ -45,6 +45,7 @@ def test_it_keeps_the_ports_within_reach() -> None:
     assert "PrivateUsers" not in names
     assert setting("AmbientCapabilities") == setting("CapabilityBoundingSet") == "CAP_SYS_RAWIO"
     assert ("DeviceAllow", "/dev/port rw") in SETTINGS
+    assert ("DeviceAllow", "char-gpiochip rw") in SETTINGS
     assert setting("ProcSubset") == "all"  # /proc/ioports
     # libzmq sets its threads' scheduling at the first connection, and aborts where it may not.
     assert not any("@resources" in value for key, value in SETTINGS if key == "SystemCallFilter")

@@ -1,12 +1,15 @@
 """Drivers that others wrote from the data sheets work on the emulated chips.
 
 Each is a distribution of its own on the package index, made for a Raspberry Pi. They reach the bus
-through ``smbus`` or ``smbus2``, of which ``Bus`` offers what they use.
+through ``smbus`` or ``smbus2``, of which ``Bus`` offers what they use, or make the kernel's calls.
 """
 
 from __future__ import annotations
 
+import ctypes
+import fcntl
 import importlib
+import os
 import sys
 import types
 from collections.abc import Iterator
@@ -17,6 +20,7 @@ import smbus2
 from smbus2 import i2c_msg
 
 from sim_robot.electronics.ads1115 import ADS1115Emulator
+from sim_robot.electronics.gpio import Chip, GPIOEmulator
 from sim_robot.electronics.i2c_bus import I2CBus
 from sim_robot.electronics.mpu6050 import MPU6050Emulator
 from sim_robot.electronics.pca9685 import PCA9685Emulator
@@ -130,3 +134,41 @@ def test_ads1x15_adc_measures_each_input(chips: Chips) -> None:
     adc.getValue()
     chips.clock.sleep(0.02)
     assert adc.toVoltage(adc.getValue()) == pytest.approx(1.0, abs=2e-4)
+
+
+def test_python_periphery_reads_and_drives_gpio_lines(monkeypatch: pytest.MonkeyPatch) -> None:
+    outside: dict[int, bool | None] = {17: None}
+    driven: list[tuple[int, bool]] = []
+    chips = GPIOEmulator(
+        [Chip(path="/dev/gpiochip7", names={17: "GPIO17"})],
+        lambda chip, line: outside[line],
+        InstantClock(),
+        driven=lambda chip, line, high: driven.append((line, high)),
+    )
+
+    def ioctl(file: int, request: int, argument: ctypes.Structure) -> None:
+        answer = bytearray(argument)
+        chips.ioctl(file, request, answer)
+        ctypes.memmove(ctypes.addressof(argument), bytes(answer), len(answer))
+
+    monkeypatch.setattr(fcntl, "ioctl", ioctl)
+    monkeypatch.setattr(os, "open", lambda path, flags: chips.open(path))
+    monkeypatch.setattr(os, "close", chips.close)
+    gpio = load("periphery").GPIO
+    foot = gpio("/dev/gpiochip7", "GPIO17", "in", bias="pull_up", inverted=True)
+    assert (foot.line, foot.chip_label, foot.name) == (17, "pinctrl-bcm2835", "GPIO17")
+    assert not foot.read()
+    outside[17] = False
+    assert foot.read()
+    with pytest.raises(Exception, match="busy"):
+        gpio("/dev/gpiochip7", 17, "out")
+    foot.close()
+    with pytest.raises(Exception, match="Invalid argument"):
+        gpio("/dev/gpiochip7", 54, "in")
+    enable = gpio("/dev/gpiochip7", 17, "high", label="enable")
+    enable.write(False)
+    assert not enable.read()
+    assert driven == [(17, True), (17, False)]
+    assert enable.label == "enable"
+    enable.close()
+    assert chips.handles == 0

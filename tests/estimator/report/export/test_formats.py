@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 import logging
 import math
+import re
 import subprocess
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
@@ -184,6 +186,43 @@ def test_dropped_in_the_simulators_world_it_reads_what_the_model_reads(
                 assert tilt == pytest.approx(np.degrees(read.tilt[0]), abs=0.1)
                 assert world.belly_ray() == pytest.approx(read.clearance[0], abs=3e-4)
                 assert (np.array(world.gaps()) < 1e-3).tolist() == read.touch[0].tolist()
+
+
+def test_what_is_seen_is_what_touches(tree: Morphology) -> None:
+    for link in ElementTree.fromstring(urdf(described(tree))).iterfind("link"):
+        seen, touches = link.findall("visual"), link.findall("collision")
+        assert touches
+        for visual, collision in zip(seen, touches, strict=True):
+            (material,) = visual.findall("material")
+            visual.remove(material)
+            visual.tag, visual.tail = "collision", collision.tail
+            visual[-1].tail = collision[-1].tail
+            assert ElementTree.tostring(visual) == ElementTree.tostring(collision)
+
+
+@pytest.mark.parametrize("write", [urdf, mjcf])
+def test_the_file_says_which_figures_are_guesses(
+    tree: Morphology, write: Callable[[Description], str]
+) -> None:
+    remarks = re.findall("<!-- (.*?) -->", write(described(tree)))
+    (masses,) = (remark for remark in remarks if remark.startswith("Masses"))
+    assert f"main body's {tree.base.mass:.4g} kg" in masses
+    assert f"{tree.masses.sum():.4g} kg together" in masses
+    assert any("Efforts are a guess" in remark for remark in remarks)
+
+
+def test_a_servo_in_mujoco_turns_as_fast_as_the_robots_and_holds_the_body_up() -> None:
+    leg = Part(parent=BASE, mount=1, hinge=2, length=0.2, radius=0.006, motor=0)
+    base = Base(size=(0.1, 0.1, 0.1), mass=1.0)
+    body = Morphology(base=base, parts=(leg,), density=1000.0)
+    model = mujoco.MjModel.from_xml_string(mjcf(described(body)))
+    data = mujoco.MjData(model)
+    data.ctrl[0], fastest = 1.0, 0.0
+    while data.time < 2:
+        mujoco.mj_step(model, data)
+        fastest = max(fastest, float(data.joint("servo_0").qvel[0]))
+    assert fastest == pytest.approx(JOINTS[0].speed, rel=0.05)
+    assert data.joint("servo_0").qpos[0] == pytest.approx(1.0, abs=0.01)
 
 
 def test_names_are_one_word_and_each_its_own(tmp_path: Path) -> None:

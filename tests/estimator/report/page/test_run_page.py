@@ -107,7 +107,7 @@ def test_the_body_is_turned_by_mouse_and_by_keys(run: Path, browser: Browser) ->
         wait_until_seen_otherwise(page, was=sights[1])
         pictures.append(canvas.screenshot())
     assert len(set(pictures)) == 3  # what is told is what is drawn
-    assert sights[0] == "32° to the right of ahead, 26° up"
+    assert sights[0] == "32° to the right of ahead, 30° up"
 
 
 def test_it_shows_rivals_side_by_side_and_hides_uncertainty(run: Path, browser: Browser) -> None:

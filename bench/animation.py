@@ -1,0 +1,89 @@
+"""``make animation``: the README's moving picture, of a body being found.
+
+Left the simulated robot in the pose of each interaction, right bodies that it believes in then, as
+often as they are probable, in the same pose.
+"""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Final
+
+import numpy as np
+from PIL import Image, ImageDraw
+
+from bench.daemons import simulator
+from estimator.evaluation.truth.urdf import read_urdf
+from estimator.posterior.fitted import FittedPosterior
+from estimator.posterior.posterior import systematic
+from estimator.report.camera import HEIGHT, WIDTH, reach, take_picture
+from estimator.report.scene import Solid, at_rest, model_links, robot_links, solids_of
+from estimator.report.shown_bodies import observation_of
+from estimator.storage.store import RunStore
+
+FILE: Final = Path(__file__).parents[1] / "docs" / "images" / "identified.gif"
+_BODIES: Final = 5  # after each interaction
+_SHOWN: Final = 450  # ms
+_LAST: Final = 2500
+_COLOURS: Final = 64
+_INK: Final = (40, 45, 55)
+_MOST: Final = 2_000_000  # bytes
+
+
+def main() -> None:
+    """Identifies a simulated robot and writes the picture."""
+    with TemporaryDirectory() as name, simulator("--seed", "1") as robot:
+        run, truth = Path(name) / "run", Path(name) / "truth.urdf"
+        with truth.open("w") as file:
+            subprocess.run(["sim-robotd", "--print-body"], stdout=file, check=True)
+        asked = ("--problem", "topological", "--interactions", "6", "--seed", "1", "--out", run)
+        subprocess.run(["estimator", "identify", "--robot", robot.uri, *asked], check=True)
+        with RunStore.open(run, to_write=False) as store:
+            pictures = list(frames(store, truth))
+    first, *rest = (picture.quantize(_COLOURS) for picture in pictures)
+    times = [_SHOWN] * len(rest) + [_LAST]
+    first.save(FILE, save_all=True, append_images=rest, duration=times, loop=0, optimize=True)
+    size = FILE.stat().st_size
+    print(f"{FILE}: {len(pictures)} frames, {size / 1e6:.2f} MB")
+    assert size < _MOST
+
+
+def frames(store: RunStore, truth: Path) -> Iterator[Image.Image]:
+    """All pictures, interaction after interaction."""
+    joints = [joint.name for joint in store.capabilities.joints]
+    limbs = {joints[motor]: limb for limb, motor in enumerate(sorted(store.problem.motors.driven))}
+    links = robot_links(read_urdf(truth), joints, limbs)
+    radius = 0.0
+    for number, fitted in enumerate(FittedPosterior.history(store), 1):
+        seen = fitted.observations[-1]
+        robot = at_rest(solids_of(links, seen.angles), seen)
+        radius = radius or 1.25 * reach(robot)
+        sure = "" if fitted.probability is None else f", {100 * fitted.probability:.0f} % sure"
+        belief = f"what it believes after movement {number}{sure}"
+        for body in _believed(fitted):
+            yield _side_by_side(("the robot", robot), (belief, body), radius=radius)
+
+
+def _believed(fitted: FittedPosterior) -> Iterator[list[Solid]]:
+    """Some bodies in the pose of the last interaction."""
+    seen = fitted.observations[-1]
+    readings = fitted.predict(np.array(seen.angles))
+    rows = systematic(fitted.weights, _BODIES, 0.5)
+    for row, body in zip(rows, fitted.genome.decode_all(fitted.samples[rows]), strict=True):
+        rest = observation_of(readings, int(row), seen.angles)
+        yield at_rest(solids_of(model_links(body), seen.angles), rest)
+
+
+def _side_by_side(*scenes: tuple[str, list[Solid]], radius: float) -> Image.Image:
+    both = Image.new("RGB", (len(scenes) * WIDTH, HEIGHT))
+    for place, (title, solids) in enumerate(scenes):
+        both.paste(Image.fromarray(take_picture(solids, radius)), (place * WIDTH, 0))
+        ImageDraw.Draw(both).text((place * WIDTH + 12, 10), title, fill=_INK, font_size=16)
+    return both
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,180 @@
+"""What a run says first: whether the body is found, how surely, what it is, what to do next."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from estimator.report.posterior_report import PosteriorReport
+from estimator.report.result import LegResult, ModelResult, PartResult, Result
+from estimator.report.tables import (
+    between,
+    mm,
+    number,
+    percent,
+    plain_table,
+    print_details,
+    sum_of_lengths,
+)
+
+WHAT_TO_CHECK: Final = (
+    "Does the problem describe this robot? Thickness and shape of parts, units, where legs sit.",
+    "Do the servos stand in the problem's order, each turning its way? robotd try shows it.",
+    "Has each tilt its sign, and each foot its own gauge? robotd try shows it.",
+    "Does every servo reach and hold its angle? robotd doctor --move shows it.",
+    "Is the ground level and firm?",
+)
+"""Where no body explains the readings, the likeliest first."""
+
+_SURE: Final = 0.95
+_LIKELY: Final = 0.5
+
+
+def headline(result: Result) -> str:
+    """Whether the body is found and how surely, in a few words."""
+    legs = f"{len(result.legs)} {'leg' if len(result.legs) == 1 else 'legs'}"
+    judged, posterior = result.judged, result.posterior
+    if not result.legs:
+        return "Nothing is known of this body yet"
+    if judged is None or not judged.explained:
+        return f"{legs}, not judged yet" if judged is None else "Not found: no body explains it all"
+    if posterior is None:
+        return f"{legs}: a model that explains the readings; how surely, nobody knows"
+    if not posterior.attachments:
+        return f"{legs}, found to ± {worst_length(posterior):.0f} mm"
+    return f"{legs}, {_how_sure(posterior.probability)}"
+
+
+def _how_sure(probability: float | None) -> str:
+    if probability is None:
+        return "but how sure they are is not known"
+    if probability >= _SURE:
+        return f"found: {percent(probability)} sure"
+    likely = "probably these" if probability >= _LIKELY else "not found yet"
+    return f"{likely}: {percent(probability)} probable"
+
+
+def worst_length(posterior: PosteriorReport) -> float:
+    """Half of the widest 90 % interval of a length, mm."""
+    return max((500 * (one.high - one.low) for one in posterior.lengths_m), default=0.0)
+
+
+def print_result(
+    console: Console, result: Result, directory: Path | None = None, *, details: bool = False
+) -> None:
+    """Prints the outcome of a run.
+
+    Args:
+        console: Where.
+        result: The outcome.
+        directory: Of the run, for the commands that come next.
+        details: Whether everything else that is known follows.
+    """
+    judged = result.judged
+    good = judged is not None and judged.explained
+    style = "bold green" if good else "bold red" if judged is not None else "bold"
+    state = "" if result.complete else "Not finished. "
+    console.print(Text(f"{state}{headline(result)}.", style=style))
+    if judged is not None:
+        console.print(Text(judged.verdict))
+    for table in _body(result):
+        console.print(table)
+    posterior = result.posterior
+    for known in () if posterior is None else posterior.sums:
+        console.print(Text(sum_of_lengths(result, known)))
+    if result.best_models and posterior is None:
+        console.print(
+            f"Sensor (subjective) error of the best model: {number(result.sensor_error, 3)}. A "
+            "population that has converged agrees, right or wrong: how uncertain a length is, only "
+            "--method posterior says."
+        )
+    for warning in result.warnings:
+        console.print(Text.assemble(("Warning:", "yellow"), f" {warning}"))
+    for line in next_steps(result, directory):
+        console.print(Text(line), soft_wrap=True)
+    if details:
+        print_details(console, result)
+
+
+def _body(result: Result) -> Iterator[Table]:
+    """How its parts hang together, and how long its legs are: one table where parts are legs."""
+    if not result.legs:
+        return
+    model = result.best_models[0] if result.best_models else None
+    by_joint = {leg.joint: leg for leg in result.legs}
+    open_parts = any(not name.startswith("length") for name in result.searched)
+    if model is not None and open_parts:
+        alike = len(model.parts) == len(by_joint) == len({part.joint for part in model.parts})
+        yield _parts(result, model, by_joint if alike else {})
+        if alike:
+            return
+    known = "in the population (mm)" if result.posterior is None else "90 % interval (mm)"
+    table = plain_table("leg", "mount", "length (mm)", known, "touched")
+    for leg, interval in zip(result.legs, _intervals(result), strict=True):
+        table.add_row(leg.joint, leg.mount, *interval, leg.touched_in_words)
+    yield table
+
+
+def _parts(result: Result, model: ModelResult, legs: dict[str, LegResult]) -> Table:
+    sure = result.posterior is not None
+    columns = ["part", "sits on", "mount", "hinge"]
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for column in (*columns, *(["sure"] if sure else [])):
+        table.add_column(column)
+    intervals = dict(zip(legs, _intervals(result), strict=True)) if legs else {}
+    for column in ("length (mm)", "90 % interval" if sure else "in the population"):
+        table.add_column(column, justify="right")
+    if legs:
+        table.add_column("touched")
+    for part in model.parts:
+        row = [part.name, part.parent, part.mount, part.hinge if part.joint else "–"]
+        if sure:
+            row.append(_agreement(part))
+        if part.joint in intervals:
+            row += [*intervals[part.joint], legs[part.joint].touched_in_words]
+        else:
+            row += [mm(part.length_m), ""]
+        table.add_row(*row)
+    return table
+
+
+def _agreement(part: PartResult) -> str:
+    return "–" if part.agreement is None else percent(part.agreement)
+
+
+def _intervals(result: Result) -> list[tuple[str, str]]:
+    """Length of each leg and its interval, mm."""
+    if result.posterior is not None:
+        return [(mm(one.median), between(one, 1000)) for one in result.posterior.lengths_m]
+    return [
+        (mm(leg.length_m), "–" if leg.population_m is None else "–".join(map(mm, leg.population_m)))
+        for leg in result.legs
+    ]
+
+
+def next_steps(result: Result, directory: Path | None) -> list[str]:
+    """What to do now, line by line."""
+    judged = result.judged
+    if judged is not None and not judged.explained:
+        checks = [f"  {place}. {check}" for place, check in enumerate(WHAT_TO_CHECK, 1)]
+        return ["Check, the likeliest first:", *checks]
+    if directory is None or not result.legs:
+        return []
+    if not result.complete:
+        return ["Next:", f"  estimator resume {directory}    goes on"]
+    robot, more = result.robot_uri, result.interactions + 3
+    steps = [
+        (f"validate {directory} --robot {robot}", "predicts fresh movements, then makes them"),
+        (f"export {directory} --format urdf", "the body as a file for simulators"),
+        (f"show {directory} --details", "probabilities, rivals, each movement"),
+    ]
+    probability = None if result.posterior is None else result.posterior.probability
+    if result.posterior is not None and (probability is None or probability < _SURE):
+        again = f"identify --robot {robot} --problem {result.problem} --interactions {more}"
+        steps[0] = (again, "more movements make it surer")
+    return ["Next:", *(f"  estimator {command}    {what}" for command, what in steps)]

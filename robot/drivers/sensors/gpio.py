@@ -1,0 +1,113 @@
+"""A switch on a GPIO line, such as a micro switch in a foot, between the line and ground."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from robot.drivers.buses import Buses
+from robot.drivers.links.gpio import PULLS, GPIODevices, GPIOLine, LinePlace, input_line
+from robot.errors import CommandError
+from robot.toml_sections import Section
+
+
+@dataclass(frozen=True, kw_only=True)
+class GPIOSwitchSettings:
+    """The line, and what it is while the switch is pressed.
+
+    Attributes:
+        place: Where the line is.
+        pull: What holds it while the switch is open, as in ``PULLS``.
+        active_low: Whether it is low while the switch is pressed.
+        debounce: How long a level must last to count, s: the kernel leaves out what is shorter.
+    """
+
+    name: ClassVar[str] = "GPIO switch"
+    channels: ClassVar[tuple[int, ...]] = ()
+    place: LinePlace
+    pull: str
+    active_low: bool
+    debounce: float
+
+    @classmethod
+    def read(cls, table: Section) -> GPIOSwitchSettings:
+        """``chip``, ``line``, ``pressed``, ``pull`` and ``debounce_ms``."""
+        pressed = table.choice("pressed", ("low", "high"), "low")
+        usual, never = ("up", "down") if pressed == "low" else ("down", "up")
+        pull = table.choice("pull", PULLS, usual)
+        if pull == never:
+            raise table.refuse(
+                "pull",
+                f"is {pull}, and the line {pressed} while pressed: it would be {pressed} all the "
+                f"time. Write {usual}, or none where the line has a resistor of its own.",
+            )
+        return cls(
+            place=LinePlace.read(table),
+            pull=pull,
+            active_low=pressed == "low",
+            debounce=table.number("debounce_ms", 0, 100, 5) / 1000,
+        )
+
+    @property
+    def claims(self) -> tuple[str, ...]:
+        """The line."""
+        return (f"GPIO {self.place}",)
+
+    def open(self, buses: Buses, called: str) -> GPIOSwitch:
+        """The switch; ``start`` opens its line."""
+        del called
+        return GPIOSwitch(self, buses.gpio)
+
+    def __str__(self) -> str:
+        return f"GPIO {self.place}"
+
+
+class GPIOSwitch:
+    """One switch. An open line looks like an open switch: nobody can tell that a wire came off.
+
+    Args:
+        settings: Its line.
+        devices: The computer's GPIO chips.
+    """
+
+    name = GPIOSwitchSettings.name
+
+    def __init__(self, settings: GPIOSwitchSettings, devices: GPIODevices):
+        self._settings = settings
+        self._devices = devices
+        self._line: GPIOLine | None = None
+
+    def start(self) -> None:
+        """Takes the line, anew after a fault.
+
+        Raises:
+            DeviceMissingError: There is no such line, it is in use, or not ours to use.
+        """
+        self.close()
+        held = self._settings
+        self._line = input_line(
+            self._devices,
+            held.place,
+            pull=held.pull,
+            active_low=held.active_low,
+            debounce=held.debounce,
+        )
+
+    def load(self) -> bool:
+        """Whether it is pressed.
+
+        Raises:
+            DeviceMissingError: The line cannot be read any more.
+        """
+        if self._line is None:
+            raise CommandError("start the switch before reading it")
+        return self._line.get()
+
+    def check(self) -> None:
+        """Does nothing: either level can be right."""
+
+    def close(self) -> None:
+        """Gives the line back."""
+        line, self._line = self._line, None
+        if line is not None:
+            line.close()
