@@ -252,6 +252,8 @@ class PosteriorMethod:
         final = self._doubted(final, fitted)
         final = final.model_copy(
             update={
+                "causes": summary.causes,
+                "as_stated_m": summary.as_stated_m,
                 "information_gain_bits": summary.information_gain_bits,
                 "overturned": summary.overturned,
                 "simulated": checked.simulated,
