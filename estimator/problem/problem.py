@@ -232,7 +232,8 @@ class Problem(Strict):
         )
 
     def _check_uncertain(self) -> None:
-        switches = {row.group: row.switch for row in table_of(self.parts, self.sensors)}
+        # how many touch sensors there are is not known yet, and groups are the same for two or more
+        switches = {row.group: row.switch for row in table_of(self.parts, 2)}
         for group, spread in self.uncertain.spreads.items():
             if group not in switches:
                 raise ValueError(
