@@ -295,6 +295,9 @@ class Sampler:
                 rows_found = [row for row, key in enumerate(keys) if key in found]
                 search.drawn = unknowns.cube(modes.drawn_of(rows_found))
         self._known = set(keys)
+        if unknowns.table:  # the search knows only robots that are as stated
+            best = modes.points[int(np.argmax(modes.shares))]
+            agreement = agreement.with_fit(fit_of(best, predictor, data, self._noise))
         found_by = found_by_each(keys, agreement.found).tolist()
         posterior = replace(
             Posterior.equally_likely(values, scales),
@@ -304,9 +307,7 @@ class Sampler:
                     keys, modes.shares, modes.points, modes.ess, found_by, strict=True
                 )
             ),
-            adequate_fit=agreement.with_fit(
-                fit_of(modes.points[int(np.argmax(modes.shares))], predictor, data, self._noise)
-            ).adequate_fit,
+            adequate_fit=agreement.adequate_fit,
             causes=modes.causes,
             as_stated=modes.as_stated,
         )
