@@ -34,7 +34,6 @@ from estimator.body.morphology import Array
 from estimator.executors import ThisProcess
 from estimator.exploration.information import Chooser
 from estimator.exploration.information_gain import InformationGain
-from estimator.identification.misspecification import SURE
 from estimator.physics.equivalence import PROGRAMS
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.indistinguishable import indistinguishable_points
@@ -48,6 +47,7 @@ from estimator.posterior.summary import SAMPLES, information_gained, summarise
 from estimator.readings.modalities import MODALITIES
 from estimator.readings.observation import Observation, PredictedReadings
 from estimator.reproduction.harness import BriefRun, made_by
+from estimator.storage.posteriors import SURE
 from protocol.system.files import replace_text
 
 BEYOND: Final = 0.1
@@ -190,7 +190,7 @@ def trial(seed: int, problem_name: str, interactions: int) -> list[dict[str, Any
     observed: list[Observation] = []
     for _ in range(interactions):
         samples = posterior.sample(SAMPLES, rng)
-        chosen = Chooser(predictor, gain, ends).choose(samples, (), len(observed), rng)
+        chosen = Chooser(predictor, gain, ends).choose(samples, len(observed), rng)
         observed.append(robot.perform(chosen.program))
         data, before = SensorData.of(observed, tuple(MODALITIES), cap), posterior
         posterior = sampler.learn(data)

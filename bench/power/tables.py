@@ -13,8 +13,8 @@ import numpy as np
 
 from bench.power.study import FAULTY, KNOWN_ATTACHMENTS, SUBJECTS
 from bench.power.trial import Figures, Step, Trial, TrialRun
-from estimator.identification.misspecification import SURE
 from estimator.report.canvas import COLOURS, new_figure
+from estimator.storage.posteriors import SURE
 
 Runs = Sequence[tuple[Trial, Sequence[Figures]]]
 Steps = Sequence[tuple[Figures, Step]]

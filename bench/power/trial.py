@@ -20,7 +20,6 @@ from estimator.evaluation.attachments import Comparison, Truth
 from estimator.evaluation.length_search import LengthSearch
 from estimator.evaluation.score import length_search
 from estimator.identification.method import Listener
-from estimator.identification.misspecification import SURE
 from estimator.identification.run import identify
 from estimator.physics.backends import IN_THIS_PROCESS
 from estimator.physics.statics import StaticsPhysics
@@ -28,6 +27,7 @@ from estimator.report.result import Result
 from estimator.report.run_files import write_report
 from estimator.reproduction.harness import BriefRun
 from estimator.reproduction.robot_process import RobotProcess
+from estimator.storage.posteriors import SURE
 from estimator.storage.run_config import MethodName, RunConfig
 from estimator.storage.store import RunStore
 from protocol.errors import BodyschemaError

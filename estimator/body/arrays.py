@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -10,8 +11,8 @@ from typing import TYPE_CHECKING, Final, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.body.morphology import BASE, Array, Morphology
-from estimator.body.mounts import heading
+from estimator.body.morphology import BASE, Array, Base, Morphology, Part
+from estimator.body.mounts import BaseMount, Hinge, PartMount, heading
 from estimator.errors import MorphologyError
 
 Integers: TypeAlias = NDArray[np.int64]
@@ -163,6 +164,54 @@ class Bodies:
         chosen: tuple[Bodies, NDArray[np.intp]] | None = self.__dict__.get("_origin")
         return (self, np.arange(len(self.count))) if chosen is None else chosen
 
+    def objects(self) -> list[Morphology]:
+        """The bodies as objects: without what their servos and sensors make of it."""
+        return [self._object(row) for row in range(len(self))]
+
+    def _object(self, row: int) -> Morphology:
+        base_mounts, part_mounts, hinges, parts = [], [], [], []
+        for column in range(int(self.count[row])):
+            mount, name = int(self.mount[row, column]), str(column + 1)
+            on_base = self.parent[row, column] == BASE
+            table = self.base_mounts if on_base else self.part_mounts
+            *at, east, north, level, rise = table[mount].tolist()
+            direction = {"yaw": math.atan2(north, east), "elevation": math.atan2(rise, level)}
+            if on_base:
+                base_mounts.append(BaseMount(name=name, at=(at[0], at[1], at[2]), **direction))
+            else:
+                part_mounts.append(PartMount(name=name, fraction=at[0], **direction))
+            x, y, z = self.hinges[self.hinge[row, column]].tolist()
+            hinges.append(Hinge(name=name, axis=(x, y, z)))
+            motor, sensor = int(self.motor[row, column]), int(self.sensor[row, column])
+            parts.append(
+                Part(
+                    parent=int(self.parent[row, column]),
+                    mount=len(base_mounts if on_base else part_mounts) - 1,
+                    hinge=column,
+                    length=float(self.length[row, column]),
+                    radius=float(self.radius[row, column]),
+                    motor=None if motor == _NONE else motor,
+                    sensor=None if sensor == _NONE else sensor,
+                    zero=float(self.zero[row, column]),
+                    shape="box" if self.box[row, column] else "capsule",
+                    density=float(self.density[row, column]),
+                )
+            )
+        x, y, z, mass, *rest = self.base[row].tolist()
+        return Morphology(
+            base=Base(
+                size=(x, y, z),
+                mass=mass,
+                mounts=tuple(base_mounts),
+                centre=(rest[0], rest[1], rest[2]),
+                accelerometer=(rest[3], rest[4]),
+            ),
+            parts=tuple(parts),
+            density=1.0,
+            part_mounts=tuple(part_mounts),
+            hinges=tuple(hinges),
+        )
+
     def changed(self, **arrays: Array | Integers | Flags) -> Bodies:
         """These bodies with some arrays replaced, by name, which are known to be possible."""
         changed = object.__new__(Bodies)
@@ -242,6 +291,7 @@ class Bodies:
             for column, part in enumerate(body.parts):
                 length[row, column], radius[row, column] = part.length, part.radius
                 zero[row, column], box[row, column] = part.zero, part.shape == "box"
+                density[row, column] = body.density if part.density is None else part.density
                 for name, values in numbers.items():
                     value = getattr(part, name)
                     values[row, column] = _NONE if value is None else value

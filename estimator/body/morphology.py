@@ -110,6 +110,7 @@ class Part:
         sensor: Index of the touch sensor that it carries, or ``None``.
         zero: Angle of a driven hinge where its motor stands at 0, rad.
         shape: What it is.
+        density: kg/m³; ``None``: its body's.
     """
 
     parent: int
@@ -121,6 +122,7 @@ class Part:
     sensor: int | None = None
     zero: float = 0.0
     shape: PartShape = "capsule"
+    density: float | None = None
 
     @property
     def far(self) -> float:
@@ -238,7 +240,9 @@ class Morphology:
     @cached_property
     def masses(self) -> Array:
         """Mass of each part, kg, shape (parts,)."""
-        return np.array([part.volume * self.density for part in self.parts], dtype=float)
+        densities = (self.density if part.density is None else part.density for part in self.parts)
+        volumes = (part.volume for part in self.parts)
+        return np.array([v * d for v, d in zip(volumes, densities, strict=True)], dtype=float)
 
     @cached_property
     def mass(self) -> float:

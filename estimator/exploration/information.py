@@ -22,11 +22,9 @@ from estimator.exploration.few_limbs import limbs_of, with_few_limbs
 from estimator.exploration.information_gain import InformationGain, Predictions
 from estimator.exploration.rules import Choice, Situation
 from estimator.posterior.fitted import FittedPosterior
-from estimator.posterior.model.deviations import Alternative
 from estimator.posterior.model.likelihood import FORKS, GRAVITY_TILTS
-from estimator.posterior.model.special import softmax
 from estimator.posterior.model.unknowns import Columns, Predictor
-from estimator.posterior.posterior import Posterior, systematic
+from estimator.posterior.posterior import Posterior
 from estimator.posterior.summary import SAMPLES
 from estimator.readings.observation import PredictedReadings
 
@@ -40,11 +38,11 @@ def most_informative_program(situation: Situation) -> Choice:
     with Threads(situation.jobs) as threads:
         gain = InformationGain(models.noise, models.clearance_cap, models.modalities, threads)
         chosen = Chooser(models.predictor, gain, models.program_range).choose(
-            models.posterior, models.alternatives, len(models.observations), situation.rng
+            models.posterior, len(models.observations), situation.rng
         )
     return Choice(
         program=tuple(chosen.program.tolist()),
-        reason="; ".join([_reason(models, chosen.about), *_tests(chosen.tests)]),
+        reason=_reason(models, chosen.about),
         bits=chosen.bits,
     )
 
@@ -57,16 +55,6 @@ def _reason(models: FittedPosterior, about: Array) -> str:
     return f"tells apart: {'; '.join(parts)}" if parts else "narrows what is known already"
 
 
-def _tests(alternatives: Sequence[Alternative]) -> list[str]:
-    """What else the program would show: how the robot may deviate from the problem."""
-    if not alternatives:
-        return []
-    most = alternatives[0].deviation.name
-    return [
-        f"tests {most}" + (f" and {len(alternatives) - 1} more" if len(alternatives) > 1 else "")
-    ]
-
-
 def _possible_values(models: FittedPosterior, column: int) -> str:
     genome, gene = models.genome, models.genome.genes[column]
     if gene.choices:
@@ -74,8 +62,7 @@ def _possible_values(models: FittedPosterior, column: int) -> str:
         return f"{gene.name} ({' or '.join(word for word, _ in likely)})"
     ends = np.quantile(models.samples[:, column], (0.05, 0.95))
     low, high = genome.quantities(column, ends).tolist()
-    digits = 0 if gene.trait == "length" else 1
-    return f"{gene.name} ({low:.{digits}f} to {high:.{digits}f} {gene.unit})"
+    return f"{gene.name} ({low:.0f} to {high:.0f} {gene.unit})"
 
 
 _DRAWS: Final = 100  # readings for each program
@@ -84,10 +71,6 @@ _MORE_DRAWS: Final = 800  # for each finalist
 _AT_ONCE: Final = 4096  # readings, whose bodies fit into a processor's cache
 _THICKER: Final = 1.4  # times as thick; bodies that then lie otherwise foresee nothing
 _FORESEEABLE: Final = math.radians(2.0)  # path margin; of so many, those near forks look best
-_ALTERNATIVES: Final = 0.5  # times as many bodies that deviate from the problem as models
-_KNOWN: Final = (
-    0.01  # m: lengths that need not be told apart any further while there are alternatives
-)
 _PLUMB: Final = GRAVITY_TILTS[:1]
 _BRANCHES: Final = np.vstack([_PLUMB, FORKS])  # inclinations of gravity
 
@@ -101,13 +84,11 @@ class InformativeProgram:
         bits: Information that it is expected to give about the body.
         about: Information about each column of the cube, bits: about a choice, or about the half of
             its range in which a length lies; shape (size,).
-        tests: Doubts that it would settle.
     """
 
     program: Array
     bits: float
     about: Array
-    tests: tuple[Alternative, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,7 +140,6 @@ class Chooser:
     def choose(
         self,
         samples: Posterior,
-        alternatives: Sequence[Alternative],
         interactions: int,
         rng: np.random.Generator,
     ) -> InformativeProgram:
@@ -167,17 +147,11 @@ class Chooser:
 
         Args:
             samples: Equally likely bodies.
-            alternatives: Bodies that deviate from the problem. All together are taken to be half as
-                likely as the samples, and the program tells of them rather than more of lengths
-                that are known well.
             interactions: How many the samples have been learnt from.
             rng: The choice's own.
         """
         low, high = self._ends.T
-        models = self._models(samples)
-        known = (
-            self._with_alternatives(models, samples, alternatives, rng) if alternatives else models
-        )
+        known = self._models(samples)
         few = known.some(_THINNED)
         candidates = with_few_limbs(
             rng.uniform(low, high, (CANDIDATES, len(low))),
@@ -202,14 +176,11 @@ class Chooser:
             good, self._ends, rng, candidates=candidates, rough=rough, sure=sure
         )
         chosen, bits = programs[[0]], gains[[0]]
-        predictions = self._surest_predictions(models, chosen)
-        if alternatives:
-            bits = self._bits(models, predictions, rng, _MORE_DRAWS)
+        predictions = self._surest_predictions(known, chosen)
         return InformativeProgram(
             program=chosen[0],
             bits=float(bits[0]),
             about=self._about(samples, predictions, rng),
-            tests=self._tested(models, alternatives, chosen),
         )
 
     def _models(self, samples: Posterior) -> _Hypotheses:
@@ -219,59 +190,6 @@ class Chooser:
             scales=samples.scales,
             groups=np.arange(len(bodies)),
         )
-
-    def _with_alternatives(
-        self,
-        models: _Hypotheses,
-        samples: Posterior,
-        alternatives: Sequence[Alternative],
-        rng: np.random.Generator,
-    ) -> _Hypotheses:
-        """In random order, since few draws go to the first only.
-
-        What deviates from the problem has no lengths of its own that are known any better, so its
-        bodies are spread as the models are: a movement that other lengths make up for tests
-        nothing.
-        """
-        count = len(models)
-        probabilities = softmax(np.array([alternative.log_weight for alternative in alternatives]))
-        others = systematic(probabilities, int(_ALTERNATIVES * count), 0.5)
-        spread = samples.values - samples.values.mean(axis=0)
-        spread = spread[rng.integers(len(spread), size=len(others))]
-        order = rng.permutation(count + len(others))
-        built = [
-            self._built(alternatives[index], away)
-            for index, away in zip(others, spread, strict=True)
-        ]
-        attachments = self._predictor.unknowns.attachments(samples.values)
-        lengths = np.round(models.bodies.length / _KNOWN)
-        _, alike = np.unique(np.hstack([attachments, lengths]), axis=0, return_inverse=True)
-        return _Hypotheses(
-            bodies=Bodies.joined([models.bodies, *built])[order],
-            scales=np.vstack([models.scales, np.zeros((len(others), 2))])[order],
-            groups=np.concatenate([alike.reshape(-1), count + others])[order],
-        )
-
-    def _built(self, alternative: Alternative, away: Array | None = None) -> Bodies:
-        """The body of an alternative, or one that is so much longer or shorter, shape (size,)."""
-        unknowns, point = self._predictor.unknowns, alternative.point.copy()
-        if away is not None:
-            columns = unknowns.continuous
-            point[columns] = np.clip(point[columns] + away[columns], 0, 1)
-        return alternative.deviation.of(unknowns.bodies(point[None]))
-
-    def _tested(
-        self, models: _Hypotheses, alternatives: Sequence[Alternative], program: Array
-    ) -> tuple[Alternative, ...]:
-        """The alternatives whose readings differ from those of most models."""
-        (expected,) = self._read(models, program, _PLUMB)
-        tested = []
-        for alternative in alternatives:
-            bodies = self._built(alternative)[np.zeros(len(models), dtype=np.intp)]
-            (predicted,) = self._read(replace(models, bodies=bodies), program, _PLUMB)
-            if np.mean(self._gain.apart(expected, predicted)) > 0.5:
-                tested.append(alternative)
-        return tuple(tested)
 
     def _bits(
         self, known: _Hypotheses, predictions: Predictions, rng: np.random.Generator, draws: int

@@ -191,8 +191,6 @@ def _hidden(
     unknowns = predictor.unknowns
     found = {}
     for column, gene in enumerate(genome.genes):
-        if gene.trait == "nuisance":
-            continue
         others = bodies.copy()
         least = 1 / gene.choices if gene.choices > 1 else _STEP
         steps = rng.uniform(least, 1 - least, len(bodies)) if gene.choices else _STEP

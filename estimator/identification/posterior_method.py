@@ -14,7 +14,6 @@ import numpy as np
 
 from estimator.errors import EstimatorError
 from estimator.identification.method import Listener
-from estimator.identification.misspecification import SURE, MisspecificationCheck, attachments_known
 from estimator.identification.next_program import ChoiceResources, next_program
 from estimator.physics.backends import (
     REFERENCE,
@@ -25,23 +24,27 @@ from estimator.physics.backends import (
 )
 from estimator.physics.base import ArrayPhysics, Physics, WorldSettings
 from estimator.physics.equivalence import PROGRAMS
-from estimator.posterior.checks.simulator import fine, leave_one_out_check, recheck
-from estimator.posterior.fitted import FittedPosterior, load_posterior
+from estimator.posterior.checks.simulator import (
+    fine,
+    leave_one_out_check,
+    outliers_left,
+    probability_unlisted,
+    recheck,
+)
+from estimator.posterior.fitted import FittedPosterior, load_posterior, unknowns_of
 from estimator.posterior.indistinguishable import (
     Indistinguishable,
     indistinguishable_points,
     probability_of,
 )
-from estimator.posterior.model.deviations import Alternative
 from estimator.posterior.model.likelihood import Noise
-from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
+from estimator.posterior.model.unknowns import Attachments, Predictor
 from estimator.posterior.posterior import Posterior
-from estimator.posterior.sampling.populations import ENOUGH_TO_ERR
 from estimator.posterior.sampling.sampler import Effort, Sampler
 from estimator.posterior.summary import summarise
 from estimator.randomness import Stream, generator, seeds
 from estimator.readings.observation import Observation
-from estimator.storage.posteriors import RIVAL, NextMovement, NotKnown, StoredPosterior
+from estimator.storage.posteriors import RIVAL, SURE, NextMovement, StoredPosterior
 from estimator.storage.records import Counters
 from estimator.storage.run_config import RunConfig
 from estimator.storage.store import RunStore
@@ -124,7 +127,7 @@ class PosteriorMethod:
         self._reference = make_reference()
         effort = Effort()
         self._sampler = Sampler(
-            Unknowns(store.genome),
+            unknowns_of(store),
             make_physics,
             Noise.announced(store.capabilities),
             effort,
@@ -139,7 +142,6 @@ class PosteriorMethod:
         self._counters = stored[-1][1] if stored else Counters()
         self._started = time.monotonic()
         self._posterior = self._sampler.prior()
-        self._alternatives: tuple[Alternative, ...] | None = None  # not looked for yet
         rng = generator(store.settings.seed, Stream.EQUIVALENCE)
         self._movements = np.array(
             [store.problem.random_program(rng, store.capabilities) for _ in range(PROGRAMS)]
@@ -147,7 +149,6 @@ class PosteriorMethod:
         self._indistinguishable: Indistinguishable = partial(
             indistinguishable_points, self._predictor, self._movements, store.settings.modalities
         )
-        self._misspecification = MisspecificationCheck(store, self._movements, workers)
         checkpoint = store.checkpoint()
         if checkpoint is not None:
             self._sampler.restore(checkpoint.state)
@@ -174,10 +175,7 @@ class PosteriorMethod:
         fitted = replace(fitted, posterior=self._posterior)
         summary = self._summarised(fitted, before)
         summary = summary.model_copy(update={"overturned": self._overturned(number)})
-        self._alternatives = self._misspecification.once_sure(summary, fitted, self._reference)
-        summary = self._misspecification.left_of(
-            summary, self._alternatives, fitted, self._reference
-        )
+        summary = self._doubted(summary, fitted)
         self._store.save_posterior(number, summary, self._cost(), self._sampler.state())
         self._learnt = number + 1
         settings = self._store.settings
@@ -187,34 +185,19 @@ class PosteriorMethod:
         )
 
     def posterior(self) -> FittedPosterior:
-        """The posterior; with alternatives once attachments (or, if known, lengths) are sure."""
+        """The posterior after the last interaction."""
         stored, observations = self._store.posteriors(), self._store.observations()
         if not stored:
             return self._fitted(self._posterior, observations)
         summary, _ = stored[-1]
-        alternatives: tuple[Alternative, ...] = ()
-        if self._predictor.unknowns.bits or self._lengths_known(summary):
-            alternatives = tuple(one for one in self._alternatives_of(summary) if one.is_left)
         fitted = self._fitted(self._posterior, observations)
-        return replace(
-            fitted, best=np.array(summary.best), summary=summary, alternatives=alternatives
-        )
-
-    def _alternatives_of(self, summary: StoredPosterior) -> tuple[Alternative, ...]:
-        """Bodies that deviate, fitted by ``learn``, or now if the run was resumed."""
-        if self._alternatives is None:
-            fitted = self._fitted(self._posterior, self._store.observations())
-            with closing(self._make_physics()) as physics:  # what it costs was counted before
-                self._alternatives = self._misspecification.once_sure(
-                    summary, fitted.computed_by(physics), self._make_reference()
-                )
-        return self._alternatives
+        return replace(fitted, best=np.array(summary.best), summary=summary)
 
     def is_sure(self, number: int) -> bool:
         """Whether attachments and lengths are as sure as the settings ask for.
 
-        They must have been so before the last movement too: it then tested whether the robot
-        deviates from the problem. A run that has ended stays so, whatever the simulator said then.
+        They must have been so before the last movement, too. A run that has ended stays so,
+        whatever the simulator said then.
         """
         wanted = self._store.settings.sure
         if wanted is None or number != self._learnt - 1:
@@ -239,6 +222,9 @@ class PosteriorMethod:
         return sure[-1] if left < 1 - SURE else None
 
     def _lengths_known(self, summary: StoredPosterior) -> bool:
+        """Whether they are known so well if the robot is as stated: no movement tells more."""
+        if summary.as_stated_m:
+            return all(one.high - one.low <= 2 * PRECISE for one in summary.as_stated_m)
         lengths = FittedPosterior.of_stored(self._store, summary, ()).leg_lengths
         low, high = np.quantile(lengths, (0.05, 0.95), axis=0)
         return bool(np.all(high - low <= 2 * PRECISE))
@@ -263,18 +249,11 @@ class PosteriorMethod:
         )
         fitted = replace(sampled, posterior=posterior)
         final = self._summarised(fitted)
-        before = alternatives = self._alternatives_of(summary)
-        if not alternatives or final.not_known is NotKnown.POOR_FIT:
-            alternatives = self._misspecification.in_the_end(
-                final, replace(sampled, posterior=checked.posterior), self._reference
-            )
-        known = not self._predictor.unknowns.bits or (final.probability or 0.0) >= SURE
-        poor = final.not_known is NotKnown.POOR_FIT and len(observations) >= ENOUGH_TO_ERR
-        if before or known or poor:
-            final = self._misspecification.left_of(final, alternatives, fitted, self._reference)
+        final = self._doubted(final, fitted)
         final = final.model_copy(
             update={
-                "untested_deviations": self._misspecification.untested(alternatives, posterior),
+                "causes": summary.causes,
+                "as_stated_m": summary.as_stated_m,
                 "information_gain_bits": summary.information_gain_bits,
                 "overturned": summary.overturned,
                 "simulated": checked.simulated,
@@ -291,6 +270,19 @@ class PosteriorMethod:
         genes = np.array([mode.genes for mode in summary.modes if mode.indistinguishable])
         alike = set(self._predictor.unknowns.keys(genes))
         return alike if leader in alike else {leader}
+
+    def _doubted(self, summary: StoredPosterior, fitted: FittedPosterior) -> StoredPosterior:
+        """The summary, with the probability of a robot that is otherwise as nobody looks for."""
+        outliers = outliers_left(
+            np.array([one.outlier_probability for one in summary.predicted]),
+            fitted.posterior,
+            self._predictor,
+            fitted.data,
+            fitted.noise,
+            reference=self._reference,
+        )
+        unlisted = probability_unlisted(outliers, fitted.noise)
+        return summary.model_copy(update={"misspecification_probability": unlisted})
 
     def _deciding(self, fitted: FittedPosterior) -> NextMovement:
         """The movement that would tell most about what is left open."""
@@ -325,6 +317,12 @@ class PosteriorMethod:
             steps=before.steps + sampler.steps + reference.steps,
             wall_seconds=before.wall_seconds + time.monotonic() - self._started,
         )
+
+
+def attachments_known(summary: StoredPosterior, wanted: float, store: RunStore) -> bool:
+    """Whether a run is so sure of attachments, and stands by them."""
+    contradicted = store.problem.contradictions(store.capabilities)
+    return (summary.probability or 0.0) >= wanted and summary.explained and not contradicted
 
 
 def _how_sure(summary: StoredPosterior) -> str:

@@ -35,9 +35,12 @@ def as_sensed(readings: PredictedReadings, bodies: Bodies) -> PredictedReadings:
     """
     level, too_high = bodies.base[:, LEVEL], bodies.base[:, TOO_HIGH]
     gain = bodies.base[:, DISTANCE_GAIN]
-    if np.any(level != (1.0, 0.0, 0.0, 1.0)):
-        felt = np.einsum("nij,nj->ni", level.reshape(-1, 2, 2), np.sin(readings.tilt))
-        readings = replace(readings, tilt=np.arcsin(np.clip(felt, -1.0, 1.0)))
+    odd = np.flatnonzero(np.any(level != (1.0, 0.0, 0.0, 1.0), axis=1))
+    if odd.size:
+        tilt = readings.tilt.copy()
+        felt = np.einsum("nij,nj->ni", level[odd].reshape(-1, 2, 2), np.sin(tilt[odd]))
+        tilt[odd] = np.arcsin(np.clip(felt, -1.0, 1.0))
+        readings = replace(readings, tilt=tilt)
     if np.any(gain != 1) or np.any(too_high != 0):
         height = np.maximum(gain * readings.clearance + too_high, 0.0)
         clearance = np.where(readings.saturated, readings.clearance, height)

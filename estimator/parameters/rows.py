@@ -363,8 +363,8 @@ def _level_scaled(draft: Draft, factors: Array) -> None:
 
 
 def _rewired(matrix: Sequence[float], draft: Draft, amounts: Array) -> None:
-    base = draft.measures("base")
-    base[:, LEVEL] = _product(np.array(matrix)[None], base[:, LEVEL])
+    base, on = draft.measures("base"), amounts > 0
+    base[on, LEVEL] = _product(np.array(matrix)[None], base[on, LEVEL])
 
 
 def _product(ones: Array, others: Array) -> Array:
@@ -373,7 +373,8 @@ def _product(ones: Array, others: Array) -> Array:
 
 
 def _stuck(gauge: int, reads: int, draft: Draft, amounts: Array) -> None:
-    draft.numbers("stuck")[draft.numbers("sensor") == gauge] = reads
+    own = (draft.numbers("sensor") == gauge) & (amounts > 0)[:, None]
+    draft.numbers("stuck")[own] = reads
 
 
 # --- servos and hinges ------------------------------------------------------------------------
@@ -474,7 +475,7 @@ def _limp(part: int, draft: Draft, amounts: Array) -> None:
     """It hangs with what it carries: supports nothing, as if it had no length, and lies down."""
     parent = draft.numbers("parent")
     rows, hanging = np.arange(len(parent)), np.zeros(parent.shape, dtype=bool)
-    hanging[:, part] = True
+    hanging[:, part] = amounts > 0
     for column in range(part + 1, parent.shape[1]):  # a carrier comes before its parts
         carrier = parent[:, column]
         hanging[:, column] |= (carrier != BASE) & hanging[rows, carrier]
@@ -483,8 +484,9 @@ def _limp(part: int, draft: Draft, amounts: Array) -> None:
 
 
 def _jammed(part: int, draft: Draft, angles: Array) -> None:
-    draft.measures("travel")[:, part] = 0.0
-    draft.measures("zero")[:, part] = angles
+    still = angles != 0
+    draft.measures("travel")[still, part] = 0.0
+    draft.measures("zero")[still, part] = angles[still]
 
 
 # --- wiring -----------------------------------------------------------------------------------
@@ -529,15 +531,15 @@ def of_wiring(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]
 
 
 def _reversed(part: int, draft: Draft, amounts: Array) -> None:
-    draft.measures("travel")[:, part] *= -1.0
+    draft.measures("travel")[amounts > 0, part] *= -1.0
 
 
 def _exchanged(one: int, other: int, draft: Draft, amounts: Array) -> None:
-    motor = draft.numbers("motor")
-    motor[:, [one, other]] = motor[:, [other, one]]
+    motor, on = draft.numbers("motor"), np.flatnonzero(amounts > 0)
+    motor[on, one], motor[on, other] = motor[on, other], motor[on, one]
 
 
 def _gauges_exchanged(one: int, other: int, draft: Draft, amounts: Array) -> None:
-    sensor = draft.numbers("sensor")
-    first, second = sensor == one, sensor == other
+    sensor, on = draft.numbers("sensor"), (amounts > 0)[:, None]
+    first, second = (sensor == one) & on, (sensor == other) & on
     sensor[first], sensor[second] = other, one

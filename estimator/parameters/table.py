@@ -1,14 +1,16 @@
 """A parameter of a robot: how far it may be from what is stated, and what that changes.
 
-Its *narrow* component is how far robots stray unnoticed: a normal distribution around what the
-problem states. Its *wide* one is a robot that is not as stated at all, or has changed. ``rows`` has
+Its *narrow* component is how far robots stray unnoticed, and is always open: a normal distribution
+around what the problem states. Its *wide* one is a robot that is not as stated at all, and has a
+probability (``DEVIATES`` for all parameters together), or one that has changed in use. ``rows`` has
 the table.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
@@ -16,6 +18,9 @@ import numpy as np
 
 from estimator.body.arrays import Bodies, Flags, Integers
 from estimator.body.morphology import Array
+
+DEVIATES: Final = 0.05
+"""Probability, before any reading, that a robot has one of the wide components."""
 
 
 class Draft:
@@ -61,7 +66,8 @@ class Draft:
 
 
 Change: TypeAlias = Callable[[Draft, Array], None]
-"""Changes n bodies, each by its own amount, shape (n,); travels to worker processes."""
+"""Changes n bodies, each by its own amount, shape (n,); what is 0, or of a factor 1, it leaves as
+it is. Travels to worker processes."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,7 +82,7 @@ class Parameter:
         sentence: For people, as the rest of "a robot with …"; braces stand for the amount.
         check: What to look at with one's hands.
         factor: Whether amounts are factors, and spreads those of their logarithms.
-        switch: Whether it either is so or is not, without an amount.
+        switch: Whether it either is so or is not, without an amount: 1 and 0.
         unit: Factor from SI on the amount in the sentence.
         narrow: Standard deviation of robots as people build them; 0: as stated.
         wide: Standard deviation of a robot that is not as stated; 0: there is none.
@@ -125,3 +131,31 @@ class Parameter:
         shown = amount * self.unit
         digits = max(0, 1 - math.floor(math.log10(abs(shown)))) if shown else 0
         return f"{shown:{'' if self.factor else '+'}.{min(digits, 3)}f}"
+
+
+def applied(table: Sequence[Parameter], bodies: Bodies, away: Array) -> Bodies:
+    """Bodies as columns of a posterior have them.
+
+    Args:
+        table: The rows that columns stand for.
+        bodies: n bodies, as stated.
+        away: How far each is from that, shape (n, rows): SI, of factors their logarithms, of
+            switches 1. What is 0 is as stated.
+    """
+    draft = Draft(bodies)
+    for column in np.flatnonzero(np.any(away != 0, axis=0)).tolist():
+        row, own = table[column], away[:, column]
+        row.change(draft, own if row.switch else row.amounts(1.0, own))
+    return draft.done()
+
+
+def log_priors(table: Sequence[Parameter]) -> dict[str, float]:
+    """Logarithm of the probability of each wide component before any reading, by name.
+
+    They add up to ``DEVIATES``. Groups are as probable as each other, and so are the parameters of
+    a group: that a builder was wrong about how thick parts are is not a hundred times less probable
+    because there are so many hinges.
+    """
+    wide = [one for one in table if one.wide > 0 or one.switch]
+    sizes = Counter(one.group for one in wide)
+    return {one.name: math.log(DEVIATES) - math.log(len(sizes) * sizes[one.group]) for one in wide}

@@ -22,7 +22,6 @@ from estimator.parameters.changes import Within, changes_of
 from estimator.parameters.table import Parameter
 from estimator.physics.backends import open_arrays
 from estimator.physics.base import ArrayPhysics, WorldSettings
-from estimator.posterior.model.deviations import Alternative
 from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Predictor, Unknowns
@@ -78,10 +77,8 @@ class FittedPosterior:
         searched: Of a population, subjective errors as the search computed them, shape (n,).
         ranking: Of a population, its indices, best first, shape (n,). Models that the reference
             back-end simulated come before the others, in its order.
-        alternatives: Bodies that deviate from the problem and explain the readings as well, while a
-            run goes on.
         changes: What has changed since the body was identified, in the order of the posterior's
-            ``amounts``.
+            ``changed``.
     """
 
     problem: Problem
@@ -95,7 +92,6 @@ class FittedPosterior:
     errors: Array | None = None
     searched: Array | None = None
     ranking: NDArray[np.intp] | None = None
-    alternatives: tuple[Alternative, ...] = ()
     changes: tuple[Parameter, ...] = ()
 
     # --- as a run has it --------------------------------------------------------------------------
@@ -124,7 +120,7 @@ class FittedPosterior:
         """As a run has stored it."""
         with reading(store.directory):
             best = np.array(stored.best, dtype=float)
-            posterior = load_posterior(stored, Unknowns(store.genome))
+            posterior = load_posterior(stored, unknowns_of(store))
             fitted = cls.in_run(store, posterior, observations)
             fitted = replace(fitted, best=best, summary=stored)
             return fitted.changed_by([change.name for change in stored.changes])
@@ -189,7 +185,7 @@ class FittedPosterior:
             modalities=settings.modalities,
             observations=tuple(observations),
             posterior=posterior,
-            open_predictor=partial(_opened, store.genome, physics, store.world),
+            open_predictor=partial(_opened, unknowns_of(store), physics, store.world),
         )
 
     def computed_by(self, physics: ArrayPhysics) -> FittedPosterior:
@@ -204,7 +200,20 @@ class FittedPosterior:
     @property
     def samples(self) -> Array:
         """Genomes, shape (n, genes), each number in [0, 1]."""
-        return self.posterior.values
+        return self.unknowns.cube(self.points)
+
+    @property
+    def points(self) -> Array:
+        """Genomes, how far each robot is from what is stated, and what has changed, shape (n, size).
+
+        ``unknowns`` makes bodies of them.
+        """
+        changed = self.posterior.changed
+        return (
+            self.posterior.values
+            if changed is None
+            else np.hstack([self.posterior.values, changed])
+        )
 
     @property
     def weights(self) -> Array:
@@ -257,7 +266,8 @@ class FittedPosterior:
         """Length of each leg of each sample by now, m, shape (n, legs), in motor order."""
         bodies = self.genome.decode_all(self.samples)
         lengths = leg_lengths(bodies)
-        for row, theta in zip(self.changes, self._amounts.T, strict=True):
+        changed = self.posterior.changed
+        for row, theta in zip(self.changes, [] if changed is None else changed.T, strict=True):
             if isinstance(row, Within):
                 legs = [limb.motor for limb in driven_limbs(bodies[0])]
                 lengths[:, legs.index(row.motor)] *= row.amounts(1.0, theta)
@@ -292,18 +302,22 @@ class FittedPosterior:
     @cached_property
     def unknowns(self) -> Unknowns:
         """What the posterior is over."""
-        return _Changed(self.genome, self.changes) if self.changes else Unknowns(self.genome)
+        genes = self.posterior.values.shape[1] - len(self.genome.genes)
+        table = self.problem.table if genes else ()
+        if self.changes:
+            return _Changed(self.genome, table, self.changes)
+        return Unknowns(self.genome, table)
 
     @cached_property
     def predictor(self) -> Predictor:
         """Computes readings."""
         predictor = self.open_predictor()
-        return predictor.over(self.unknowns) if self.changes else predictor
+        return predictor.of(self.unknowns) if self.changes else predictor
 
     @cached_property
     def body_arrays(self) -> Bodies:
         """The bodies of all samples as they are by now."""
-        return self.unknowns.bodies(self._points)
+        return self.unknowns.bodies(self.points)
 
     @cached_property
     def possible_changes(self) -> tuple[Parameter, ...]:
@@ -313,16 +327,6 @@ class FittedPosterior:
             return ()
         joints = [joint.name for joint in self.capabilities.joints]
         return changes_of(body, joints, [part.name for part in self.problem.parts])
-
-    @property
-    def _points(self) -> Array:
-        """Samples with the amounts of what has changed."""
-        return np.hstack([self.samples, self._amounts]) if self.changes else self.samples
-
-    @property
-    def _amounts(self) -> Array:
-        amounts = self.posterior.amounts
-        return np.empty((len(self), 0)) if amounts is None else amounts
 
     @cached_property
     def noise(self) -> Noise:
@@ -412,7 +416,7 @@ class FittedPosterior:
             )
         observed = SensorData.of([observation], self.modalities, self.clearance_cap)
         likelihood = Likelihood(replace(observed, programs=angles[None]), self.noise)
-        return likelihood.normalised(self.predictor, self._points, self.scales)[:, 0]
+        return likelihood.normalised(self.predictor, self.points, self.scales)[:, 0]
 
     def _checked(self, programs: ArrayLike) -> Array:
         """Programs as an array of one or two dimensions."""
@@ -431,11 +435,26 @@ class FittedPosterior:
         return angles
 
 
+def unknowns_of(store: RunStore) -> Unknowns:
+    """What a run's posterior is over; of a population, bodies that are just as stated."""
+    table = store.problem.table if store.settings.keeps_samples else ()
+    return Unknowns(store.genome, table)
+
+
 def load_posterior(stored: StoredPosterior, unknowns: Unknowns) -> Posterior:
     """Loads the posterior that was stored with its summary."""
-    points = np.array([mode.genes for mode in stored.modes]).reshape(-1, unknowns.size)
+    points = unknowns.points(
+        np.array([mode.genes for mode in stored.modes]).reshape(-1, unknowns.genes_size),
+        {
+            name: np.array([mode.amounts.get(name, 0.0) for mode in stored.modes])
+            for name in {name for mode in stored.modes for name in mode.amounts}
+        },
+    )
     return Posterior(
-        values=np.array(stored.genes),
+        values=unknowns.points(
+            np.array(stored.genes),
+            {name: np.array(amounts) for name, amounts in stored.amounts.items()},
+        ),
         scales=np.array(stored.scales),
         weights=np.array(stored.weights),
         modes=tuple(
@@ -443,7 +462,7 @@ def load_posterior(stored: StoredPosterior, unknowns: Unknowns) -> Posterior:
             for key, mode, point in zip(unknowns.keys(points), stored.modes, points, strict=True)
         ),
         adequate_fit=stored.probability_within_problem is not None,
-        amounts=(
+        changed=(
             np.array([change.amounts for change in stored.changes]).T if stored.changes else None
         ),
     )
@@ -454,21 +473,22 @@ class _Changed(Unknowns):
 
     Args:
         genome: The code between genes and bodies.
+        table: What was otherwise than stated when the robot was identified.
         changes: What has changed.
     """
 
-    def __init__(self, genome: Genome, changes: Sequence[Parameter]):
-        super().__init__(genome)
-        self._genes = genome.size
+    def __init__(self, genome: Genome, table: Sequence[Parameter], changes: Sequence[Parameter]):
+        super().__init__(genome, table)
+        self._identified = self.size
         self._changes = tuple(changes)
 
     def bodies(self, values: Array) -> Bodies:
         """The bodies of n points, each changed by its own amounts."""
-        bodies = super().bodies(values[:, : self._genes])
-        for row, theta in zip(self._changes, values[:, self._genes :].T, strict=True):
+        bodies = super().bodies(values[:, : self._identified])
+        for row, theta in zip(self._changes, values[:, self._identified :].T, strict=True):
             bodies = row.applied(bodies, row.amounts(row.wide or 1.0, theta))
         return bodies
 
 
-def _opened(genome: Genome, physics: str, world: WorldSettings) -> Predictor:
-    return Predictor(Unknowns(genome), open_arrays(physics, world))
+def _opened(unknowns: Unknowns, physics: str, world: WorldSettings) -> Predictor:
+    return Predictor(unknowns, open_arrays(physics, world))

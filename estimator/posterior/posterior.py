@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import Final, Self
+from typing import Final, NamedTuple, Self
 
 import numpy as np
 
@@ -35,6 +35,25 @@ class Mode:
     found: tuple[bool, ...]
 
 
+class CauseShare(NamedTuple):
+    """How probable one wide component of the table of parameters is.
+
+    Attributes:
+        row: Of the table.
+        probability: Share of the posterior.
+        low: How far the robot is from what is stated, as ``parameters.table.applied`` has it: of
+            the posterior with this component 5 % lie below,
+        median: half of it,
+        high: 95 %.
+    """
+
+    row: int
+    probability: float
+    low: float
+    median: float
+    high: float
+
+
 @dataclass(frozen=True, kw_only=True)
 class Posterior:
     """Weighted samples, and the modes in order.
@@ -45,8 +64,11 @@ class Posterior:
         weights: Of the samples, adding up to 1, shape (n,).
         modes: The most probable first.
         adequate_fit: Whether the readings are explained so well that something can be probable.
-        amounts: Of what has changed on the samples since they were identified, standard normal
-            before any reading, shape (n, changes); ``None``: nothing.
+        changed: How far each sample is by now from what it was when it was identified, standard
+            normal before any reading, shape (n, changes); ``None``: nothing has changed.
+        causes: What makes the robot otherwise than stated, the most probable first.
+        as_stated: Points of the first mode, shape (m, size), if the robot is exactly as stated;
+            ``None``: not known, or the samples are these.
     """
 
     values: Array
@@ -54,11 +76,13 @@ class Posterior:
     weights: Array
     modes: tuple[Mode, ...]
     adequate_fit: bool
-    amounts: Array | None = None
+    changed: Array | None = None
+    causes: tuple[CauseShare, ...] = ()
+    as_stated: Array | None = None
 
     @classmethod
     def equally_likely(
-        cls, values: Array, scales: Array | None = None, amounts: Array | None = None
+        cls, values: Array, scales: Array | None = None, changed: Array | None = None
     ) -> Self:
         """Samples that are as good as each other, under the announced noise by default."""
         count = len(values)
@@ -68,14 +92,14 @@ class Posterior:
             weights=np.full(count, 1 / count),
             modes=(),
             adequate_fit=False,
-            amounts=amounts,
+            changed=changed,
         )
 
     def sample(self, count: int, rng: np.random.Generator) -> Self:
         """At most ``count`` equally likely samples, drawn by their weights."""
         rows = systematic(self.weights, min(count, len(self.weights)), float(rng.random()))
-        amounts = None if self.amounts is None else self.amounts[rows]
-        return self.equally_likely(self.values[rows], self.scales[rows], amounts)
+        changed = None if self.changed is None else self.changed[rows]
+        return self.equally_likely(self.values[rows], self.scales[rows], changed)
 
 
 def systematic(weights: Array, count: int, start: float) -> Columns:

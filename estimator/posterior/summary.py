@@ -23,6 +23,8 @@ from estimator.posterior.posterior import (
     systematic,
 )
 from estimator.storage.posteriors import (
+    Cause,
+    Interval,
     PredictedInteraction,
     StoredMode,
     StoredPosterior,
@@ -30,6 +32,7 @@ from estimator.storage.posteriors import (
 
 _FEW: Final = 10.0  # effective draws
 _KEPT: Final = 120  # modes, as many as are weighed at most
+_RARITY: Final = 0.02  # probability of what is not worth naming
 _RIVALS: Final = 20  # of them, that are compared with the first where nothing is stated
 
 
@@ -52,7 +55,7 @@ def summarise(
         indistinguishable: The test of equivalence.
         before: The posterior before the last interaction, by which its information is measured.
     """
-    modes = posterior.modes[:_KEPT]
+    modes, unknowns = posterior.modes[:_KEPT], predictor.unknowns
     compared = modes if posterior.adequate_fit else modes[:_RIVALS]
     shares = np.zeros(len(modes))
     shares[: len(compared)] = indistinguishable_shares(
@@ -65,15 +68,23 @@ def summarise(
     if before is not None:
         gained = information_gained(before, posterior, predictor, data, noise)
     return StoredPosterior(
-        genes=tuple(map(tuple, posterior.values.tolist())),
+        genes=tuple(map(tuple, unknowns.cube(posterior.values).tolist())),
+        amounts={
+            name: tuple(amounts.tolist())
+            for name, amounts in unknowns.amounts(posterior.values).items()
+        },
         scales=tuple(map(tuple, posterior.scales.tolist())),
         weights=tuple(posterior.weights.tolist()),
-        best=tuple(_middle_body(posterior, predictor).tolist()),
+        best=tuple(unknowns.cube(_middle_body(posterior, predictor)[None])[0].tolist()),
         modes=tuple(
             StoredMode(
                 probability=mode.probability,
                 ess=mode.ess,
-                genes=tuple(mode.point.tolist()),
+                genes=tuple(unknowns.cube(mode.point[None])[0].tolist()),
+                amounts={
+                    name: float(amounts[0])
+                    for name, amounts in unknowns.amounts(mode.point[None]).items()
+                },
                 indistinguishable=bool(share >= MOSTLY),
                 found=mode.found,
             )
@@ -83,11 +94,41 @@ def summarise(
             min(float(chances @ shares), coverage) if posterior.adequate_fit else None
         ),
         coverage=coverage,
+        causes=_causes(posterior, unknowns),
+        as_stated_m=_as_stated(posterior, unknowns),
         low_ess=bool(predictor.unknowns.choices.size) and behind < _FEW,
         information_gain_bits=gained,
         predicted=_predicted(posterior, predictor, data, noise),
         **dict(judge(posterior, predictor, data, noise)),
     )
+
+
+def _causes(posterior: Posterior, unknowns: Unknowns) -> tuple[Cause, ...]:
+    """What may be otherwise and is no rarity, the most probable first."""
+    causes = []
+    for cause in posterior.causes:
+        if cause.probability < _RARITY:
+            break
+        row = unknowns.table[cause.row]
+        away = np.array([cause.low, cause.median, cause.high])
+        low, median, high = row.amounts(1.0, away).tolist()
+        causes.append(
+            Cause(
+                name=row.name,
+                probability=cause.probability,
+                sentence=row.said(median, (low, high)),
+                check=row.check,
+            )
+        )
+    return tuple(causes)
+
+
+def _as_stated(posterior: Posterior, unknowns: Unknowns) -> tuple[Interval, ...]:
+    if posterior.as_stated is None:
+        return ()
+    lengths = leg_lengths(unknowns.decode_all(posterior.as_stated))
+    quantiles = np.quantile(lengths, (0.05, 0.5, 0.95), axis=0).T.tolist()
+    return tuple(Interval(low=low, median=median, high=high) for low, median, high in quantiles)
 
 
 def _middle_body(posterior: Posterior, predictor: Predictor) -> Array:

@@ -25,7 +25,7 @@ class Gene:
     """What one gene decides.
 
     Attributes:
-        part: Index of the part; ``BASE`` for a nuisance parameter.
+        part: Index of the part.
         trait: Which of the part's traits.
         choices: How many values it chooses from, at most: the main body may have other mounts than
             parts have. 0 for what is any in a range.
@@ -35,7 +35,7 @@ class Gene:
     """
 
     part: int
-    trait: Literal["parent", "mount", "hinge", "length", "nuisance"]
+    trait: Literal["parent", "mount", "hinge", "length"]
     choices: int
     name: str
     parent: int | None = None

@@ -14,11 +14,10 @@ from typing import TypeAlias
 
 import numpy as np
 
-from estimator.body.arrays import CENTRE, LEVEL, Bodies, Flags, Integers
+from estimator.body.arrays import Bodies, Flags, Integers
 from estimator.body.morphology import BASE, Array, Base, Morphology, Part
 from estimator.errors import SearchStateError
 from estimator.problem.genes import Gene, GeneColumns, Traits, genes_of
-from estimator.problem.nuisances import Nuisances
 from estimator.problem.problem import Problem
 
 
@@ -36,13 +35,8 @@ class Genome:
     def __init__(self, problem: Problem, base: Base) -> None:
         self._problem = problem
         self._base = base
-        self._nuisances = Nuisances(problem.nuisance, problem.parts, problem.density)
-        self.genes: tuple[Gene, ...] = (
-            *(gene for index in range(len(problem.parts)) for gene in genes_of(problem, index)),
-            *(
-                Gene(part=BASE, trait="nuisance", choices=0, name=one.name, unit=one.unit)
-                for one in self._nuisances.listed
-            ),
+        self.genes: tuple[Gene, ...] = tuple(
+            gene for index in range(len(problem.parts)) for gene in genes_of(problem, index)
         )
 
     @property
@@ -102,13 +96,9 @@ class Genome:
         )
 
     def quantities(self, column: int, genes: Array) -> Array:
-        """What genes between 0 and 1 of one column stand for, in the gene's unit, shape (n,)."""
-        gene = self.genes[column]
-        if gene.trait == "length":
-            low, high = self._problem.parts[gene.part].length
-            return 1000 * (low + genes * (high - low))
-        one = self._nuisances.listed[column - self.size]
-        return one.factor * one.prior.quantile(genes)
+        """What genes between 0 and 1 of one column stand for, a length, mm, shape (n,)."""
+        low, high = self._problem.parts[self.genes[column].part].length
+        return 1000 * (low + genes * (high - low))
 
     def decode(self, genes: Array) -> Morphology:
         """Returns the body that a genome encodes.
@@ -129,9 +119,8 @@ class Genome:
             SearchStateError: The shape is wrong or a gene lies outside [0, 1].
         """
         values = self._checked(genes)
-        nuisances, zeros = self._nuisance_values(values)
-        rows = (array.tolist() for array in (*self._traits(values), zeros))
-        bodies = [
+        rows = (array.tolist() for array in self._traits(values))
+        return [
             self.assemble(
                 [
                     Part(
@@ -142,27 +131,14 @@ class Genome:
                         radius=rule.radius,
                         motor=rule.motor,
                         sensor=rule.sensor,
-                        zero=zero,
                         shape=rule.shape,
                     )
-                    for rule, parent, mount, hinge, length, zero in zip(
+                    for rule, parent, mount, hinge, length in zip(
                         self._problem.parts, *row, strict=True
                     )
                 ]
             )
             for row in zip(*rows, strict=True)
-        ]
-        if not self._nuisances.listed:
-            return bodies
-        return [
-            replace(
-                body,
-                density=density,
-                base=replace(self._base, centre=(x, y, z), accelerometer=(across, along)),
-            )
-            for body, (density, x, y, z, across, along) in zip(
-                bodies, nuisances.tolist(), strict=True
-            )
         ]
 
     def assemble(self, parts: Sequence[Part]) -> Morphology:
@@ -197,11 +173,6 @@ class Genome:
         changes: dict[str, Array | Integers] = traits._asdict()
         if self._problem.touch == "outermost" and self._problem.sensors < len(self._problem.parts):
             changes["sensor"] = outermost_sensors(traits.parent, self._problem.sensors)
-        if self._nuisances.listed:
-            nuisances, changes["zero"] = self._nuisance_values(values)
-            changes["density"] = nuisances[:, :1].repeat(bodies.density.shape[1], axis=1)
-            changes["base"] = bodies.base.copy()
-            changes["base"][:, CENTRE : LEVEL.start] = nuisances[:, 1:]
         return bodies.changed(**changes)
 
     @cached_property
@@ -285,9 +256,6 @@ class Genome:
             on_base = traits.parent[:, parts] == BASE
             traits.mount[:, parts] = np.where(on_base, columns.on_base, columns.on_part)
         return traits
-
-    def _nuisance_values(self, values: Array) -> tuple[Array, Array]:
-        return self._nuisances.values(values[:, self.size - len(self._nuisances.listed) :])
 
     def _checked(self, genes: Array) -> Array:
         values = np.asarray(genes, dtype=float)

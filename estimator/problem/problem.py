@@ -20,16 +20,18 @@ from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
 from estimator.body.morphology import Array, Base
 from estimator.errors import ProblemError
+from estimator.parameters.rows import table_of
+from estimator.parameters.table import Parameter
 from estimator.physics.base import WorldSettings
 from estimator.problem.attachment_tables import AttachmentTables
 from estimator.problem.sections import (
     HingeRule,
     Motors,
     MountRule,
-    NuisanceSection,
     PartRule,
     SearchSettings,
     Strict,
+    UncertainSection,
     WorldSection,
 )
 from estimator.problem.template import PAPERS_ROBOT, Inventory, supposed_robots, write_out
@@ -37,6 +39,8 @@ from estimator.problem.values import Density, Name, complaint
 from estimator.readings.modalities import MODALITIES
 from protocol.text import TomlError, parse_toml
 from protocol.wire.capabilities import Capabilities
+
+_TURNED = 1.0  # degrees, from which an accelerometer is asked first how it is turned
 
 
 class Problem(Strict):
@@ -47,7 +51,7 @@ class Problem(Strict):
         description: One sentence for people.
         density: Of all parts, kg/m³.
         motors: Which joints move, and how.
-        nuisance: What else is only roughly known.
+        uncertain: How well the robot is known to be as all this says.
         search: How the models are optimised.
         world: How models are simulated.
         touch: ``outermost``: the robot's touch sensors sit on the parts that carry no other, in
@@ -64,7 +68,7 @@ class Problem(Strict):
     description: str = ""
     density: Density
     motors: Motors
-    nuisance: NuisanceSection = NuisanceSection()
+    uncertain: UncertainSection = UncertainSection()
     search: SearchSettings
     world: WorldSection = WorldSection()
     touch: Literal["outermost"] | None = None
@@ -196,9 +200,10 @@ class Problem(Strict):
             for part in self.parts
         ):
             raise ValueError(
-                "parts: there is nothing to be found: give some length a range (what is open in "
-                "[nuisance] is found along with a body, not alone)"
+                "parts: there is nothing to be found: give some length a range (what is uncertain "
+                "is found along with a body, not alone)"
             )
+        self._check_uncertain()
         return self
 
     @property
@@ -217,7 +222,34 @@ class Problem(Strict):
 
         Of a body that lies flat an accelerometer reads its own tilt alone.
         """
-        return self.nuisance.accelerometer_deg is not None
+        return self.uncertain.spreads.get("accelerometer_deg", 0.0) >= _TURNED
+
+    @cached_property
+    def table(self) -> tuple[Parameter, ...]:
+        """What may be otherwise than all this says, tightened or closed by ``[uncertain]``."""
+        rows, spreads = table_of(self.parts, self.sensors), self.uncertain.spreads
+        if self.uncertain.exact:
+            return ()
+        return tuple(
+            replace(row, narrow=spreads[row.group] / row.unit) if row.group in spreads else row
+            for row in rows
+            if spreads.get(row.group, 1.0) > 0
+        )
+
+    def _check_uncertain(self) -> None:
+        # how many touch sensors there are is not known yet, and groups are the same for two or more
+        switches = {row.group: row.switch for row in table_of(self.parts, 2)}
+        for group, spread in self.uncertain.spreads.items():
+            if group not in switches:
+                raise ValueError(
+                    f"uncertain.{group}: is nothing that may be otherwise on this robot: name some "
+                    f"of exact, {', '.join(sorted(switches))}"
+                )
+            if switches[group] and spread:
+                raise ValueError(
+                    f"uncertain.{group}: either is so or is not: write 0 where it is sure that it "
+                    "is not, or leave it out"
+                )
 
     @cached_property
     def sensors(self) -> int:

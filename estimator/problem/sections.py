@@ -19,19 +19,17 @@ from estimator.problem.values import (
     Angles,
     Axis,
     Count,
-    Densities,
     Elevation,
     Length,
-    Misalignment,
     Name,
     NameOrUnknown,
     Number,
-    Offset,
     Parent,
     Place,
     Population,
     Positive,
     Radius,
+    Spread,
     Yaw,
 )
 
@@ -148,23 +146,25 @@ class Motors(Strict):
     slew_deg_per_s: Positive
 
 
-class NuisanceSection(Strict):
-    """What else is only roughly known of the robot, and found along; ``None``: it is known.
+class UncertainSection(BaseModel):
+    """How well a robot is known to be as its problem says: standard deviations by group.
+
+    The groups are those of ``parameters.rows``, in the units of their sentences, those of factors
+    as logarithms; 0: just as stated. What is not named is as robots are that people build.
 
     Attributes:
-        density: Lowest and highest of the parts, kg/m³, instead of the problem's density.
-        joint_zero_deg: Standard deviation of where a driven joint's hinge really stands when its
-            motor stands at 0.
-        accelerometer_deg: Standard deviation of how far the accelerometer is tilted on the main
-            body, about either axis.
-        centre_of_mass_mm: Standard deviation of where the main body's centre of mass is, along
-            each axis from its middle.
+        exact: Whether all is just as stated.
     """
 
-    density: Densities | None = None
-    joint_zero_deg: Misalignment | None = None
-    accelerometer_deg: Misalignment | None = None
-    centre_of_mass_mm: Offset | None = None
+    model_config = ConfigDict(frozen=True, extra="allow")
+    __pydantic_extra__: dict[str, Spread] = Field(init=False)
+
+    exact: Annotated[bool, Field(strict=True)] = False
+
+    @property
+    def spreads(self) -> dict[str, float]:
+        """By group."""
+        return self.__pydantic_extra__
 
 
 class WorldSection(Strict):

@@ -58,16 +58,6 @@ def _parse_length(value: Any) -> tuple[float, float]:
     return low, high
 
 
-def _parse_densities(value: Any) -> tuple[float, float]:
-    low, high = _parse_range(value)
-    if low < DENSITIES[0] or high > DENSITIES[1] or low == high:
-        raise ValueError(
-            f"must be [lowest, highest] within {DENSITIES[0]:g} to {DENSITIES[1]:g} kg/m³, not "
-            f"{value!r}"
-        )
-    return low, high
-
-
 def _parse_angles(value: Any) -> tuple[float, float]:
     if not isinstance(value, list):
         raise ValueError(f"must be [lowest, highest], like [-30, 30], not {value!r}")
@@ -144,8 +134,7 @@ Finite: TypeAlias = Annotated[float, Field(allow_inf_nan=False, strict=True)]
 Positive: TypeAlias = Annotated[Finite, Field(gt=0)]
 Radius: TypeAlias = Annotated[Finite, _between(*LENGTHS, "m")]
 Density: TypeAlias = Annotated[Finite, _between(*DENSITIES, "kg/m³")]
-Misalignment: TypeAlias = Annotated[Finite, _between(0.01, 10, "degrees")]
-Offset: TypeAlias = Annotated[Finite, _between(0.01, 1000 * LENGTHS[1], "mm")]
+Spread: TypeAlias = Annotated[Finite, _between(0, 100, "of its unit")]
 Count: TypeAlias = Annotated[int, Field(ge=1, le=1_000_000, strict=True)]
 Population: TypeAlias = Annotated[Count, AfterValidator(_even)]
 Name: TypeAlias = Annotated[str, Field(min_length=1, max_length=60)]
@@ -155,8 +144,6 @@ Number: TypeAlias = Annotated[int, BeforeValidator(_count_from_0)]
 Angles: TypeAlias = Annotated[Ends, BeforeValidator(_parse_angles)]
 """``[lowest, highest]``, degrees."""
 
-Densities: TypeAlias = Annotated[Ends, BeforeValidator(_parse_densities)]
-"""``[lowest, highest]``, kg/m³."""
 
 Length: TypeAlias = Annotated[Ends, BeforeValidator(_parse_length)]
 """``[lowest, highest]``, or one number for both, m."""

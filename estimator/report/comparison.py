@@ -16,10 +16,10 @@ from estimator.report.camera import reach, take_picture
 from estimator.report.canvas import OTHER_MARKERS, leg_colour, leg_label, new_figure
 from estimator.report.evaluations import score_of
 from estimator.report.plots import legend_of_names
-from estimator.report.posterior_report import Interval
 from estimator.report.result import Result
 from estimator.report.scene import at_rest, model_links, solids_of
 from estimator.report.summarise import summarise
+from estimator.storage.posteriors import Interval
 from estimator.storage.store import RunStore
 
 if TYPE_CHECKING:

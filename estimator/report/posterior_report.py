@@ -16,12 +16,13 @@ from estimator.posterior.model.sensor_data import SCALED
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.report.verdict import verdict_on_posterior
-from estimator.storage.posteriors import RIVAL, PosteriorSummary, StoredPosterior
+from estimator.storage.posteriors import RIVAL, Interval, PosteriorSummary, StoredPosterior
 from estimator.storage.store import RunStore
 
 _RIVALS: Final = 5
 _INTERVAL: Final = (0.05, 0.5, 0.95)
-_LEARNT: Final = 0.7  # width of the posterior's interval by that of the prior's
+_LEARNT_MUCH: Final = 0.3  # width of the posterior's interval by that of the prior's
+_PRIOR_WIDTH: Final = 3.29  # standard deviations, of 90 %
 _TOGETHER: Final = 0.5  # of either length's interval
 _VAGUE: Final = 0.02  # m; narrower intervals of single lengths need no sums
 _SQUARE: Final = 0.05  # of the longer side; else sensors tell where a leg sits
@@ -45,20 +46,6 @@ class Rival(_Record):
     indistinguishable: bool
 
 
-class Interval(_Record):
-    """A quantity with its 90 % interval.
-
-    Attributes:
-        low: 5 % of the posterior lie below.
-        median: Half of it lies below.
-        high: 95 % lie below.
-    """
-
-    low: float
-    median: float
-    high: float
-
-
 class SumOfLengths(_Record):
     """The lengths of two legs together, which are known where neither is, as of parts in line.
 
@@ -71,21 +58,18 @@ class SumOfLengths(_Record):
     length_m: Interval
 
 
-class NuisanceEstimate(_Record):
-    """A nuisance parameter.
+class ParameterEstimate(_Record):
+    """What the readings say of one of the things that robots have a little otherwise than stated.
 
     Attributes:
-        name: What it is.
-        unit: Of the interval.
-        interval: With 90 % of the posterior.
-        learnt: Whether the interval is clearly narrower than the prior's; otherwise the readings
-            say nothing of it.
+        name: Of the row in the table of parameters.
+        sentence: The rest of "a robot with …", with the amount and its interval.
+        interval: Of the amount, a factor or SI.
     """
 
     name: str
-    unit: str
+    sentence: str
     interval: Interval
-    learnt: bool
 
 
 class Step(_Record):
@@ -115,7 +99,7 @@ class PosteriorReport(PosteriorSummary):
         attachments: What the problem leaves open, as the best body has it.
         lengths_m: Of each leg, m, in motor order.
         sums: Of two legs, where the readings determine these but not the single lengths.
-        nuisances: What else was only roughly known.
+        parameters: What the readings say of what robots have a little otherwise than stated.
         rivals: Other sets of attachments, the most probable first.
         equivalent: Faults that no movement can tell from the best body.
         noise: Factor on the noise that is expected of tilt and clearance: what the robot announces,
@@ -130,7 +114,7 @@ class PosteriorReport(PosteriorSummary):
     attachments: tuple[Attachment, ...]
     lengths_m: tuple[Interval, ...]
     sums: tuple[SumOfLengths, ...]
-    nuisances: tuple[NuisanceEstimate, ...]
+    parameters: tuple[ParameterEstimate, ...]
     rivals: tuple[Rival, ...]
     equivalent: tuple[str, ...]
     noise: dict[str, Interval]
@@ -165,7 +149,7 @@ def posterior_report(store: RunStore) -> PosteriorReport | None:
         attachments=fitted.attachments,
         lengths_m=length_intervals(lengths, weights),
         sums=sums_of_lengths(lengths, weights),
-        nuisances=_nuisances(genome, genes, weights),
+        parameters=_parameters(fitted),
         rivals=_rivals(genome, stored),
         equivalent=_equivalent(genome, stored, problem, fitted.modalities),
         noise={name: _interval(scales[:, column], weights) for column, name in enumerate(SCALED)},
@@ -267,18 +251,26 @@ def _width(interval: Interval) -> float:
     return interval.high - interval.low
 
 
-def _nuisances(genome: Genome, genes: Array, weights: Array) -> tuple[NuisanceEstimate, ...]:
+def _parameters(fitted: FittedPosterior) -> tuple[ParameterEstimate, ...]:
+    """Of what the readings say much more than was known before."""
     estimates = []
-    for column, gene in enumerate(genome.genes):
-        if gene.trait == "nuisance":
-            interval = _interval(genome.quantities(column, genes[:, column]), weights)
-            low, high = genome.quantities(column, np.array([_INTERVAL[0], _INTERVAL[-1]]))
-            learnt = interval.high - interval.low < _LEARNT * (high - low)
-            estimates.append(
-                NuisanceEstimate(
-                    name=gene.name, unit=gene.unit, interval=interval, learnt=bool(learnt)
-                )
+    for name, away in fitted.unknowns.amounts(fitted.points).items():
+        row = next(one for one in fitted.problem.table if one.name == name)
+        known = _interval(away, fitted.weights)
+        off = known.low > 0 or known.high < 0
+        learnt = off or _width(known) < _LEARNT_MUCH * _PRIOR_WIDTH * row.narrow
+        if row.switch or not row.narrow or not learnt:
+            continue
+        low, median, high = row.amounts(
+            1.0, np.array([known.low, known.median, known.high])
+        ).tolist()
+        estimates.append(
+            ParameterEstimate(
+                name=name,
+                sentence=row.said(median, (low, high)),
+                interval=Interval(low=low, median=median, high=high),
             )
+        )
     return tuple(estimates)
 
 

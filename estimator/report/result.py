@@ -9,8 +9,8 @@ from typing import Any, Final
 
 from pydantic import BaseModel, ConfigDict, ValidationError, computed_field
 
-from estimator.report.posterior_report import Interval, PosteriorReport
-from estimator.storage.posteriors import FitVerdict
+from estimator.report.posterior_report import PosteriorReport
+from estimator.storage.posteriors import FitVerdict, Interval
 from estimator.storage.records import BestFit
 from estimator.storage.store import RunStore
 from estimator.versions import versions

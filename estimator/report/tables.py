@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Final
 
 from rich.console import Console, JustifyMethod
 from rich.table import Table
@@ -12,13 +11,12 @@ from rich.text import Text
 from estimator.identification.method import information_in_words
 from estimator.readings.modalities import MODALITIES
 from estimator.report.posterior_report import (
-    Interval,
-    NuisanceEstimate,
     PosteriorReport,
     Step,
     SumOfLengths,
 )
 from estimator.report.result import Result
+from estimator.storage.posteriors import Interval
 
 
 def plain_table(*columns: str, justify: JustifyMethod = "right") -> Table:
@@ -27,10 +25,6 @@ def plain_table(*columns: str, justify: JustifyMethod = "right") -> Table:
     for index, column in enumerate(columns):
         table.add_column(column, justify="left" if index == 0 else justify)
     return table
-
-
-_NAMED: Final = 3  # untested deviations
-_UNKNOWN: Final = "not identified: hardly narrower than the prior"
 
 
 def print_details(console: Console, result: Result) -> None:
@@ -56,7 +50,7 @@ def _print_posterior(console: Console, result: Result, posterior: PosteriorRepor
         for item in posterior.attachments:
             table.add_row(item.what, item.value, percent(item.probability))
         console.print(table)
-    _print_nuisances(console, posterior)
+    _print_otherwise(console, result, posterior)
     _print_rivals(console, result, posterior)
     _print_steps(console, posterior)
     _print_residuals(console, posterior)
@@ -77,20 +71,28 @@ def _print_posterior(console: Console, result: Result, posterior: PosteriorRepor
     )
 
 
-def _print_nuisances(console: Console, posterior: PosteriorReport) -> None:
-    if not posterior.nuisances:
-        return
-    table = plain_table("nuisance", "median", "90 % interval", "", justify="left")
-    for item in posterior.nuisances:
-        table.add_row(item.name, *nuisance_in_words(item))
-    console.print(table)
+def as_stated_in_words(result: Result, posterior: PosteriorReport) -> str:
+    """A sentence: the lengths if the robot is just as stated; empty where nothing else may be."""
+    if not posterior.as_stated_m:
+        return ""
+    listed = ", ".join(
+        f"{leg.joint} {mm(one.median)} ± {mm((one.high - one.low) / 2)}"
+        for leg, one in zip(result.legs, posterior.as_stated_m, strict=True)
+    )
+    return f"If the robot is exactly as stated: {listed} mm."
 
 
-def nuisance_in_words(item: NuisanceEstimate) -> tuple[str, str, str]:
-    """Median and interval of a nuisance parameter, and whether it cannot be known."""
-    median = f"{item.interval.median:.1f} {item.unit}"
-    interval = f"{between(item.interval, 1)} {item.unit}"
-    return median, interval, "" if item.learnt else _UNKNOWN
+def _print_otherwise(console: Console, result: Result, posterior: PosteriorReport) -> None:
+    stated = as_stated_in_words(result, posterior)
+    if stated:
+        console.print(Text(stated))
+    if posterior.parameters:
+        learnt = "; ".join(one.sentence for one in posterior.parameters)
+        console.print(Text(f"What the readings say besides: {learnt}."))
+    for cause in posterior.causes:
+        console.print(
+            Text(f"Otherwise ({percent(cause.probability)}): {cause.sentence}. {cause.check}.")
+        )
 
 
 def _print_rivals(console: Console, result: Result, posterior: PosteriorReport) -> None:
@@ -99,13 +101,6 @@ def _print_rivals(console: Console, result: Result, posterior: PosteriorReport) 
         console.print(Text(f"{what} ({percent(rival.probability)}): {'; '.join(rival.differs)}."))
     if posterior.equivalent:
         console.print(Text(f"Not identifiable by any movement: {'; '.join(posterior.equivalent)}."))
-    if posterior.untested_deviations:
-        named, more = (
-            posterior.untested_deviations[:_NAMED],
-            len(posterior.untested_deviations) - _NAMED,
-        )
-        others = f"; and {more} more" if more > 0 else ""
-        console.print(Text(f"{deviations_introduced(posterior)}: {'; '.join(named)}{others}."))
     movement = posterior.next_movement
     if movement is not None:
         names = [joint["name"] for joint in result.robot["joints"]]
@@ -158,19 +153,10 @@ def probability_sentence(posterior: PosteriorReport) -> str:
     premise = ""
     if posterior.misspecification_probability:
         premise = (
-            "; the probability that the problem does not describe the robot, "
+            "; the probability that the robot is otherwise than this problem can say, "
             f"{percent(posterior.misspecification_probability)}"
         )
-    elif posterior.untested_deviations:
-        premise = ", if the robot is built as the problem says"
     return f"The probability of these attachments together {stated}{premise}."
-
-
-def deviations_introduced(posterior: PosteriorReport) -> str:
-    """What ``PosteriorReport.untested_deviations`` is, as the beginning of a sentence."""
-    if posterior.explained:
-        return "What these movements have not tested"
-    return "What would explain the readings about as well, or better, the best first"
 
 
 def sum_of_lengths(result: Result, known: SumOfLengths) -> str:

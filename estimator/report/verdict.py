@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Final
 
 from estimator.storage.posteriors import (
     LARGEST_OUTLIER,
@@ -13,6 +14,10 @@ from estimator.storage.posteriors import (
     PosteriorSummary,
 )
 from estimator.storage.records import BestFit
+
+_LIKELY: Final = 0.5  # that something is otherwise
+_WORTH_SAYING: Final = 0.1
+_NAMED: Final = 3  # causes
 
 
 def verdict_on_best_model(fit: BestFit, contradictions: Sequence[str] = ()) -> str:
@@ -52,7 +57,10 @@ def verdict_on_posterior(summary: PosteriorSummary, contradictions: Sequence[str
                 ", but poorly: a better one may have been missed, the problem may be another "
                 "robot's, or the sensors noisier than announced"
             )
-        return f"Some body that this problem allows explains every interaction{rest}."
+        return (
+            f"Some body that this problem allows explains every interaction{rest}"
+            f"{_otherwise(summary)}."
+        )
     reasons = _reasons(summary, len(summary.predicted))
     if summary.overturned is not None:
         first = (
@@ -64,12 +72,7 @@ def verdict_on_posterior(summary: PosteriorSummary, contradictions: Sequence[str
             f"explains both {first}, after which another was sure, and those since, so the robot "
             "may have changed on the way"
         )
-    if summary.deviation:
-        reasons.append(
-            f"explains the readings as well as one with {summary.deviation}, so neither "
-            "attachments nor lengths can be trusted"
-        )
-    elif summary.misspecification_probability >= MISSPECIFIED:
+    if summary.misspecification_probability >= MISSPECIFIED:
         reasons.append(
             "is as probable as that the robot is built otherwise, or has changed on the way "
             f"({100 * summary.misspecification_probability:.0f} %)"
@@ -82,6 +85,18 @@ def verdict_on_posterior(summary: PosteriorSummary, contradictions: Sequence[str
             "open."
         )
     return f"NO BODY THAT THIS PROBLEM ALLOWS {listed}."
+
+
+def _otherwise(summary: PosteriorSummary) -> str:
+    """What the robot has otherwise than its problem says, or which of several causes it may be."""
+    listed = [one for one in summary.causes if one.probability > _WORTH_SAYING][:_NAMED]
+    total = sum(one.probability for one in summary.causes)
+    if total < _LIKELY or not listed:
+        return ""
+    said = " or ".join(
+        f"{one.sentence} ({100 * one.probability:.0f} %: {one.check})" for one in listed
+    )
+    return f", on a robot that is not as the problem says: it has {said}"
 
 
 def _not_the_robots(contradictions: Sequence[str]) -> str:

@@ -20,7 +20,11 @@ SUFFICIENT_COVERAGE: Final = 0.5
 """Share of the posterior: searches that have found less in common have found different bodies."""
 
 MISSPECIFIED: Final = 0.9
-"""Probability of a misspecified problem from which on no body of it explains the readings."""
+"""Probability of a robot that is otherwise in some way that nobody looks for, from which on no body
+of the problem explains the readings."""
+
+SURE: Final = 0.95
+"""Attachments are known when they are stated to be so probable."""
 
 RIVAL: Final = 0.01
 """Smallest probability of other attachments that is reported."""
@@ -110,6 +114,36 @@ class PredictedInteraction(_Record):
     outlier_probability: Probability
 
 
+class Interval(_Record):
+    """A quantity with its 90 % interval.
+
+    Attributes:
+        low: 5 % of the posterior lie below.
+        median: Half of it lies below.
+        high: 95 % lie below.
+    """
+
+    low: Reading
+    median: Reading
+    high: Reading
+
+
+class Cause(_Record):
+    """What may make the robot otherwise than its problem says.
+
+    Attributes:
+        name: Of the row in the table of parameters.
+        probability: Share of the posterior.
+        sentence: The rest of "a robot with …", with the amount and its interval.
+        check: What to look at with one's hands.
+    """
+
+    name: str
+    probability: Share
+    sentence: str
+    check: str
+
+
 class NextMovement(_Record):
     """The movement with the largest expected information, had there been another.
 
@@ -135,16 +169,16 @@ class PosteriorSummary(FitVerdict):
             found in common (capture-recapture).
         low_ess: Whether the share of the attachments that cannot be told from the best body's
             rests on few effective samples.
-        misspecification_probability: That the problem does not describe the robot; 0 until
-            attachments are sure.
-        deviation: Once attachments are sure, a deviation from the problem with which a body
-            explains the readings clearly better; ``None``: there is none.
+        misspecification_probability: That the robot is otherwise than the problem says in a way
+            that nobody looks for, or has changed on the way.
+        causes: Ways that are looked for in which the robot may be otherwise, the most probable
+            first; attachments and lengths are over all of them.
+        as_stated_m: Length of each leg, m, in motor order, if the robot is just as stated; empty
+            where that is not known, or where nothing else is allowed.
         overturned: The interaction, by its index, after which other attachments were sure, which
             the readings since rule out; ``None``: there is none.
         information_gain_bits: Of the last interaction; ``None`` where it is unknown.
         predicted: Each interaction so far, as the best body predicts it.
-        untested_deviations: At the end of a run, deviations from the problem that the movements did
-            not test: with them a body explains the readings as well, with other lengths.
         next_movement: At the end of a run, where rivals are left, the movement that would
             discriminate best between them.
         simulated: Samples that the reference back-end simulated; 0: it was not asked.
@@ -155,11 +189,11 @@ class PosteriorSummary(FitVerdict):
     coverage: Share = 1.0
     low_ess: bool = False
     misspecification_probability: Probability = 0.0
-    deviation: str | None = None
+    causes: tuple[Cause, ...] = ()
+    as_stated_m: tuple[Interval, ...] = ()
     overturned: Count | None = None
     information_gain_bits: Reading | None = None
     predicted: tuple[PredictedInteraction, ...]
-    untested_deviations: tuple[str, ...] = ()
     next_movement: NextMovement | None = None
     simulated: Count = 0
     ess: NonNegative | None = None
@@ -198,7 +232,6 @@ class PosteriorSummary(FitVerdict):
         return (
             self.is_adequate(len(self.predicted))
             and self.misspecification_probability < MISSPECIFIED
-            and self.deviation is None
             and self.overturned is None
         )
 
@@ -209,7 +242,8 @@ class StoredMode(_Record):
     Attributes:
         probability: Share of the posterior.
         ess: Effective sample size behind it.
-        genes: The genome that fits best among those with these attachments.
+        genes: Of a body with these attachments that fits well.
+        amounts: What that robot has otherwise than stated, by the table of parameters.
         indistinguishable: Whether no sensor can tell most of its samples from bodies of the same
             lengths that have the first mode's attachments.
         found: Which populations have found it.
@@ -218,6 +252,7 @@ class StoredMode(_Record):
     probability: Share
     ess: NonNegative
     genes: tuple[Gene, ...]
+    amounts: dict[str, Reading] = {}
     indistinguishable: bool
     found: tuple[bool, ...]
 
@@ -243,6 +278,8 @@ class StoredPosterior(PosteriorSummary):
 
     Attributes:
         genes: Samples, shape (n, genes).
+        amounts: What each of their robots has otherwise than stated, by the table of parameters:
+            SI, of factors logarithms, of what is so or not 1; what is not named is as stated.
         scales: Logarithms of their factors on tilt's and clearance's noise, shape (n, 2).
         weights: Of the samples, adding up to 1.
         best: Genome of the first mode's attachments with its samples' lengths: each leg's is their
@@ -253,6 +290,7 @@ class StoredPosterior(PosteriorSummary):
     """
 
     genes: tuple[tuple[Gene, ...], ...]
+    amounts: dict[str, tuple[Reading, ...]] = {}
     scales: tuple[tuple[Reading, Reading], ...]
     weights: tuple[Share, ...]
     best: tuple[Gene, ...]
@@ -266,6 +304,8 @@ class StoredPosterior(PosteriorSummary):
             raise ValueError("samples, their noise and their weights are not equally many")
         if any(len(change.amounts) != len(self.genes) for change in self.changes):
             raise ValueError("samples and the amounts of a change are not equally many")
+        if {len(column) for column in self.amounts.values()} - {len(self.genes)}:
+            raise ValueError("samples and their amounts are not equally many")
         if abs(sum(self.weights) - 1) > ROUNDING * len(self.weights):
             raise ValueError(f"weights add up to {sum(self.weights):g}, not to 1")
         bodies = (*self.genes, self.best, *(mode.genes for mode in self.modes))

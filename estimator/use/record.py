@@ -87,6 +87,10 @@ def _stored(
         **{
             **{name: getattr(old, name) for name in StoredPosterior.model_fields},
             "genes": tuple(map(tuple, known.samples[drawn.rows].tolist())),
+            "amounts": {
+                name: tuple(np.array(column)[drawn.rows].tolist())
+                for name, column in old.amounts.items()
+            },
             "scales": tuple(map(tuple, weigher.scales(drawn).tolist())),
             "weights": (1 / _SAMPLES,) * _SAMPLES,
             "changes": changes,
@@ -95,7 +99,8 @@ def _stored(
             "unexplained": unexplained,
             "overturned": None,
             "information_gain_bits": None,
-            "untested_deviations": (),
+            "causes": (),
+            "as_stated_m": (),
             "next_movement": None,
             "simulated": 0,
             "ess": None,

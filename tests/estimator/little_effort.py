@@ -13,20 +13,13 @@ import pytest
 
 from estimator.__main__ import main
 from estimator.exploration import best_programs, information
-from estimator.identification import misspecification as when_misspecified
 from estimator.identification import posterior_method
-from estimator.posterior.checks import misspecification, simulator
+from estimator.posterior.checks import simulator
 from estimator.posterior.discovery import discovery
-from estimator.posterior.model.deviations import Deviation, possible_deviations
 from estimator.posterior.sampling import weighing
 from estimator.posterior.sampling.sampler import Effort
-from estimator.problem.problem import Problem
 
-_LITTLE: Final = Effort(levels=4, chains_per_level=8, steps=10, rounds=1, draws=60, samples=16)
-
-
-def _few_departures(problem: Problem) -> tuple[Deviation, ...]:
-    return possible_deviations(problem)[::8]
+_LITTLE: Final = Effort(levels=4, chains_per_level=8, steps=10, rounds=1, particles=60, samples=16)
 
 
 @contextmanager
@@ -38,9 +31,6 @@ def little_search() -> Iterator[None]:
         patch.setattr(discovery, "_STARTS", 6)
         patch.setattr(discovery, "_ELSEWHERE", 100)
         patch.setattr(weighing, "_MOST", 24)
-        patch.setattr(weighing, "_BURN_INS", 1)
-        patch.setattr(weighing, "_BURN_IN", 10)
-        patch.setattr(weighing, "_STEPS", 5)
         yield
 
 
@@ -55,8 +45,7 @@ def little_effort() -> Iterator[None]:
         patch.setattr(information, "_MORE_DRAWS", 200)
         patch.setattr(simulator, "SAMPLES", 6)
         patch.setattr(simulator, "STEP", 1 / 120)
-        patch.setattr(when_misspecified, "possible_deviations", _few_departures)
-        patch.setattr(misspecification, "_SIMULATED", 6)
+        patch.setattr(simulator, "_TRIED", 6)
         patch.setattr(simulator, "_DRAWS", 32)
         patch.setattr(simulator, "_SIMULATED", 4)
         yield

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from estimator.readings.observation import Observation
-from estimator.storage.posteriors import NextMovement, StoredMode, StoredPosterior
+from estimator.storage.posteriors import Cause, NextMovement, StoredMode, StoredPosterior
 from estimator.storage.records import Counters
 from estimator.storage.store import RunStore
 from tests.estimator.evaluation.test_score import make_run
@@ -25,7 +25,7 @@ def make_posterior_run(
     radius: float = 0.006,
     rivals: Sequence[StoredMode] = (),
     next_movement: NextMovement | None = None,
-    untested: Sequence[str] = (),
+    causes: Sequence[Cause] = (),
     misspecified: float = 0.0,
 ) -> RunStore:
     """A run whose best body is the first of some, the others being its samples.
@@ -35,11 +35,11 @@ def make_posterior_run(
         lengths: Of the four legs of each body, m.
         hinge: Gene of the back leg's hinge, where that is to be found.
         mount: The same of its mount.
-        askew: Gene of the accelerometer's tilt left/right, where its tilt is to be found.
+        askew: Tilt of the accelerometer, left/right, of all samples, rad.
         radius: Of the left leg, as the problem has it, m.
         rivals: Modes after the first.
         next_movement: The most informative one.
-        untested: Deviations from the problem that were not tested.
+        causes: What may make the robot otherwise than stated.
         misspecified: Probability that the problem does not describe the robot.
     """
     text = PROBLEM.replace("radius = 0.006", f"radius = {radius}", 1)
@@ -47,22 +47,24 @@ def make_posterior_run(
         text = text.replace('mount = "back"', 'mount = "unknown"')
     if hinge is not None:
         text = 'hinge = "unknown"'.join(text.rsplit('hinge = "up"', 1))
-    if askew is not None:
-        text += "[nuisance]\naccelerometer_deg = 2.0\n"
     choices = [gene for gene in (mount, hinge) if gene is not None]
     with make_run(folder, TRUE_LENGTHS, text, tuple(choices)) as model:
         settings = model.settings.model_copy(update={"method": "posterior"})
     bodies = []
     for row in lengths:
         genes = ((np.array(row) - 0.05) / 0.2).tolist()
-        tilt = () if askew is None else (askew, 0.5)
-        bodies.append((*genes[:-1], *choices, genes[-1], *tilt))
+        bodies.append((*genes[:-1], *choices, genes[-1]))
     best, *samples = bodies
     first = StoredMode(
         probability=0.75, ess=50.0, genes=best, indistinguishable=True, found=(True, True)
     )
     stored = StoredPosterior(
         genes=tuple(samples),
+        amounts=(
+            {}
+            if askew is None
+            else {"accelerometer's own tilt, left/right": (askew,) * len(samples)}
+        ),
         scales=((0.0, 0.0),) * len(samples),
         weights=(1 / len(samples),) * len(samples),
         best=best,
@@ -72,7 +74,7 @@ def make_posterior_run(
         unexplained=(),
         noisy=(),
         next_movement=next_movement,
-        untested_deviations=tuple(untested),
+        causes=tuple(causes),
         misspecification_probability=misspecified,
     )
     store = RunStore.create(folder / "posterior", settings, make_capabilities(), "me")

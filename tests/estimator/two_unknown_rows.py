@@ -20,8 +20,8 @@ from estimator.readings.observation import Observation
 
 MODALITIES = ("touch", "tilt", "clearance")
 CAP = 0.2
-LITTLE = Effort(levels=4, chains_per_level=16, steps=30, rounds=1, draws=60, samples=64)
-QUICK = Effort(levels=4, chains_per_level=8, steps=10, rounds=1, draws=20, samples=64)
+LITTLE = Effort(levels=4, chains_per_level=16, steps=30, rounds=1, particles=60, samples=64)
+QUICK = Effort(levels=4, chains_per_level=8, steps=10, rounds=1, particles=20, samples=64)
 NOISE = Noise(tilt=0.0065, clearance=0.0013)
 TWO_UNKNOWN_ROWS = """
 name = "two rows"

@@ -1,1 +1,1 @@
-"""Checks of a posterior: its fit, misspecification of the problem, and a simulator."""
+"""Checks of a posterior: its fit, and a simulator."""

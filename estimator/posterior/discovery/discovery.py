@@ -312,30 +312,3 @@ class _Visited:
 
 def _never() -> bool:
     return False
-
-
-def chains_with_attachments(
-    points: Array, searches: Sequence[Discovery], least: float
-) -> list[Array]:
-    """For each of n points some of the coldest chains with its attachments, shape (m, size).
-
-    Args:
-        points: Shape (n, size).
-        searches: Whose chains.
-        least: Log-likelihood that they must have.
-    """
-    unknowns = searches[0].predictor.unknowns
-    cold = [
-        search.population.values[: 2 * search.population.chains_per_level] for search in searches
-    ]
-    fit = [search.population.posterior_fits(2) > least for search in searches]
-    attachments = [unknowns.attachments(values) for values in cold]
-    return [
-        np.concatenate(
-            [
-                values[np.all(own == key, axis=1) & good][:_CENTRES]
-                for values, own, good in zip(cold, attachments, fit, strict=True)
-            ]
-        )
-        for key in unknowns.attachments(points)
-    ]

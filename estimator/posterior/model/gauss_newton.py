@@ -14,6 +14,7 @@ from typing import Final
 
 import numpy as np
 
+from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.posterior.model.likelihood import GRAVITY_TILTS, Likelihood
 from estimator.posterior.model.noise import step_weight
@@ -30,8 +31,11 @@ PRIOR: Final = 12.0
 """Precision of the uniform distribution on 0 to 1."""
 
 _STEP: Final = 5e-4  # of a length's range
-_STEEPEST: Final = 60.0  # a reading that changes more (rad or m per range) has jumped
+_LITTLE: Final = 0.02  # of a parameter's standard deviation
+_JUMP: Final = 0.03  # rad or m: a reading that changes more in one such step has jumped
 _FARTHEST: Final = 0.25  # of a length's range, in one step
+_FARTHEST_AWAY: Final = 1.0  # of a parameter's standard deviation
+_MOST: Final = 4.0  # standard deviations
 _SHORTER: Final = 0.3  # of a step, tried where the whole one does not help
 
 
@@ -51,8 +55,56 @@ class Slopes:
     climb: Array
 
 
+@dataclass(frozen=True, kw_only=True)
+class Free:
+    """What is fitted of n points: lengths, and parameters that are normal beforehand.
+
+    Attributes:
+        columns: Of each point, shape (n, d).
+        spreads: A length's range, 1, or a parameter's standard deviation, shape (n, d).
+        normal: Which are parameters, shape (d,).
+    """
+
+    columns: Columns
+    spreads: Array
+    normal: Flags
+
+    @classmethod
+    def lengths(cls, columns: Columns, count: int) -> Free:
+        """Lengths alone, of so many points."""
+        shape = (count, columns.size)
+        return cls(
+            columns=np.broadcast_to(columns, shape),
+            spreads=np.ones(shape),
+            normal=np.zeros(columns.size, dtype=bool),
+        )
+
+    def __getitem__(self, rows: Columns) -> Free:
+        """Of some of the points."""
+        return Free(columns=self.columns[rows], spreads=self.spreads[rows], normal=self.normal)
+
+    def of(self, values: Array) -> Array:
+        """What points have there, in units of the spreads, shape (n, d)."""
+        own: Array = np.take_along_axis(values, self.columns, axis=1) / self.spreads
+        return own
+
+    def within(self, values: Array, own: Array) -> Array:
+        """The points with that there, as far as it is possible."""
+        low, high = np.where(self.normal, -_MOST, 0.0), np.where(self.normal, _MOST, 1.0)
+        moved = values.copy()
+        np.put_along_axis(moved, self.columns, np.clip(own, low, high) * self.spreads, axis=1)
+        return moved
+
+    def log_prior(self, values: Array) -> Array:
+        """Logarithm of the parameters' density beside its peak, shape (n,)."""
+        if not self.normal.any():
+            return np.zeros(len(values))
+        density: Array = -0.5 * np.sum(self.of(values)[:, self.normal] ** 2, axis=1)
+        return density
+
+
 class GaussNewton:
-    """Finds the lengths that fit best.
+    """Finds the lengths that fit best, and what else is fitted with them.
 
     Args:
         predictor: Computes readings.
@@ -108,51 +160,65 @@ class GaussNewton:
         fits = self._likelihood.of(misfits[:, None], ROUGH, interactions=each[:, None])
         return fits.reshape(len(values), len(interactions))
 
+    def _all(self, values: Array, free: Free | None) -> Free:
+        return free or Free.lengths(self._predictor.unknowns.continuous, len(values))
+
     def polished(
-        self, values: Array, most: int | None = None, groups: Array | None = None
+        self,
+        values: Array,
+        most: int | None = None,
+        groups: Array | None = None,
+        free: Free | None = None,
     ) -> tuple[Array, Array]:
-        """Points with better lengths, and their log-likelihoods.
+        """Points that fit better, and their log-likelihoods, with the prior of parameters.
 
         Each goes on from where wide noise has led it, and from where it is: where wide noise leads
         astray what already fitted would be lost.
 
         Args:
             values: Shape (n, size).
-            most: So many of each group at most, those that fit best while the noise is wide.
+            most: So many of each group at most, those that fit best while the noise is wide, best
+                first; by default all, in their order.
             groups: Numbers of groups, shape (n,); one by default.
+            free: What is fitted; lengths by default.
         """
-        led = values
+        led, free = values, self._all(values, free)
         for noise_scale in _WIDE:
-            led, fits = self._narrower(led, noise_scale)
-        kept = _best_of_groups(fits, np.zeros(len(fits)) if groups is None else groups, most)
-        both = np.concatenate([led[kept], values[kept]])
+            led, fits = self._narrower(led, free, noise_scale)
+        kept = np.arange(len(fits))
+        if most is not None:
+            kept = _best_of_groups(fits, np.zeros(len(fits)) if groups is None else groups, most)
+        both, free = np.concatenate([led[kept], values[kept]]), free[np.tile(kept, 2)]
         going_on = np.arange(len(both))  # who does not get better once never will
         for noise_scale in _NARROW:
-            before, (after, _) = both[going_on], self._narrower(both[going_on], noise_scale)
+            before = both[going_on]
+            after, _ = self._narrower(before, free[going_on], noise_scale)
             both[going_on] = after
             going_on = going_on[np.any(after != before, axis=1)]
             if not going_on.size:
                 break
-        found, fits = both.reshape(2, len(kept), -1), self.fits(both).reshape(2, -1)
+        fits = self.fits(both) + free.log_prior(both)
+        found, fits = both.reshape(2, len(kept), -1), fits.reshape(2, -1)
         better = np.argmax(fits, axis=0), np.arange(len(kept))
         return found[better], fits[better]
 
-    def _narrower(self, values: Array, noise_scale: float) -> tuple[Array, Array]:
+    def _narrower(self, values: Array, free: Free, noise_scale: float) -> tuple[Array, Array]:
         """One step, where it leads to something better; and its log-likelihood under that noise."""
         values = values.copy()
-        columns = self._predictor.unknowns.continuous
-        slopes = self.slopes(values, noise_scale)
+        slopes = self.slopes(values, noise_scale, free)
         step = np.linalg.solve(slopes.precision, slopes.climb[..., None])[..., 0]
-        size = np.max(np.abs(step), axis=1, keepdims=True, initial=0.0)
-        step *= np.minimum(1.0, _FARTHEST / np.maximum(size, 1e-12))
-        best, branches = self._of(slopes.misfits, noise_scale), slopes.misfits[..., BRANCH]
+        farthest = np.where(free.normal, _FARTHEST_AWAY, _FARTHEST)
+        size = np.max(np.abs(step) / farthest, axis=1, keepdims=True, initial=0.0)
+        step *= np.minimum(1.0, 1.0 / np.maximum(size, 1e-12))
+        best = self._of(slopes.misfits, noise_scale) + free.log_prior(values)
+        branches = slopes.misfits[..., BRANCH]
         rows = np.arange(len(values))
         for share in (1.0, _SHORTER):
-            trial = values[rows]
-            trial[:, columns] = np.clip(trial[:, columns] + share * step[rows], 0.0, 1.0)
+            own = free[rows]
+            trial = own.within(values[rows], own.of(values[rows]) + share * step[rows])
             fits = self._of(
                 self._misfits(trial, branches[rows], coarse_step=noise_scale > 1), noise_scale
-            )
+            ) + own.log_prior(trial)
             better = fits > best[rows]
             values[rows[better]], best[rows[better]] = trial[better], fits[better]
             rows = rows[~better]
@@ -160,33 +226,35 @@ class GaussNewton:
                 break
         return values, best
 
-    def slopes(self, values: Array, noise_scale: float = 1.0) -> Slopes:
+    def slopes(self, values: Array, noise_scale: float = 1.0, free: Free | None = None) -> Slopes:
         """Precision and gradient of the log-likelihood by differences, shape (n, size) in.
 
         Under wider noise than announced forks are left out, and joints turn in coarse steps: that
         matters near the truth.
         """
-        columns = self._predictor.unknowns.continuous
-        count, lengths, interactions = len(values), columns.size, len(self._data)
+        free = self._all(values, free)
+        count, (_, size) = len(values), free.columns.shape
         misfits = self._likelihood.misfits_of(self._predictor, values, surely=noise_scale > 1)
-        sign = np.where(values[:, columns] + _STEP > 1, -_STEP, _STEP)
-        moved = np.repeat(values[:, None], lengths, axis=1)
-        for index, column in enumerate(columns):
-            moved[:, index, column] += sign[:, index]
-        branches = np.repeat(misfits[..., BRANCH], lengths, axis=0)
-        others = self._misfits(
-            moved.reshape(count * lengths, -1), branches, coarse_step=noise_scale > 1
-        )
+        own, step = free.of(values), np.where(free.normal, _LITTLE, _STEP)
+        step = np.where(own + step > np.where(free.normal, np.inf, 1.0), -step, step)
+        moved = np.repeat(values, size, axis=0)
+        at = np.arange(len(moved)), free.columns.ravel()
+        moved[at] += (step * free.spreads).ravel()
+        branches = np.repeat(misfits[..., BRANCH], size, axis=0)
+        others = self._misfits(moved, branches, coarse_step=noise_scale > 1)
         residuals = self._residuals(misfits)
-        there = self._residuals(others).reshape(count, lengths, interactions, -1)
-        change = (there - residuals[:, None]) / sign[:, :, None, None]
+        there = self._residuals(others).reshape(count, size, len(self._data), -1)
+        change = there - residuals[:, None]
         weight = self._likelihood.inlier_share(misfits, noise_scale)[..., None]
         sigmas = noise_scale * self._likelihood.sigmas
         weight = weight * step_weight(residuals / sigmas) / sigmas**2
-        weight = np.where(np.max(np.abs(change), axis=1, initial=0.0) > _STEEPEST, 0.0, weight)
+        weight = np.where(np.max(np.abs(change), axis=1, initial=0.0) > _JUMP, 0.0, weight)
+        change /= step[:, :, None, None]
         precision = np.einsum("nikc,nkc,njkc->nij", change, weight, change, optimize=True)
         climb = -np.einsum("nikc,nkc,nkc->ni", change, weight, residuals, optimize=True)
-        return Slopes(misfits=misfits, precision=precision + PRIOR * np.eye(lengths), climb=climb)
+        climb -= np.where(free.normal, own, 0.0)
+        prior = np.diag(np.where(free.normal, 1.0, PRIOR))
+        return Slopes(misfits=misfits, precision=precision + prior, climb=climb)
 
     def _misfits(self, values: Array, branches: Array, *, coarse_step: bool) -> Array:
         """Of n points in k interactions, each under one of ``GRAVITY_TILTS``, shape (n, k)."""
@@ -211,14 +279,11 @@ class GaussNewton:
         return fits
 
 
-def _best_of_groups(fits: Array, groups: Array, most: int | None) -> Columns:
+def _best_of_groups(fits: Array, groups: Array, most: int) -> Columns:
     """Of each group the ``most`` points that fit best; indices, best first."""
-    order = np.argsort(-fits, kind="stable")
-    if most is None:
-        return order
     counted: Counter[float] = Counter()
     kept = []
-    for row in order.tolist():
+    for row in np.argsort(-fits, kind="stable").tolist():
         counted[groups[row]] += 1
         if counted[groups[row]] <= most:
             kept.append(row)

@@ -358,6 +358,14 @@ class Likelihood:
         fits = [logsumexp(self.by_noise_factors(part), axis=1) for part in parts]
         return np.concatenate([np.empty(0), *fits])
 
+    def drawn_scales(self, misfits: Array, rng: np.random.Generator) -> Array:
+        """Logarithms of noise factors, drawn for each of n bodies by misfits, shape (n, 2)."""
+        terms = self.by_noise_factors(misfits)
+        shares = np.cumsum(np.exp(terms - terms.max(axis=1, keepdims=True)), axis=1)
+        chosen = np.argmax(shares > rng.random((len(terms), 1)) * shares[:, -1:], axis=1)
+        scales: Array = self.noise_factors.both[chosen]
+        return scales
+
     def best(self, noise_scale: Array | float = 1.0, scales: Array | None = None) -> Array:
         """Log-likelihood of a perfect prediction, an upper bound, shape (n, k); see ``of``."""
         misfits = np.zeros((np.size(noise_scale), len(self._data), MISFITS))

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -12,8 +13,8 @@ from numpy.typing import NDArray
 from estimator.body.arrays import Bodies, Flags
 from estimator.body.morphology import Array, Morphology
 from estimator.parameters.instruments import as_sensed, performed
-from estimator.physics.base import ArrayPhysics
-from estimator.posterior.model.deviations import Deviation, Deviations
+from estimator.parameters.table import Parameter, applied
+from estimator.physics.base import ArrayPhysics, Physics
 from estimator.problem.genes import Gene
 from estimator.problem.genome import Genome
 from estimator.readings.observation import PredictedReadings
@@ -22,21 +23,24 @@ Columns = NDArray[np.intp]
 Attachments = tuple[int, ...]
 """The choices of one body, in the order of its genes: parent, mount and hinge, part by part."""
 
-SIZES: Final = (0.85, 1.5)
-"""How far deviations go: the amounts that are looked at are fitted from the least to the most."""
-
 _MANY: Final = 24.0  # bits
 
 
 class Unknowns:
     """The unit cube of one problem: its uniform measure, where bodies are allowed, is the prior.
 
+    To its columns come those of what may be otherwise than stated: how far each point is from that,
+    as ``parameters.table.applied`` has it.
+
     Args:
         genome: The code between genes and bodies.
+        table: What may be otherwise; nothing by default.
 
     Attributes:
-        size: Dimensions.
-        continuous: Columns of the lengths and of nuisance parameters.
+        table: As above.
+        genes_size: Dimensions of the cube.
+        size: Columns of a point.
+        continuous: Columns of the lengths.
         choices: Columns of what is chosen from a few values.
         counts: How many values each column chooses from, shape (size,); 0: any in a range.
         parents: Which columns choose what a part sits on, shape (size,).
@@ -49,10 +53,12 @@ class Unknowns:
         hinges: Columns of these parts' hinges, part by part.
     """
 
-    def __init__(self, genome: Genome):
+    def __init__(self, genome: Genome, table: Sequence[Parameter] = ()):
         self._genome = genome
+        self.table = tuple(table)
         genes = genome.genes
-        self.size = len(genes)
+        self.genes_size = len(genes)
+        self.size = self.genes_size + len(self.table)
         self.continuous: Columns = _where([not gene.choices for gene in genes])
         self.choices: Columns = _where([gene.choices > 1 for gene in genes])
         self.counts: Columns = np.array([gene.choices for gene in genes], dtype=np.intp)
@@ -79,7 +85,7 @@ class Unknowns:
 
     def forbidden(self, values: Array) -> Flags:
         """Which of n points the problem does not allow: there the prior is 0."""
-        return self._genome.forbidden(values)
+        return self._genome.forbidden(self.cube(values))
 
     def permitted(self, values: Array) -> Array:
         """The points, with parts on mounts that are taken moved to others."""
@@ -87,15 +93,45 @@ class Unknowns:
 
     def bodies(self, values: Array) -> Bodies:
         """The bodies of n points, shape (n, size)."""
-        return self._genome.bodies(values)
+        return applied(
+            self.table, self._genome.bodies(self.cube(values)), values[:, self.genes_size :]
+        )
 
-    def deviating(self, deviations: Sequence[Deviation]) -> DeviatingUnknowns:
-        """The cube with two columns more, for bodies that deviate from the problem."""
-        return DeviatingUnknowns(self._genome, deviations)
+    @cached_property
+    def searched(self) -> Unknowns:
+        """The cube alone: bodies that are as stated."""
+        return Unknowns(self._genome) if self.table else self
+
+    def cube(self, values: Array) -> Array:
+        """What n points are in the cube, shape (n, genes)."""
+        return values[:, : self.genes_size]
+
+    def as_stated(self, genes: Array) -> Array:
+        """Points of n genomes that are as stated, shape (n, size)."""
+        return np.pad(genes, ((0, 0), (0, len(self.table))))
+
+    def points(self, genes: Array, amounts: Mapping[str, Array]) -> Array:
+        """Points of n genomes, shape (n, size), of robots with amounts by the names of the table.
+
+        Raises:
+            ValueError: The table has no such row.
+        """
+        values, numbers = self.as_stated(genes), {row.name: i for i, row in enumerate(self.table)}
+        for name, column in amounts.items():
+            if name not in numbers:
+                raise ValueError(f"nothing that may be otherwise is called {name!r}")
+            values[:, self.genes_size + numbers[name]] = column
+        return values
+
+    def amounts(self, values: Array) -> dict[str, Array]:
+        """What n points have otherwise than stated, by the names of the table; shape (n,) each."""
+        away = values[:, self.genes_size :]
+        used = np.flatnonzero(np.any(away != 0, axis=0)).tolist()
+        return {self.table[column].name: away[:, column] for column in used}
 
     def decode_all(self, values: Array) -> list[Morphology]:
-        """The bodies of n points as objects."""
-        return self._genome.decode_all(values)
+        """The bodies of n points as objects, as if they were as stated."""
+        return self._genome.decode_all(self.cube(values))
 
     def attachments(self, values: Array) -> NDArray[np.int64]:
         """What n points choose, shape (n, choices)."""
@@ -103,58 +139,15 @@ class Unknowns:
 
     def decided(self, values: Array) -> NDArray[np.int64]:
         """Chosen values of n points by column, −1 for a continuous one; shape (n, size)."""
-        return self._genome.choices(values)
+        return self._genome.choices(self.cube(values))
 
     def log_prior(self, values: Array) -> Array:
         """Logarithm of the prior of n points' attachments, to a constant; shape (n,)."""
-        return self._genome.log_room(values)
+        return self._genome.log_room(self.cube(values))
 
     def keys(self, values: Array) -> list[Attachments]:
         """Attachments of n points as tuples, which can be compared and counted."""
         return [tuple(row) for row in self.attachments(values).tolist()]
-
-
-class DeviatingUnknowns(Unknowns):
-    """The cube of one problem with two columns more: how a body deviates from it, and how far.
-
-    Args:
-        genome: The code between genes and bodies.
-        deviations: Of which the last column but one of a point holds the index. The last one is
-            continuous, and says where the size lies within ``SIZES``.
-    """
-
-    def __init__(self, genome: Genome, deviations: Sequence[Deviation]):
-        super().__init__(genome)
-        self.size += 2
-        self.continuous = np.append(self.continuous, self.size - 1)
-        self._deviations = Deviations(deviations)
-
-    def bodies(self, values: Array) -> Bodies:
-        """The bodies of n points, each built by its deviation."""
-        which = values[:, -2].astype(np.int64)
-        return self._deviations.of(super().bodies(values[:, :-2]), which, sizes_of(values))
-
-
-def deviating_points(
-    values: Array, which: NDArray[np.intp] | int, sizes: Array | float = 1.0
-) -> Array:
-    """Points of ``DeviatingUnknowns``.
-
-    Args:
-        values: Points of the problem's cube, shape (n, size).
-        which: Index of the deviation of each, shape (n,), or of all.
-        sizes: How far each deviates, shape (n,), or all of them.
-    """
-    least, most = SIZES
-    columns = np.broadcast_arrays(which, (sizes - least) / (most - least), values[:, 0])[:2]
-    return np.column_stack([values, *columns])
-
-
-def sizes_of(points: Array) -> Array:
-    """How far n points of ``DeviatingUnknowns`` deviate; see ``Deviation.of``."""
-    least, most = SIZES
-    sizes: Array = least + (most - least) * points[:, -1]
-    return sizes
 
 
 class Cost(NamedTuple):
@@ -194,12 +187,8 @@ class Predictor:
         self._steps_elsewhere = 0
         self._physics = physics
 
-    def deviating(self, deviations: Sequence[Deviation]) -> Predictor:
-        """A predictor of bodies that deviate from the problem; physics is shared."""
-        return Predictor(self.unknowns.deviating(deviations), self._physics)
-
-    def over(self, unknowns: Unknowns) -> Predictor:
-        """A predictor of other unknowns; physics is shared."""
+    def of(self, unknowns: Unknowns) -> Predictor:
+        """A predictor of other unknowns; physics is shared, and the cost counted there."""
         return Predictor(unknowns, self._physics)
 
     @property
@@ -280,6 +269,22 @@ class Predictor:
         return self.read(
             self.unknowns.bodies(values), rows, each, gravity_tilts, coarse_step=coarse_step
         )
+
+    def simulated(self, reference: Physics, values: Array, programs: Array) -> PredictedReadings:
+        """What a simulator predicts of n points in each of k programs, as ``read_all`` does.
+
+        Args:
+            reference: The simulator.
+            values: Points, shape (n, size).
+            programs: rad, shape (k, motors).
+        """
+        count = len(programs)
+        bodies = self.unknowns.bodies(values)
+        chosen = bodies[np.repeat(np.arange(len(values)), count)]
+        angles = performed(np.tile(programs, (len(values), 1)), chosen)
+        objects = [body for body in bodies.objects() for _ in range(count)]
+        readings = reference.read(list(zip(objects, angles, strict=True)))
+        return as_sensed(readings, chosen)
 
 
 def _places(genome: Genome) -> tuple[Columns, ...]:

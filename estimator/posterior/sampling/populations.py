@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Final, Self
 
@@ -97,6 +97,10 @@ class Agreement:
             fit=fit_of(points[int(np.argmax(guesses))], predictor, data, noise),
             may_err=len(data) >= ENOUGH_TO_ERR,
         )
+
+    def with_fit(self, fit: Fit) -> Self:
+        """With the fit of a robot that is not just as stated, if that is better."""
+        return replace(self, fit=min(self.fit, fit, key=lambda one: (one.unexplained, one.excess)))
 
     @property
     def leader(self) -> Attachments:

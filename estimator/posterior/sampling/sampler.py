@@ -11,18 +11,18 @@ from typing import Any, Final
 
 import numpy as np
 
-from estimator.body.morphology import Array
 from estimator.errors import SearchStateError
 from estimator.physics.base import ArrayPhysics
-from estimator.posterior.discovery.discovery import Discovery, chains_with_attachments
+from estimator.posterior.checks.verdict import fit_of
+from estimator.posterior.discovery.discovery import Discovery
 from estimator.posterior.discovery.population import Population
 from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
 from estimator.posterior.posterior import Mode, Posterior, found_by_each
-from estimator.posterior.sampling.evidence import EvidenceEstimator, ModeEvidence
-from estimator.posterior.sampling.populations import CONSIDERED, Agreement, explored
-from estimator.posterior.sampling.weighing import renormalised, sampled, weighed
+from estimator.posterior.sampling.evidence import EvidenceEstimator
+from estimator.posterior.sampling.populations import Agreement, explored
+from estimator.posterior.sampling.weighing import Weigher, renormalised
 
 ALGORITHM: Final = "evolutionary Monte Carlo"
 
@@ -33,8 +33,6 @@ _TELLING: Final = 4  # interactions at least, until the populations ought to agr
 _MORE: Final = 4  # rounds, once they turned out not to
 _PATIENCE: Final = 2  # times as many rounds, where the readings are explained poorly
 _FEW_ROUNDS: Final = 3  # where much is open, and each of them is long
-_FEW_LENGTHS: Final = 8  # for the evidence of a mode with more of them
-_DRAWS: Final = 8  # times as many points are drawn
 _NEGLIGIBLE: Final = 0.05  # share of the posterior that a round adds
 
 
@@ -48,8 +46,8 @@ class Effort:
         chains_per_level: On each.
         steps: Of one round of the search.
         rounds: Of the search, at most.
-        draws: For a mode's evidence, in one round of three.
-        samples: Of the posterior; a multiple of 8.
+        particles: For the evidence of one set of attachments, at most; even.
+        samples: Of the posterior.
     """
 
     populations: int = 2
@@ -57,7 +55,7 @@ class Effort:
     chains_per_level: int = 32
     steps: int = 60
     rounds: int = 6
-    draws: int = 200
+    particles: int = 512
     samples: int = 256
 
 
@@ -65,7 +63,8 @@ class Sampler:
     """Samples the posterior of one problem, interaction after interaction.
 
     Args:
-        unknowns: What the posterior is over.
+        unknowns: What the posterior is over. What may be otherwise than stated is open once bodies
+            are weighed: searches look for bodies that are as stated.
         make_physics: Makes a back-end for each population.
         noise: Sensor noise.
         effort: How much to do.
@@ -95,10 +94,11 @@ class Sampler:
         self._explores = unknowns.many
         self._telling = math.ceil(unknowns.bits / _BITS_LEARNT) if self._explores else _TELLING
         self.predictor = Predictor(unknowns, physics or make_physics())
+        self._as_stated = self.predictor.of(unknowns.searched)
         *own, common = seeds
         self._searches = []
         for _, seed in zip(range(effort.populations), own, strict=True):
-            predictor = Predictor(unknowns, make_physics())
+            predictor = Predictor(unknowns.searched, make_physics())
             of_chains, of_search = map(np.random.default_rng, seed.spawn(2))
             population = Population.of_prior(
                 predictor, of_chains, levels=effort.levels, chains_per_level=effort.chains_per_level
@@ -147,7 +147,7 @@ class Sampler:
         kept = (state[name] for name in ("populations", "searching", "met", "drawn"))
         for search, population, rng, found, drawn in zip(self._searches, *kept, strict=True):
             search.found, search.drawn = (
-                np.array(some, dtype=float).reshape(-1, self.predictor.unknowns.size)
+                np.array(some, dtype=float).reshape(-1, self.predictor.unknowns.genes_size)
                 for some in (found, drawn)
             )
             search.population = Population.from_state(population, search.predictor)
@@ -174,14 +174,15 @@ class Sampler:
 
     @property
     def _predictors(self) -> list[Predictor]:
-        return [self.predictor, *(search.predictor for search in self._searches)]
+        own = (search.predictor for search in self._searches)
+        return [self.predictor, *own]
 
     def prior(self) -> Posterior:
         """Equally likely samples of the prior."""
         populations = [search.population for search in self._searches]
         values = np.concatenate([one.values for one in populations])
         scales = np.concatenate([one.scales for one in populations])
-        return Posterior.equally_likely(values, scales)
+        return Posterior.equally_likely(self.predictor.unknowns.as_stated(values), scales)
 
     def learn(self, data: SensorData) -> Posterior:
         """The posterior after the interactions so far.
@@ -200,7 +201,7 @@ class Sampler:
                 self._searches, self._workers, steps=self._effort.steps
             )
             if len(data) < self._telling and share < _EXPLORED:
-                return exploring
+                return self._completed(exploring)
             bodies = [search.best() for search in self._searches]
             known.update(*(self.predictor.unknowns.keys(one.values) for one in bodies))
         return self._weighed(self._discovered(data, known), data)
@@ -223,7 +224,7 @@ class Sampler:
             search = partial(_searched, effort.steps, number > 0, anew > 0)
             self._searches = list(self._workers.map(search, self._searches))
             bodies = [search.best() for search in self._searches]
-            agreement = Agreement.of(bodies, self.predictor, estimator, data, self._noise)
+            agreement = Agreement.of(bodies, self._as_stated, estimator, data, self._noise)
             fresh = agreement.share_beyond(known)
             known.update(agreement.keys)
             number += 1
@@ -263,71 +264,57 @@ class Sampler:
         sure = agreement.adequate_fit and not agreement.improvable and agreement.leads
         return frozenset({agreement.leader} if sure else ())
 
+    def _completed(self, posterior: Posterior) -> Posterior:
+        """A posterior over what searches look for, as one over all that is open."""
+        complete = self.predictor.unknowns.as_stated
+        modes = (replace(mode, point=complete(mode.point[None])[0]) for mode in posterior.modes)
+        return replace(posterior, values=complete(posterior.values), modes=tuple(modes))
+
     def _weighed(self, agreement: Agreement, data: SensorData) -> Posterior:
         """Modes by their evidences, and samples."""
-        predictor, effort = self.predictor, self._effort
-        modes = weighed(
-            agreement.points,
-            agreement.guesses,
-            partial(self._evidences, self._estimator(data), agreement.best),
-            self._rng,
-        )
-        values, scales = sampled(
-            modes,
+        predictor, effort, unknowns = self.predictor, self._effort, self.predictor.unknowns
+        weigher = Weigher(
             predictor,
             data,
             self._noise,
             self._rng,
-            count=effort.samples,
             workers=self._workers,
+            particles=effort.particles,
         )
-        whose, keys = map(predictor.unknowns.keys, (values, modes.points))
+        modes = weigher.weighed(agreement.points, agreement.guesses, effort.samples)
+        likelihood = Likelihood(data, self._noise)
+        values = modes.values
+        scales = likelihood.drawn_scales(likelihood.misfits_of(predictor, values), self._rng)
+        whose, keys = map(unknowns.keys, (values, modes.points))
         for search, found in zip(self._searches, agreement.found, strict=True):
             own = [row for row, key in enumerate(whose) if self._explores or key in found]
             if own:
                 rows = self._rng.choice(own, effort.chains_per_level)
-                search.population.replace_coldest(values[rows], scales[rows])
+                search.population.replace_coldest(unknowns.cube(values[rows]), scales[rows])
             if not self._explores:  # chains that do hold samples of all
-                search.drawn = modes.draws([row for row, key in enumerate(keys) if key in found])
+                rows_found = [row for row, key in enumerate(keys) if key in found]
+                search.drawn = unknowns.cube(modes.drawn_of(rows_found))
         self._known = set(keys)
-        named = [
-            Mode(key, float(share), point, mode.ess, tuple(found))
-            for key, share, point, mode, found in zip(
-                keys,
-                modes.shares,
-                modes.points,
-                modes.evidences,
-                found_by_each(keys, agreement.found).tolist(),
-                strict=True,
-            )
-        ]
+        if unknowns.table:  # the search knows only robots that are as stated
+            best = modes.points[int(np.argmax(modes.shares))]
+            agreement = agreement.with_fit(fit_of(best, predictor, data, self._noise))
+        found_by = found_by_each(keys, agreement.found).tolist()
         posterior = replace(
             Posterior.equally_likely(values, scales),
-            modes=tuple(named),
+            modes=tuple(
+                Mode(key, float(share), point, float(behind), tuple(found))
+                for key, share, point, behind, found in zip(
+                    keys, modes.shares, modes.points, modes.ess, found_by, strict=True
+                )
+            ),
             adequate_fit=agreement.adequate_fit,
+            causes=modes.causes,
+            as_stated=modes.as_stated,
         )
-        return renormalised(posterior, predictor, Likelihood(data, self._noise))
+        return renormalised(posterior, predictor, likelihood)
 
     def _estimator(self, data: SensorData) -> EvidenceEstimator:
-        lengths = self.predictor.unknowns.continuous.size
-        draws = self._effort.draws * (_DRAWS if lengths > _FEW_LENGTHS else 1)
-        likelihood = Likelihood(data, self._noise)
-        return EvidenceEstimator(self.predictor, data, likelihood, draws=draws)
-
-    def _evidences(
-        self, estimator: EvidenceEstimator, best: float, points: Array, share: float
-    ) -> list[ModeEvidence]:
-        seeds = self._rng.integers(2**32, size=len(points)).tolist()
-        others_of = chains_with_attachments(points, self._searches, best - CONSIDERED)
-        tasks = [
-            (point, others, share, seed)
-            for point, others, seed in zip(points, others_of, seeds, strict=True)
-        ]
-        evidences = []
-        for evidence, cost in self._workers.map(estimator.with_cost, tasks):
-            evidences.append(evidence)
-            self.predictor.add_cost(cost)
-        return evidences
+        return EvidenceEstimator(self._as_stated, data, Likelihood(data, self._noise))
 
 
 def _read_one(predictor: Predictor) -> None:

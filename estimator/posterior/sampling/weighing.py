@@ -1,189 +1,415 @@
-"""Modes weighed by their evidence, and samples of the posterior drawn by these weights."""
+"""Sets of attachments weighed, with all that may be otherwise than stated, and samples by weight.
+
+What is weighed are *hypotheses*: a set of attachments on a robot as people build them (the narrow
+components of the table of parameters, all spreads times a common factor), or with one wide
+component, which makes it otherwise than stated. Each has an evidence (``tempering``); those of one
+set of attachments add up, times their priors. The common factor is averaged over: how carefully a
+robot was built is not known. Where few readings leave many sets of attachments, the narrow
+components alone are open, with as many particles for each set as there are for all.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from estimator.body.morphology import Array
-from estimator.posterior.discovery.population import Population
+from estimator.parameters.table import DEVIATES, log_priors
+from estimator.posterior.model.gauss_newton import Free, GaussNewton
 from estimator.posterior.model.likelihood import Likelihood, Noise
-from estimator.posterior.model.sensor_data import SensorData
+from estimator.posterior.model.noise import MEAN_LOSS
+from estimator.posterior.model.sensor_data import SCALED, SensorData
 from estimator.posterior.model.special import logsumexp, softmax
 from estimator.posterior.model.unknowns import Columns, Cost, Predictor
-from estimator.posterior.posterior import Posterior, systematic
-from estimator.posterior.sampling.evidence import ModeEvidence
+from estimator.posterior.posterior import CauseShare, Posterior, systematic
+from estimator.posterior.sampling.tempering import Particles, tempered
 
-_MOST: Final = 120  # modes whose evidence is estimated, drawn if there are more
-_AT_ONCE: Final = 16  # of them
+_MOST: Final = 120  # sets of attachments that are weighed, drawn if there are more
+_AT_ONCE: Final = 8  # of them, by one worker
 _WEIGHED: Final = 9.0  # nats below the best evidence
-_WELL: Final = 64  # modes estimated by all draws; of more, each by fewer
-_DRAWN: Final = 16  # points of a mode, for the next interaction,
-_DRAWN_OF: Final = 32  # of so many modes, drawn as if
-_SPREAD: Final = 64  # of the evidence's draws counted at least
-_LEAST_POWER: Final = 1e-3  # to which weights are raised
-_STEPS: Final = 20  # of valid sampling,
-_GROUPS: Final = 2  # of chains, each moved by one worker
-_FEW: Final = (
-    0.05  # of a mode's draws effective, with fewer of which chains have to find their way:
-)
-_BURN_INS: Final = 4  # so often, those that got lost taken back in between,
-_BURN_IN: Final = 50  # so many steps
-_LOST: Final = 8.0  # nats below the best, and one for each length
+_TOTAL: Final = 4  # sets of attachments that have all their particles; of more, each has fewer,
+_FEWEST: Final = 48  # but so many of each
+_SCALES: Final = {0.5: 0.2, 1.0: 0.4, 2.0: 0.4}  # of the spreads, and their probabilities
+_LEADERS: Final = 3  # sets of attachments with several scales, and with wide components,
+_CLOSE: Final = 5.0  # so many nats below the best at most,
+_FEW: Final = 6  # if no more are so close
+_STRAYS: Final = 3.0  # nats that a fit lacks beyond what noise takes, to open wide components
+_WORTH: Final = 3.0  # nats below the narrow fit, a wide one that is sampled
+_WIDE: Final = 6  # of them
+_OFF: Final = 1.5  # standard deviations from which fits start
+_STRETCHED: Final = ("thickness", "mass")  # groups of the parameters that these starts have
+_DRAWN: Final = 32  # points of a set, for the next interaction,
+_DRAWN_OF: Final = 32  # of so many sets
+_INTERVAL: Final = (0.05, 0.5, 0.95)
+
+
+class Hypothesis(NamedTuple):
+    """What is open beside the lengths of one set of attachments.
+
+    Attributes:
+        mode: Number of the set.
+        point: To start from, shape (size,).
+        wide: Row of the table whose wide component is open; −1: none is.
+        scale: Factor on the narrow spreads; 0: the robot is as stated.
+        log_prior: Among the hypotheses of its set.
+    """
+
+    mode: int
+    point: Array
+    wide: int = -1
+    scale: float = 1.0
+    log_prior: float = 0.0
+
+
+class _Weight(NamedTuple):
+    hypothesis: Hypothesis
+    particles: Particles
+    log: float
 
 
 @dataclass(frozen=True, kw_only=True)
 class WeighedModes:
-    """Modes that stand for all that were discovered.
+    """Sets of attachments that stand for all that were discovered.
 
     Attributes:
-        points: Their best points, shape (n, size).
-        evidences: Of each.
-        shares: Of the posterior, shape (n,); a mode that was drawn among several stands for them.
+        points: The point of each that fits best, shape (n, size).
+        shares: Of the posterior, shape (n,); one that was drawn among several stands for them.
+        ess: Effective number of particles of each, shape (n,).
+        values: Equally likely points of the posterior, shape (samples, size).
+        causes: Wide components by their share of the posterior, the most probable first.
+        as_stated: Points of the first set if the robot is just as stated, shape (m, size);
+            ``None``: not known, or all are.
+        draws: Points of each set, more spread out than its posterior.
     """
 
     points: Array
-    evidences: Sequence[ModeEvidence]
     shares: Array
+    ess: Array
+    values: Array
+    causes: tuple[CauseShare, ...]
+    as_stated: Array | None
+    draws: Sequence[Array]
 
-    def draws(self, rows: Sequence[int]) -> Array:
-        """Some draws of each of the modes of these rows, spread out, shape (n, size)."""
-        chosen = [self.points[:0]]
-        for row in sorted(rows, key=lambda row: -self.shares[row])[:_DRAWN_OF]:
-            mode = self.evidences[row]
-            likely = _spread_out(mode.weights, _SPREAD)
-            chosen.append(mode.values[systematic(likely, _DRAWN, 0.5)])
-        return np.concatenate(chosen)
+    def drawn_of(self, rows: Sequence[int]) -> Array:
+        """Some particles of the most probable of the sets of these rows, shape (n, size)."""
+        likely = sorted(rows, key=lambda row: -self.shares[row])[:_DRAWN_OF]
+        return np.concatenate([self.points[:0], *(self.draws[row] for row in likely)])
 
 
-def weighed(
-    points: Array,
-    guesses: Array,
-    evidences_of: Callable[[Array, float], Sequence[ModeEvidence]],
-    rng: np.random.Generator,
-) -> WeighedModes:
-    """The evidence of all modes, or of some that stand for them.
+class Weigher:
+    """Weighs sets of attachments by all observations.
 
     Args:
-        points: The best of each mode, shape (n, size).
-        guesses: Of their evidences, shape (n,).
-        evidences_of: Estimates the evidences of some modes, from their points, by a share of the
-            usual draws.
-        rng: Draws modes.
-    """
-    rows, log_chances = drawn(guesses, rng)
-    hoped = guesses[rows] - log_chances
-    share = min(1.0, _WELL / np.count_nonzero(hoped >= hoped.max() - _WEIGHED))
-    evidences: list[ModeEvidence] = []
-    logs = np.empty(0)
-    while len(logs) < len(rows) and hoped[len(logs)] >= logs.max(initial=-np.inf) - _WEIGHED:
-        evidences += evidences_of(points[rows[len(logs) : len(logs) + _AT_ONCE]], share)
-        logs = np.array([one.log_evidence for one in evidences]) - log_chances[: len(evidences)]
-    return WeighedModes(points=points[rows[: len(logs)]], evidences=evidences, shares=softmax(logs))
-
-
-def sampled(
-    modes: WeighedModes,
-    predictor: Predictor,
-    data: SensorData,
-    noise: Noise,
-    rng: np.random.Generator,
-    *,
-    count: int,
-    workers: Executor,
-) -> tuple[Array, Array]:
-    """Samples of the posterior: points of the cube, shape (count, size), and logarithms of scales.
-
-    They start from draws of the modes, and are moved as chains by steps that leave the posterior
-    invariant, in groups that do not see each other.
-
-    Args:
-        modes: From which to start.
-        predictor: Computes readings.
+        predictor: Computes readings, also of robots that are not as stated.
         data: The observations.
         noise: Sensor noise.
-        rng: Draws starts, and seeds of the chains.
-        count: Of chains; a multiple of 8.
-        workers: Move them.
+        rng: Draws.
+        workers: Do the work of some hypotheses each; how many there are changes no result.
+        particles: Of one hypothesis, at most; even.
     """
-    spread = [_spread_out(mode.weights, count // 4) for mode in modes.evidences]
-    which = rng.choice(len(spread), count, p=modes.shares)
-    starts = [(mode, rng.choice(len(spread[mode]), p=spread[mode])) for mode in which.tolist()]
-    values = np.array([modes.evidences[mode].values[row] for mode, row in starts])
-    scales = np.array([modes.evidences[mode].scales[row] for mode, row in starts])
-    best = modes.evidences[int(np.argmax(modes.shares))]
-    few = best.ess < _FEW * len(best.values)
-    groups = np.split(np.arange(count), _GROUPS)
-    seeds = rng.integers(2**32, size=_GROUPS).tolist()
-    starts_of_groups = [
-        (values[rows], scales[rows], seed) for rows, seed in zip(groups, seeds, strict=True)
-    ]
-    moved = list(workers.map(partial(_moved, predictor, data, noise, few), starts_of_groups))
-    for _, _, cost in moved:
-        predictor.add_cost(cost)
-    values, scales = (np.concatenate(arrays) for arrays in list(zip(*moved, strict=True))[:2])
-    return values, scales
+
+    def __init__(
+        self,
+        predictor: Predictor,
+        data: SensorData,
+        noise: Noise,
+        rng: np.random.Generator,
+        *,
+        workers: Executor,
+        particles: int,
+    ) -> None:
+        self._predictor, self._data, self._rng = predictor, data, rng
+        self._workers, self._particles = workers, particles
+        self._likelihood = Likelihood(data, noise)
+        self._integrals = _Integrals(predictor, data, self._likelihood)
+
+    def weighed(self, genes: Array, guesses: Array, samples: int) -> WeighedModes:
+        """The posterior over sets of attachments, and over what else is open.
+
+        Args:
+            genes: The best of each set as if it were as stated, shape (n, genes).
+            guesses: Of their evidences, shape (n,).
+            samples: How many points are drawn of the posterior.
+        """
+        rows, log_chances = drawn(guesses, self._rng)
+        points = self._predictor.unknowns.as_stated(genes[rows])
+        hoped = guesses[rows] - log_chances
+        near = int(np.count_nonzero(hoped >= hoped.max() - _WEIGHED))
+        count = _even(min(self._particles, max(_FEWEST, _TOTAL * self._particles // near)))
+        weights: list[_Weight] = []
+        best = -math.inf
+        while len(weights) < len(rows) and hoped[len(weights)] >= best - _WEIGHED:
+            few = range(len(weights), min(len(weights) + 2 * _AT_ONCE, len(rows)))
+            weights += self._of([Hypothesis(row, points[row]) for row in few], count, log_chances)
+            best = max(one.log for one in weights)
+        close = _close(weights)
+        if count < self._particles and len(close) <= _FEW:
+            again = [weights[row].hypothesis for row in close]
+            for row, one in zip(close, self._of(again, self._particles, log_chances), strict=True):
+                weights[row] = one
+            count, close = self._particles, _close(weights)
+        points = np.array([one.hypothesis.point for one in weights])
+        first = weights[close[0]]
+        as_stated: Array | None = None
+        if self._predictor.unknowns.table and len(close) <= _FEW:
+            exact = Hypothesis(first.hypothesis.mode, first.hypothesis.point, scale=0.0)
+            (stated,) = self._of([exact], _even(self._particles // 2), log_chances)
+            as_stated = stated.particles.values
+            for row in close[:_LEADERS]:
+                weights += self._opened(weights[row], count, log_chances)
+                weights[row] = weights[row]._replace(log=-math.inf)
+        return self._summed(points, weights, as_stated, samples)
+
+    def _opened(self, leader: _Weight, particles: int, log_chances: Array) -> list[_Weight]:
+        """The narrow components of a set under each scale, and wide ones that may explain more."""
+        mode, point, *_ = leader.hypothesis
+        priors = {scale: math.log(share * (1 - DEVIATES)) for scale, share in _SCALES.items()}
+        several, kept = [], []
+        for scale, prior in priors.items():
+            if scale == leader.hypothesis.scale and particles == self._particles:
+                kept.append(leader._replace(log=leader.log + prior))
+            else:
+                several.append(Hypothesis(mode, point, scale=scale, log_prior=prior))
+        wide = self._wide(leader)
+        return [*kept, *self._of([*several, *wide], self._particles, log_chances)]
+
+    def _wide(self, leader: _Weight) -> list[Hypothesis]:
+        """Wide components that may explain the readings about as well as the narrow ones do."""
+        table = self._predictor.unknowns.table
+        mode, point, *_ = leader.hypothesis
+        fits = self._integrals.densities(leader.particles.values)
+        known = leader.particles.values[int(np.argmax(fits))]
+        read = sum(self._data.observed[name].known.count.sum() for name in SCALED)
+        lacks = float(self._likelihood.best().sum() - fits.max()) - MEAN_LOSS * float(read)
+        if lacks < _STRAYS:
+            return []
+        priors = log_priors(table)
+        found = []
+        for row, stated in self._integrals.fitted_wide(np.vstack([known, point])):
+            prior = priors[table[row].name]
+            fit = float(self._integrals.densities(stated[None], wide=row)[0])
+            found.append((fit + prior, Hypothesis(mode, stated, wide=row, log_prior=prior)))
+        found.sort(key=lambda one: -one[0])
+        worth = [one for fit, one in found if fit > fits.max() - _WORTH]
+        return worth[:_WIDE]
+
+    def _of(
+        self, hypotheses: Sequence[Hypothesis], particles: int, log_chances: Array
+    ) -> list[_Weight]:
+        """Weights of hypotheses, which begin at better points than they had."""
+        groups: dict[int, list[int]] = {}
+        for number, one in enumerate(hypotheses):
+            groups.setdefault(len(self._integrals.columns(one)), []).append(number)
+        batches = [
+            numbers[start : start + _AT_ONCE]
+            for numbers in groups.values()
+            for start in range(0, len(numbers), _AT_ONCE)
+        ]
+        seeds = self._rng.integers(2**32, size=len(batches)).tolist()
+        tasks = [
+            ([hypotheses[number] for number in batch], particles, seed)
+            for batch, seed in zip(batches, seeds, strict=True)
+        ]
+        weights: dict[int, _Weight] = {}
+        done = self._workers.map(self._integrals.with_cost, tasks)
+        for batch, (results, cost) in zip(batches, done, strict=True):
+            self._predictor.add_cost(cost)
+            for number, (one, result) in zip(batch, results, strict=True):
+                log = result.log_evidence + one.log_prior - log_chances[one.mode]
+                prior = self._predictor.unknowns.log_prior(one.point[None])[0]
+                weights[number] = _Weight(one, result, float(log + prior))
+        return [weights[number] for number in range(len(hypotheses))]
+
+    def _summed(
+        self, points: Array, weights: Sequence[_Weight], as_stated: Array | None, samples: int
+    ) -> WeighedModes:
+        mode = np.array([one.hypothesis.mode for one in weights])
+        shares = softmax(np.array([one.log for one in weights]))
+        values = []
+        rows = systematic(shares, samples, float(self._rng.random()))
+        for number, one in enumerate(weights):
+            wanted = int(np.count_nonzero(rows == number))
+            order = self._rng.permutation(len(one.particles.values))
+            values.append(one.particles.values[np.resize(order, wanted)])
+        draws, points = [], points.copy()
+        for row in range(len(points)):
+            own = max(np.flatnonzero(mode == row).tolist(), key=lambda number: shares[number])
+            particles = weights[own].particles
+            draws.append(self._spread_out(particles.values))
+            points[row] = particles.values[int(np.argmax(particles.fits))]
+        behind = np.array([one.particles.ess for one in weights])
+        return WeighedModes(
+            points=points,
+            shares=np.bincount(mode, shares, len(points)).astype(float),
+            ess=np.bincount(mode, np.where(shares > 0, behind, 0.0), len(points)).astype(float),
+            values=np.concatenate(values),
+            causes=self._causes(weights, shares),
+            as_stated=as_stated,
+            draws=draws,
+        )
+
+    def _spread_out(self, values: Array) -> Array:
+        """Some particles, half of them with the least known length anywhere.
+
+        The next reading may make probable what hardly is by now.
+        """
+        drawn = values[self._rng.integers(len(values), size=_DRAWN)].copy()
+        lengths = self._predictor.unknowns.continuous
+        if lengths.size:
+            column = lengths[int(np.argmax(values[:, lengths].std(axis=0)))]
+            drawn[::2, column] = self._rng.random(len(drawn[::2]))
+        return drawn
+
+    def _causes(self, weights: Sequence[_Weight], shares: Array) -> tuple[CauseShare, ...]:
+        unknowns, causes = self._predictor.unknowns, []
+        wide = np.array([one.hypothesis.wide for one in weights])
+        for row in sorted(set(wide[wide >= 0].tolist())):
+            own = np.flatnonzero(wide == row)
+            first = weights[own[np.argmax(shares[own])]].particles.values
+            low, median, high = np.quantile(first[:, unknowns.genes_size + row], _INTERVAL)
+            share = min(1.0, float(shares[own].sum()))
+            causes.append(CauseShare(row, share, float(low), float(median), float(high)))
+        return tuple(sorted(causes, key=lambda cause: -cause.probability))
 
 
-def _moved(
-    predictor: Predictor,
-    data: SensorData,
-    noise: Noise,
-    few: bool,
-    starts: tuple[Array, Array, int],
-) -> tuple[Array, Array, Cost]:
-    """Moves a group of chains: their last values and scales, and the cost.
+class _Integrals:
+    """Evidence and particles of hypotheses; travels to worker processes.
 
     Args:
         predictor: Computes readings.
         data: The observations.
-        noise: Sensor noise.
-        few: Whether few draws stand for the best mode: then chains begin too far out, and are
-            first brought to where the posterior is.
-        starts: Values and scales, and a seed.
+        likelihood: Of these.
     """
-    before = predictor.cost
-    values, scales, seed = starts
-    rng = np.random.default_rng(seed)
-    chains = Population(predictor, rng, values, scales)
-    chains.observe(data, noise, surely=False)
-    if few:
-        chains.coarse = True
-        for _ in range(_BURN_INS):
-            for _ in range(_BURN_IN):
-                chains.step()
-            _take_back(chains, _LOST + predictor.unknowns.continuous.size, rng)
-        chains.observe(data, noise, surely=False)
-    for _ in range(_STEPS):
-        chains.step()
-    return chains.values, chains.scales, predictor.cost.since(before)
+
+    def __init__(self, predictor: Predictor, data: SensorData, likelihood: Likelihood) -> None:
+        self._predictor, self._likelihood = predictor, likelihood
+        self._solver = GaussNewton(predictor, data, likelihood)
+        self._lengths = predictor.unknowns.continuous
+        table = predictor.unknowns.table
+        self._first = predictor.unknowns.genes_size
+        self._narrow = [row for row, one in enumerate(table) if one.narrow]
+
+    def with_cost(
+        self, task: tuple[Sequence[Hypothesis], int, int]
+    ) -> tuple[list[tuple[Hypothesis, Particles]], Cost]:
+        """Hypotheses that have as many columns, at the points that fit best, and what that cost.
+
+        Args:
+            task: These, how many particles of each, and a seed.
+        """
+        hypotheses, particles, seed = task
+        before = self._predictor.cost
+        free, points = self._free(hypotheses), np.array([one.point for one in hypotheses])
+        points = self._polished(points, hypotheses, free)
+        slopes = self._solver.slopes(points, free=free)
+        lengths = np.count_nonzero(~free.normal)
+        covariances = np.asarray(np.linalg.inv(slopes.precision))[:, :lengths, :lengths]
+        results = tempered(
+            points,
+            free,
+            covariances,
+            predictor=self._predictor,
+            likelihood=self._likelihood,
+            rng=np.random.default_rng(seed),
+            particles=particles,
+        )
+        better = (one._replace(point=point) for one, point in zip(hypotheses, points, strict=True))
+        return list(zip(better, results, strict=True)), self._predictor.cost.since(before)
+
+    def columns(self, one: Hypothesis) -> list[int]:
+        """Columns of what is open, lengths first."""
+        rows = [] if one.scale == 0 else self._narrow
+        table = self._predictor.unknowns.table
+        if one.wide >= 0 and not table[one.wide].switch and one.wide not in rows:
+            rows = [*rows, one.wide]
+        return [*self._lengths.tolist(), *(self._first + row for row in rows)]
+
+    def _free(self, hypotheses: Sequence[Hypothesis]) -> Free:
+        columns = np.array([self.columns(one) for one in hypotheses], dtype=np.intp)
+        spreads = [
+            [
+                1.0 if column < self._first else self._spread(one, column - self._first)
+                for column in own
+            ]
+            for one, own in zip(hypotheses, columns.tolist(), strict=True)
+        ]
+        normal = columns[0] >= self._first
+        return Free(columns=columns, spreads=np.array(spreads), normal=normal)
+
+    def _spread(self, one: Hypothesis, row: int) -> float:
+        parameter = self._predictor.unknowns.table[row]
+        return parameter.wide if row == one.wide else one.scale * parameter.narrow
+
+    def _polished(self, points: Array, hypotheses: Sequence[Hypothesis], free: Free) -> Array:
+        """The best points from there, and from robots that are thicker, thinner, and so on."""
+        starts = [points]
+        if len(points) <= _LEADERS + len(_SCALES) and free.normal.any():
+            for row, parameter in enumerate(self._predictor.unknowns.table):
+                if parameter.group in _STRETCHED and parameter.narrow:
+                    for sign in (-_OFF, _OFF):
+                        moved = points.copy()
+                        moved[:, self._first + row] += sign * parameter.narrow
+                        starts.append(moved)
+        which = np.tile(np.arange(len(points)), len(starts))
+        found, fits = self._solver.polished(np.vstack(starts), free=free[which])
+        best = np.argmax(fits.reshape(len(starts), -1), axis=0)
+        chosen: Array = found[best * len(points) + np.arange(len(points))]
+        return chosen
+
+    def fitted_wide(self, starts: Array) -> list[tuple[int, Array]]:
+        """For each wide component the point that fits best with it, the rest as it is but lengths.
+
+        Args:
+            starts: Of one set of attachments, shape (n, size).
+        """
+        table, lengths = self._predictor.unknowns.table, self._lengths
+        switches = [row for row, one in enumerate(table) if one.switch]
+        others = [row for row, one in enumerate(table) if one.wide and not one.switch]
+        fitted = []
+        for rows, signs in ((switches, (1.0,)), (others, (-_OFF, _OFF))):
+            if not rows:
+                continue
+            which = np.tile(np.repeat(rows, len(signs)), len(starts))
+            points = np.repeat(starts, len(rows) * len(signs), axis=0)
+            sizes = np.array([table[row].wide or 1.0 for row in which.tolist()])
+            points[np.arange(len(points)), self._first + which] = sizes * np.resize(
+                signs, len(which)
+            )
+            free = Free.lengths(lengths, len(points))
+            if rows is others:
+                free = Free(
+                    columns=np.column_stack([free.columns, self._first + which]),
+                    spreads=np.column_stack([free.spreads, sizes]),
+                    normal=np.append(free.normal, True),
+                )
+            found, fits = self._solver.polished(points, free=free)
+            for row in rows:
+                own = np.flatnonzero(which == row)
+                fitted.append((row, found[own[np.argmax(fits[own])]]))
+        return fitted
+
+    def densities(self, values: Array, wide: int = -1) -> Array:
+        """Log-likelihoods of points, with the prior of what is open beside its peak, shape (n,)."""
+        one = Hypothesis(0, values[0], wide=wide)
+        free = self._free([one])[np.zeros(len(values), dtype=np.intp)]
+        density: Array = self._solver.fits(values) + free.log_prior(values)
+        return density
 
 
-def _spread_out(weights: Array, wanted: int) -> Array:
-    """Weights, raised to the power at which their effective size is at least ``wanted``."""
-    power = 1.0
-    while True:
-        spread = weights**power
-        spread /= spread.sum()
-        if 1 / np.sum(spread**2) >= wanted or power < _LEAST_POWER:
-            return spread
-        power /= 2
+def _close(weights: Sequence[_Weight]) -> list[int]:
+    """Rows of the sets of attachments that are about as probable as the best, best first."""
+    best = max(one.log for one in weights)
+    rows = sorted(range(len(weights)), key=lambda row: -weights[row].log)
+    return [row for row in rows if weights[row].log > best - _CLOSE]
 
 
-def _take_back(chains: Population, allowance: float, rng: np.random.Generator) -> None:
-    """Puts chains that are so many nats below the best where others are."""
-    fits = chains.posterior_fits(1)
-    kept = np.flatnonzero(fits >= fits.max() - allowance)
-    rows = np.arange(len(fits))
-    lost = fits < fits.max() - allowance
-    rows[lost] = rng.choice(kept, np.count_nonzero(lost))
-    chains.replace_coldest(chains.values[rows], chains.scales[rows])
+def _even(count: int) -> int:
+    return 2 * (count // 2)
 
 
 def drawn(guesses: Array, rng: np.random.Generator) -> tuple[Columns, Array]:

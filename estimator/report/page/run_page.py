@@ -25,8 +25,7 @@ from estimator.report.plots import RunPlot, plot_predictions, run_plots
 from estimator.report.result import Result
 from estimator.report.shown_bodies import ShownBodies, shown_bodies
 from estimator.report.tables import (
-    deviations_introduced,
-    nuisance_in_words,
+    as_stated_in_words,
     percent,
     probability_after,
     probability_sentence,
@@ -123,12 +122,11 @@ def run_page(store: RunStore, sources: PageSources) -> str:
         flat_caption=_PICTURE.format("; ".join(f"{b.title}, {b.note}" for b in shown.bodies)),
         probability_sentence="" if posterior is None else probability_sentence(posterior),
         sums=[] if posterior is None else [sum_of_lengths(result, one) for one in posterior.sums],
-        nuisance_in_words=nuisance_in_words,
+        as_stated="" if posterior is None else as_stated_in_words(result, posterior),
         searched_attachments=any(not name.startswith("length") for name in result.searched),
         percent=percent,
         information_in_words=information_in_words,
         probability_after=probability_after,
-        deviations_introduced=deviations_introduced,
         legs=list(zip(result.legs, result.leg_intervals, strict=True)),
         modalities=tuple(MODALITIES),
         readings=_readings(result, seen, shown.predicted, driven),

@@ -5,26 +5,21 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from estimator import best_programs, load
-from estimator.body.limbs import driven_limbs, leg_lengths
+from estimator.body.limbs import driven_limbs
 from estimator.errors import EstimatorError
-from estimator.identification import misspecification as when_misspecified
 from estimator.identification import posterior_method
 from estimator.identification.method import Listener
 from estimator.identification.run import identify, resume
 from estimator.physics.backends import IN_THIS_PROCESS
-from estimator.posterior.checks import misspecification
-from estimator.posterior.model.deviations import Alternative, Thickness, Travel
 from estimator.posterior.model.sensor_data import MODEL_TILT
-from estimator.posterior.summary import summarise
 from estimator.report.result import Result
 from estimator.report.run_files import write_report
-from estimator.storage.posteriors import NotKnown, StoredPosterior
+from estimator.storage.posteriors import NotKnown
 from estimator.storage.run_config import RunConfig
 from estimator.storage.store import RunStore
 from tests.estimator.little_effort import little_effort
@@ -158,34 +153,7 @@ def test_a_run_that_was_broken_off_ends_as_one_that_never_was(
     assert outcome(whole(tmp_path, after)) == outcome(uninterrupted[0])
 
 
-def test_bodies_that_depart_are_not_fitted_again_in_the_end(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    fitted: list[tuple[Alternative, ...]] = []
-
-    def counted(*args: Any, **options: Any) -> tuple[Alternative, ...]:
-        fitted.append(misspecification.fit_alternatives(*args, **options))
-        return fitted[-1]
-
-    monkeypatch.setattr(when_misspecified, "fit_alternatives", counted)
-    with serving(ModelRobot()) as uri:
-        asked = order(tmp_path, uri)
-        result = identify(
-            tmp_path / "run", asked, IN_THIS_PROCESS, Interrupting(), report=without_plots
-        )
-    assert result.posterior is not None
-    assert result.posterior.untested_deviations
-    assert len(fitted) == asked.interactions
-
-
-def test_what_is_left_open_comes_with_the_movement_that_would_decide(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(
-        when_misspecified,
-        "clearly_better",
-        lambda alternatives: alternatives[0].deviation if alternatives else None,
-    )
+def test_what_is_left_open_comes_with_the_movement_that_would_decide(tmp_path: Path) -> None:
     with serving(ModelRobot()) as uri:
         asked = changed(order(tmp_path, uri), interactions=1)
         path = tmp_path / "legs.toml"
@@ -204,23 +172,32 @@ def test_what_is_left_open_comes_with_the_movement_that_would_decide(
 
 
 def test_what_is_only_roughly_known_is_found_along(tmp_path: Path) -> None:
-    section = """
-[nuisance]
-density = [500.0, 2000.0]
-accelerometer_deg = 2.0
-"""
     listener = Interrupting()
     with serving(ModelRobot(askew=np.radians(1.5))) as uri:
         asked = order(tmp_path, uri)
-        (tmp_path / "legs.toml").write_text(PROBLEM + section)
+        (tmp_path / "legs.toml").write_text(PROBLEM + "[uncertain]\naccelerometer_deg = 2.0\n")
         result = identify(tmp_path / "run", asked, IN_THIS_PROCESS, listener, report=without_plots)
     assert "accelerometer's own tilt" in listener.reasons[0]
     assert result.posterior is not None
-    of = {item.name: item for item in result.posterior.nuisances}
-    assert len(of) == 1 + 2
+    of = {item.name: item for item in result.posterior.parameters}
     tilt = of["accelerometer's own tilt, left/right"]
-    assert tilt.interval.low < 1.5 < tilt.interval.high < tilt.interval.low + 3.0  # before: 6.6
-    assert tilt.learnt
+    assert np.degrees(tilt.interval.low) < 1.5 < np.degrees(tilt.interval.high)
+    assert np.degrees(tilt.interval.high - tilt.interval.low) < 3.0  # before: 6.6
+    assert "ground that rises so to the left" in tilt.sentence
+    assert len(result.posterior.as_stated_m) == len(TRUE_LENGTHS)
+
+
+def test_a_robot_that_is_exactly_as_stated_has_nothing_else_open(tmp_path: Path) -> None:
+    with serving(ModelRobot()) as uri:
+        asked = changed(order(tmp_path, uri), interactions=1)
+        (tmp_path / "legs.toml").write_text(PROBLEM + "[uncertain]\nexact = true\n")
+        result = identify(
+            tmp_path / "run", asked, IN_THIS_PROCESS, Interrupting(), report=without_plots
+        )
+    assert result.posterior is not None
+    assert not result.posterior.parameters
+    assert not result.posterior.causes
+    assert not result.posterior.as_stated_m
 
 
 def test_a_run_ends_as_soon_as_it_is_sure(tmp_path: Path) -> None:
@@ -235,9 +212,8 @@ def test_a_run_ends_as_soon_as_it_is_sure(tmp_path: Path) -> None:
     with RunStore.open(tmp_path / "run") as store:
         (before, _), (belief, cost) = store.posteriors()[-2:]
         # the last one was reweighted since, the one before it stands as it was
-        lengths = leg_lengths(store.genome.decode_all(np.array(before.genes)))
-        low, high = np.quantile(lengths, (0.05, 0.95), axis=0)
-        assert np.all(high - low <= 2 * posterior_method.PRECISE)
+        assert before.as_stated_m
+        assert all(one.high - one.low <= 2 * posterior_method.PRECISE for one in before.as_stated_m)
         # as if the simulator had made it less sure
         unsure = belief.model_copy(update={"misspecification_probability": 0.5})
         store.save_posterior(result.interactions - 1, unsure, cost, None)
@@ -257,65 +233,10 @@ def test_a_run_that_is_sure_at_once_puts_it_to_the_test(
     assert result.interactions == 2
 
 
-def test_a_robot_that_is_built_otherwise_is_noticed_on_the_way(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(posterior_method, "PRECISE", 1.0)  # m: any length is known
-    otherwise = Thickness(text="thick parts", amount=2.0)
-    monkeypatch.setattr(
-        when_misspecified,
-        "clearly_better",
-        lambda alternatives: otherwise if alternatives else None,
-    )
-    with serving(ModelRobot()) as uri:
-        asked = changed(order(tmp_path, uri), interactions=3, sure=0.9)
-        result = identify(
-            tmp_path / "run", asked, IN_THIS_PROCESS, Listener(), report=without_plots
-        )
-    assert result.interactions == 3  # it goes on, though attachments and lengths are sure
-    assert result.posterior is not None
-    for step in result.posterior.steps:  # nobody knows of one movement how the robot is built
-        assert step.probability is not None
-        assert 0.9 < step.probability < 1.0
-    assert result.posterior.probability == pytest.approx(
-        1 - result.posterior.misspecification_probability
-    )
-    assert not any(step.explained for step in result.posterior.steps)
-    assert "as well as one with thick parts" in result.posterior.verdict
-
-
-def test_what_departs_is_not_forgotten_where_the_simulator_leaves_less_sure(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def stated(*args: Any, **before: Any) -> StoredPosterior:
-        within = 0.97 if before else 0.94  # in the end nobody asks what was learnt
-        return summarise(*args, **before).model_copy(
-            update={"probability_within_problem": within, "low_ess": False, "coverage": 1.0}
-        )
-
-    monkeypatch.setattr(posterior_method, "summarise", stated)
-    otherwise = Thickness(text="thick parts", amount=2.0)
-    monkeypatch.setattr(
-        when_misspecified,
-        "clearly_better",
-        lambda alternatives: otherwise if alternatives else None,
-    )
-    with serving(ModelRobot()) as uri:
-        asked = order(tmp_path, uri)
-        (tmp_path / "legs.toml").write_text(PROBLEM.replace('"up"', '"unknown"'))
-        result = identify(
-            tmp_path / "run", asked, IN_THIS_PROCESS, Listener(), report=without_plots
-        )
-    assert result.posterior is not None
-    assert not result.posterior.explained
-    assert "as well as one with thick parts" in result.posterior.verdict
-
-
 def test_a_robot_that_changes_on_the_way_is_not_explained(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(posterior_method, "probability_of", lambda *_: 0.01)
-    monkeypatch.setattr(when_misspecified, "possible_deviations", lambda _: ())  # sure at once
     with serving(ModelRobot()) as uri:
         result = identify(
             tmp_path / "run",
@@ -331,32 +252,19 @@ def test_a_robot_that_changes_on_the_way_is_not_explained(
     )
 
 
-def test_what_departs_is_named_where_known_attachments_explain_the_readings_badly(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    too_far = Travel(text="all servos turning {} times as far as told", amount=1.25)
-    monkeypatch.setattr(when_misspecified, "possible_deviations", lambda _: (too_far,))
+def test_what_a_robot_has_otherwise_is_named_with_its_amount(tmp_path: Path) -> None:
     with serving(ModelRobot(travel=1.25)) as uri:
         asked = changed(order(tmp_path, uri), interactions=4)
         result = identify(
             tmp_path / "run", asked, IN_THIS_PROCESS, Listener(), report=without_plots
         )
     assert result.posterior is not None
-    assert not result.posterior.explained
-    assert (result.posterior.probability or 0.0) < 0.01
-    assert re.search(r"turning 1\.[23] times as far as told", result.posterior.verdict)
+    assert result.posterior.causes[0].name == "travel of all servos"
+    assert re.search(r"all servos turning 1\.[23]\d* times", result.posterior.verdict)
+    assert result.posterior.causes[0].check in result.posterior.verdict
 
 
-def test_noise_that_is_not_announced_is_no_other_body(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    by_noise: list[float] = []
-
-    def alternatives(*arguments: Any, **options: Any) -> tuple[Alternative, ...]:
-        by_noise.append(arguments[3].tilt)
-        return misspecification.fit_alternatives(*arguments, **options)
-
-    monkeypatch.setattr(when_misspecified, "fit_alternatives", alternatives)
+def test_noise_that_is_not_announced_is_no_other_body(tmp_path: Path) -> None:
     with serving(ModelRobot(noise=3 * MODEL_TILT)) as uri:
         asked = changed(order(tmp_path, uri), interactions=3)
         path = tmp_path / "legs.toml"
@@ -368,7 +276,6 @@ def test_noise_that_is_not_announced_is_no_other_body(
     assert result.posterior.not_known is NotKnown.POOR_FIT
     assert result.posterior.explained
     assert "but poorly" in result.posterior.verdict
-    assert by_noise[-1] > 1.3 * MODEL_TILT
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from estimator.body.arrays import ACCELEROMETER, Bodies
 from estimator.body.morphology import Array, Base
 from estimator.parameters.instruments import as_sensed
 from estimator.parameters.rows import SOURCES, table_of
-from estimator.parameters.table import Parameter
+from estimator.parameters.table import DEVIATES, Parameter, applied, log_priors
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.problem.genome import Genome
@@ -71,9 +71,8 @@ def test_every_row_can_be_felt_and_by_no_amount_is_nothing(predictor: Predictor,
             for away in row.amounts(row.wide or row.narrow, np.array([-2.0, 2.0]))
         )
     assert same(before, predictor.read(bodies, *EVERYWHERE))  # the bodies are left as they were
-    if not row.switch and row.group != "servo_jammed":
-        stated = row.applied(bodies, row.amounts(row.wide or row.narrow, np.zeros(1)))
-        assert same(before, predictor.read(stated, *EVERYWHERE))
+    stated = row.applied(bodies, 1.0 if row.factor else 0.0)
+    assert same(before, predictor.read(stated, *EVERYWHERE))
     assert row.check
     assert "{" not in row.said(1.25, (1.0, 1.5))
 
@@ -167,6 +166,32 @@ def test_distances(predictor: Predictor) -> None:
     assert np.allclose(farther.clearance, before.clearance * np.where(before.saturated, 1, 1.5))
     far = TABLE["distance sensor's gain"].applied(bodies, 2.0)[np.zeros(40, dtype=np.intp)]
     assert np.array_equal(as_sensed(before, far).saturated, before.saturated)
+
+
+def test_many_bodies_each_by_its_own_columns(predictor: Predictor) -> None:
+    rows = tuple(TABLE.values())
+    away = np.zeros((len(rows), len(rows)))
+    np.fill_diagonal(away, [1.0 if one.switch else one.wide or one.narrow for one in rows])
+    bodies = predictor.unknowns.bodies(np.repeat(LENGTHS, len(rows), axis=0))
+    together = predictor.read(
+        applied(rows, bodies, away), np.arange(len(rows)), np.tile(MOVED[7], (len(rows), 1))
+    )
+    for number, row in enumerate(rows):
+        amount = row.amounts(1.0, away[[number], [number]])
+        alone = predictor.read(
+            row.applied(bodies[number : number + 1], amount), np.zeros(1, int), MOVED[[7]]
+        )
+        assert np.array_equal(together.tilt[number], alone.tilt[0]), row.name
+        assert np.array_equal(together.touch[number], alone.touch[0]), row.name
+    assert applied((), bodies, np.empty((len(rows), 0))) is bodies
+
+
+def test_all_that_may_be_otherwise_has_one_robot_in_twenty_group_by_group() -> None:
+    priors = log_priors(tuple(TABLE.values()))
+    assert sum(map(math.exp, priors.values())) == pytest.approx(DEVIATES)
+    hinges = [prior for name, prior in priors.items() if name.startswith("hinge of")]
+    assert sum(map(math.exp, hinges)) == pytest.approx(math.exp(priors["thickness of all parts"]))
+    assert "mass of all parts" not in priors  # its narrow component is wide enough
 
 
 def test_what_repeats_an_open_choice_has_no_row() -> None:

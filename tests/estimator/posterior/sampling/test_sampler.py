@@ -11,12 +11,12 @@ from estimator.errors import SearchStateError
 from estimator.executors import ThisProcess, WorkerProcesses
 from estimator.posterior.checks.verdict import Fit
 from estimator.posterior.discovery.discovery import Discovery
-from estimator.posterior.model.gauss_newton import GaussNewton
+from estimator.posterior.model.gauss_newton import Free, GaussNewton
 from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.sampling import populations
-from estimator.posterior.sampling.evidence import EvidenceEstimator
 from estimator.posterior.sampling.sampler import Effort
+from estimator.posterior.sampling.tempering import tempered
 from estimator.posterior.sampling.weighing import drawn
 from tests.estimator.little_effort import little_search
 from tests.estimator.posterior.sampling.enumeration import NODES, WEIGHTS, distance, enumerated
@@ -35,10 +35,10 @@ def little() -> Iterator[None]:
 def test_probabilities_of_attachments_agree_with_enumeration(narrow: Predictor) -> None:
     data = draw(narrow, POINT, programs(3, seed=3), np.random.default_rng(6))
     exact = enumerated(narrow, data, WIDE, (4, 6, 2, 4, 6))
-    effort = Effort(levels=4, chains_per_level=16, steps=40, rounds=1, draws=800, samples=64)
+    effort = Effort(levels=4, chains_per_level=16, steps=40, rounds=1, particles=2000, samples=64)
     posterior = make_sampler(narrow, noise=WIDE, effort=effort, seed=3).learn(data)
     sampled = {mode.attachments: mode.probability for mode in posterior.modes}
-    assert distance(sampled, exact) < 0.02
+    assert distance(sampled, exact) < 0.06  # each evidence is known to some 5 %
 
 
 def test_the_body_is_identified_and_its_lengths_bracketed(predictor: Predictor) -> None:
@@ -68,9 +68,17 @@ def test_who_moves_the_chains_makes_no_difference(predictor: Predictor) -> None:
 def test_evidence_is_the_integral_over_the_lengths(narrow: Predictor) -> None:
     data = draw(narrow, POINT, programs(3, seed=3), np.random.default_rng(6))
     likelihood = Likelihood(data, WIDE)
-    estimator = EvidenceEstimator(narrow, data, likelihood, draws=400)
-    values, _ = GaussNewton(narrow, data, likelihood).polished(POINT[None])
-    mode = estimator.of(values[0], values, np.random.default_rng(1))
+    solver = GaussNewton(narrow, data, likelihood)
+    values, _ = solver.polished(POINT[None])
+    (mode,) = tempered(
+        values,
+        Free.lengths(narrow.unknowns.continuous, 1),
+        np.asarray(np.linalg.inv(solver.slopes(values).precision)),
+        predictor=narrow,
+        likelihood=likelihood,
+        rng=np.random.default_rng(1),
+        particles=2000,
+    )
     grid = (np.arange(20) + 0.5) / 20
     points = np.repeat(POINT[None], 400, axis=0)
     points[:, narrow.unknowns.continuous] = np.array(np.meshgrid(grid, grid)).reshape(2, -1).T

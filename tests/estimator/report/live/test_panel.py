@@ -38,7 +38,7 @@ def test_it_says_how_to_go_on_and_when_all_is_done(view: RunView) -> None:
 
 def test_a_verdict_against_the_problem_stands_out(view: RunView) -> None:
     assert view.result.posterior is not None
-    unlike = {"deviation": "thick parts", "verdict": "NO BODY."}
+    unlike = {"overturned": 0, "verdict": "NO BODY."}
     refused = view.result.posterior.model_copy(update=unlike)
     result = view.result.model_copy(update={"posterior": refused})
     assert ">NO BODY.</b>" in panel(replace(view, result=result), Path("runs"))
