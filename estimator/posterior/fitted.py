@@ -204,16 +204,12 @@ class FittedPosterior:
 
     @property
     def points(self) -> Array:
-        """Genomes, how far each robot is from what is stated, and what has changed, shape (n, size).
+        """Genomes with what is otherwise than stated and what has changed, shape (n, size).
 
         ``unknowns`` makes bodies of them.
         """
-        changed = self.posterior.changed
-        return (
-            self.posterior.values
-            if changed is None
-            else np.hstack([self.posterior.values, changed])
-        )
+        values, changed = self.posterior.values, self.posterior.changed
+        return values if changed is None else np.hstack([values, changed])
 
     @property
     def weights(self) -> Array:
