@@ -37,7 +37,7 @@ from estimator.posterior.model.sensor_data import (
     SCALED,
     SensorData,
 )
-from estimator.posterior.model.special import expit, logsumexp
+from estimator.posterior.model.special import expit
 from estimator.posterior.model.unknowns import Columns, Predictor
 from estimator.readings.modalities import MODALITIES
 from estimator.readings.observation import PredictedReadings
@@ -61,9 +61,6 @@ LIKELY: Final = np.array([1.0, *[0.5] * len(_SIDES), *[0.05] * len(_SIDES)])
 """How likely each of ``GRAVITY_TILTS`` is, beside the first."""
 
 _LOG_LIKELY: Final = np.log(LIKELY)
-AT_ONCE: Final = 2000
-"""Points whose noise factors are integrated at once."""
-
 _PLAINLY: Final = 3.0  # standard deviations
 _WORST_TOUCH: Final = 0.4  # chance of a wrong bit on the hottest levels
 _AS_ANNOUNCED: Final = np.zeros((1, 2))
@@ -333,15 +330,7 @@ class Likelihood:
         """
         factors = self.noise_factors
         terms = np.empty((len(misfits), factors.tilt.size, factors.clearance.size))
-        _compiled().over_factors(
-            np.ascontiguousarray(misfits),
-            factors.tilt,
-            factors.clearance,
-            self._read,
-            self._spread,
-            _LOG_LIKELY,
-            terms,
-        )
+        self._over_factors(misfits, terms)
         by_factors: Array = terms.reshape(len(misfits), -1) + factors.log_weights
         return by_factors
 
@@ -354,9 +343,22 @@ class Likelihood:
         Args:
             misfits: Shape (n, k, MISFITS).
         """
-        parts = [misfits[start : start + AT_ONCE] for start in range(0, len(misfits), AT_ONCE)]
-        fits = [logsumexp(self.by_noise_factors(part), axis=1) for part in parts]
-        return np.concatenate([np.empty(0), *fits])
+        return self._over_factors(misfits, np.empty((0, 0, 0)))
+
+    def _over_factors(self, misfits: Array, terms: Array) -> Array:
+        factors, sums = self.noise_factors, np.empty(len(misfits))
+        _compiled().over_factors(
+            np.ascontiguousarray(misfits),
+            factors.tilt,
+            factors.clearance,
+            factors.weights,
+            self._read,
+            self._spread,
+            _LOG_LIKELY,
+            sums,
+            terms,
+        )
+        return sums
 
     def drawn_scales(self, misfits: Array, rng: np.random.Generator) -> Array:
         """Logarithms of noise factors, drawn for each of n bodies by misfits, shape (n, 2)."""

@@ -271,24 +271,36 @@ def _fill_noises(noise: float, beside: float, factors: Array, noises: Array) -> 
 
 # Loops, not arrays' own arithmetic: each expression of arrays takes Numba half a second.
 @compiled
-def _fill(table: Array, value: float) -> None:
-    for one in range(table.shape[0]):
-        for other in range(table.shape[1]):
-            table[one, other] = value
+def _multiply(product: Array, by_tilt: Array, by_clearance: Array) -> None:
+    """Multiplies densities of pairs of factors by those of one interaction, beside its least."""
+    for one in range(product.shape[0]):
+        near, nearby = by_tilt[0, one], by_tilt[1, one]
+        for other in range(product.shape[1]):
+            product[one, other] *= (
+                1.0 + near * by_clearance[0, other] + nearby * by_clearance[1, other]
+            )
 
 
 @compiled
-def _add(table: Array, value: float) -> None:
-    for one in range(table.shape[0]):
-        for other in range(table.shape[1]):
-            table[one, other] += value
+def _brought_to_one(product: Array) -> float:
+    """Divides densities by the largest; its logarithm."""
+    most = 0.0
+    for one in range(product.shape[0]):
+        for other in range(product.shape[1]):
+            most = max(most, product[one, other])
+    for one in range(product.shape[0]):
+        for other in range(product.shape[1]):
+            product[one, other] /= most
+    return math.log(most)
 
 
 @compiled
-def _add_logs(table: Array, product: Array) -> None:
-    for one in range(table.shape[0]):
-        for other in range(table.shape[1]):
-            table[one, other] += math.log(product[one, other])
+def _weighted(product: Array, weights: Array) -> float:
+    total = 0.0
+    for one in range(product.shape[0]):
+        for other in range(product.shape[1]):
+            total += weights[one, other] * product[one, other]
+    return total
 
 
 def _make_over_factors(sources: int) -> Any:
@@ -297,12 +309,14 @@ def _make_over_factors(sources: int) -> Any:
         misfits: Array,
         tilt_factors: Array,
         clearance_factors: Array,
+        weights: Array,
         read: Read,
         spread: Spread,
         log_likely: Array,
+        sums: Array,
         terms: Array,
     ) -> int:
-        """Fills the log-likelihoods of n points under each pair of noise factors.
+        """Fills the log-likelihoods of n points with noise factors integrated out.
 
         A density is a product of what tilt's factor changes and what clearance's does, so
         exponentials are taken for each factor and not for each pair.
@@ -311,10 +325,13 @@ def _make_over_factors(sources: int) -> Any:
             misfits: Shape (n, k, MISFITS).
             tilt_factors: Logarithms, shape (t,).
             clearance_factors: Logarithms, shape (c,).
+            weights: Of pairs, adding up to 1, shape (t, c).
             read: What was read.
             spread: Sensor noise.
             log_likely: Of each lean.
-            terms: Receives them, shape (n, t, c).
+            sums: Receives them, shape (n,).
+            terms: Receives those under each pair, shape (n, t, c); without rows: they are not
+                wanted.
         """
         log_inlier, log_outlier = math.log1p(-spread.outlier), math.log(spread.outlier)
         log_elsewhere, log_nearby = math.log1p(-spread.nearby), math.log(spread.nearby)
@@ -324,18 +341,20 @@ def _make_over_factors(sources: int) -> Any:
         _fill_noises(spread.tilt, spread.tilt_beside, tilt_factors, tilts)
         _fill_noises(spread.clearance, spread.clearance_beside, clearance_factors, clearances)
         by_tilt = np.empty((2, len(tilt_factors)))
+        by_clearance = np.empty((2, len(clearance_factors)))
         product = np.empty((len(tilt_factors), len(clearance_factors)))
         for row in range(misfits.shape[0]):
-            _fill(terms[row], 0.0)
-            _fill(product, 1.0)
-            multiplied = 0
+            for one in range(product.shape[0]):
+                for other in range(product.shape[1]):
+                    product[one, other] = 1.0
+            total, multiplied = 0.0, 0
             for column in range(misfits.shape[1]):
                 anywhere = read.log_anywhere[column]
                 if misfits[row, column, _NO_PREDICTION] > 0:
-                    _add(terms[row], anywhere)
+                    total += anywhere
                     continue
                 least = log_elsewhere + anywhere  # what remains where nothing is explained
-                _add(terms[row], least)
+                total += least
                 left, forward = misfits[row, column, _TILT], misfits[row, column, _TILT + 1]
                 wrong, doubtful = misfits[row, column, _WRONG], misfits[row, column, _DOUBTFUL]
                 angles = read.tilts[column]
@@ -349,21 +368,23 @@ def _make_over_factors(sources: int) -> Any:
                     by_tilt[1, one] = math.exp(beside + wide)
                 away, beyond = misfits[row, column, _CLEARANCE], read.beyond[column]
                 for other in range(len(clearance_factors)):
-                    near, nearby = 1.0, 1.0
+                    by_clearance[0, other], by_clearance[1, other] = 1.0, 1.0
                     if read.clear[column]:
                         noise, log_noise = clearances[0, other], clearances[1, other]
-                        near = math.exp(_log_clearance(away, beyond, noise, log_noise))
+                        near = _log_clearance(away, beyond, noise, log_noise)
+                        by_clearance[0, other] = math.exp(near)
                         noise, log_noise = clearances[2, other], clearances[3, other]
-                        nearby = math.exp(_log_clearance(away, beyond, noise, log_noise))
-                    for one in range(len(tilt_factors)):
-                        product[one, other] *= (
-                            1.0 + by_tilt[0, one] * near + by_tilt[1, one] * nearby
-                        )
+                        nearby = _log_clearance(away, beyond, noise, log_noise)
+                        by_clearance[1, other] = math.exp(nearby)
+                _multiply(product, by_tilt, by_clearance)
                 multiplied += 1
                 if multiplied % _MULTIPLIED == 0:
-                    _add_logs(terms[row], product)
-                    _fill(product, 1.0)
-            _add_logs(terms[row], product)
+                    total += _brought_to_one(product)
+            sums[row] = total + math.log(_weighted(product, weights))
+            if len(terms):
+                for one in range(product.shape[0]):
+                    for other in range(product.shape[1]):
+                        terms[row, one, other] = total + math.log(product[one, other])
         return 0 * sources
 
     return over_factors

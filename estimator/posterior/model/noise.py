@@ -98,22 +98,26 @@ class NoiseFactors:
         clearance: On clearance's, shape (c,).
         both: All pairs, tilt by tilt, shape (t · c, 2).
         log_weights: Of the pairs, the prior's density included, shape (t · c,).
+        weights: Their exponentials, which add up to 1, shape (t, c).
     """
 
     tilt: Array
     clearance: Array
     both: Array
     log_weights: Array
+    weights: Array
 
     @classmethod
     def known_by(cls, tilts: float, clearances: float) -> Self:
         """A grid that is fine enough for so many readings of each."""
         (tilt, of_tilt), (clearance, of_clearance) = _axis(tilts), _axis(clearances)
+        log_weights = np.add.outer(of_tilt, of_clearance)
         return cls(
             tilt=tilt,
             clearance=clearance,
             both=np.stack(np.meshgrid(tilt, clearance, indexing="ij"), -1).reshape(-1, 2),
-            log_weights=np.add.outer(of_tilt, of_clearance).ravel(),
+            log_weights=log_weights.ravel(),
+            weights=np.exp(log_weights),
         )
 
 
