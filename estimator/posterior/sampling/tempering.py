@@ -1,23 +1,23 @@
 """The evidence of sets of attachments, and particles, by tempered sequential Monte Carlo.
 
 What is integrated over, for each set of attachments by itself, are its lengths, uniform beforehand,
-and θ, what else may be otherwise than stated, standard normal beforehand. A reading changes with
-these smoothly between one set of contacts and the next only, and of masses only changes of contacts
-tell, so that no single peak stands for the integral. Particles start from a distribution that is
-known, and go to the posterior by powers from 0 to 1 of the ratio of both, each so much larger that
-the particles' weights keep a share of their effective size::
+and θ, what else may be otherwise than stated, normal beforehand. A reading changes with these
+smoothly between one set of contacts and the next only, and of masses only changes of contacts tell,
+so that no single peak stands for the integral. Particles start from a distribution that is known:
+what a likelihood that counts a quarter would leave, were it as at the best point everywhere, with
+some drawn from the prior. From there they go to the posterior by powers from 0 to 1 of the ratio of
+both, each so much larger that the particles' weights keep a share of their effective size::
 
-    q0 = N(θ; 0, 1) (0.9 N(lengths; best, 4 C + 0.02²) + 0.1)
-    target(power) = q0 (likelihood N(θ; 0, 1) / q0) ** power
+    start = 0.9 N(best, (D + F / 4)⁻¹) + 0.1 prior
+    target(power) = start (likelihood prior / start) ** power
+
+F is the information of the readings, D the precision of the prior.
 
 Between two powers they are moved, each half by what the other half knows: along differences of two
-others (differential evolution); θ by preconditioned Crank-Nicolson steps in random subsets of it,
-lengths following as they depend on θ; lengths alone. Several sets of attachments are computed side
-by side, each with powers of its own. Noise factors are integrated on a grid.
-
-Where no best point fell to another side of a fork, bodies fall on the way as statics has it with
-coarse steps; from the posterior by that, particles go on to the one by the likelihood proper, with
-its forks, in the same manner.
+others (differential evolution); towards a normal distribution as wide as the others, by a step that
+leaves it as it is; θ alone by such steps that leave its prior as it is, in random subsets of it,
+lengths following as they depend on θ. Several sets of attachments are computed side by side, each
+with powers of its own. Noise factors are integrated on a grid.
 """
 
 from __future__ import annotations
@@ -30,23 +30,25 @@ import numpy as np
 
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
-from estimator.posterior.model.gauss_newton import Free
+from estimator.posterior.model.gauss_newton import PRIOR, Free
 from estimator.posterior.model.likelihood import Likelihood
-from estimator.posterior.model.sensor_data import BRANCH
 from estimator.posterior.model.special import logsumexp
 from estimator.posterior.model.unknowns import Columns, Predictor
 
 _KEPT: Final = 0.6  # effective share of particles after each step towards the posterior
-_NEAR: Final = 0.9  # share of the start that lies around the best lengths
-_WIDER: Final = 4.0  # times their covariance,
-_AT_LEAST: Final = 0.02  # and this standard deviation, of a length's range, added
-_MOVES: Final = 5  # after each step
-_LAST: Final = 12  # more in the end
+_NEAR: Final = 0.9  # share of the start that lies around the best point
+_COUNTS: Final = 0.25  # of the information there
+_AT_LEAST: Final = 0.02  # standard deviation of a length there, of its range
+_MOVES: Final = 3  # after each step
+_LAST: Final = 6  # more in the end
 _JITTER: Final = 1e-3
-_FREEDOM: Final = 4.0  # of the lengths' own steps, Student's t
+_KINDS: Final = (0.3, 0.4, 0.3)  # shares of the moves, in the order above
+_SHORTEST: Final = (0.1, 0.05)  # step of those that keep a normal distribution; the longest is 1
+_LEAST: Final = 1e-10  # variance
 _BISECTIONS: Final = 30
 _NOWHERE: Final = -1e9  # log-likelihood where there is no body
 _MOST_STEPS: Final = 60  # towards the posterior
+_LOG_ROOT: Final = 0.5 * math.log(2 * math.pi)
 
 
 class Particles(NamedTuple):
@@ -67,46 +69,63 @@ class Particles(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class _Start:
-    """The distribution of lengths at power 0 for g sets of attachments: means (g, d), and so on."""
+    """The distribution at power 0 for g sets of attachments: means (g, d), and so on."""
 
+    lengths: int
     mean: Array
     root: Array
     inverse: Array
     log_peak: Array
 
     @classmethod
-    def around(cls, best: Array, covariance: Array) -> _Start:
-        size = best.shape[1]
-        wide = _WIDER * covariance + _AT_LEAST**2 * np.eye(size)
-        root: Array = np.asarray(np.linalg.cholesky(wide))
+    def around(cls, best: Array, precision: Array, normal: Flags) -> _Start:
+        """Where a likelihood that counts less would leave them, if it were so everywhere.
+
+        Args:
+            best: Of each set, shape (g, d).
+            precision: Of lengths and θ there, the prior's included, shape (g, d, d).
+            normal: Which are θ, shape (d,).
+        """
+        prior = np.diag(np.where(normal, 1.0, PRIOR))
+        flatter = prior + _COUNTS * (precision - prior)
+        covariance = np.asarray(np.linalg.inv(flatter))
+        covariance += np.diag(np.where(normal, 0.0, _AT_LEAST**2))
+        theta = np.where(normal, best, 0.0)  # the prior's middle draws it, and no length
+        climb = _COUNTS * (precision @ theta[..., None])[..., 0]
+        mean = np.where(normal, 0.0, best)
+        mean = mean + np.linalg.solve(flatter, climb[..., None])[..., 0]
+        root = np.asarray(np.linalg.cholesky(covariance))
         log_root = np.log(np.diagonal(root, axis1=1, axis2=2)).sum(axis=1)
         return cls(
-            mean=best,
+            lengths=int(np.count_nonzero(~normal)),
+            mean=mean,
             root=root,
             inverse=np.asarray(np.linalg.inv(root)),
-            log_peak=-0.5 * size * math.log(2 * math.pi) - log_root,
+            log_peak=-_LOG_ROOT * best.shape[1] - log_root,
         )
 
     def draw(self, count: int, rng: np.random.Generator) -> Array:
         groups, size = self.mean.shape
         normal = rng.standard_normal((groups, count, size))
         near = self.mean[:, None] + normal @ np.swapaxes(self.root, 1, 2)
-        anywhere = rng.random((groups, count, size))
+        anywhere = normal
+        anywhere[..., : self.lengths] = rng.random((groups, count, self.lengths))
         return np.where(rng.random((groups, count, 1)) < _NEAR, near, anywhere)
 
-    def log_density(self, lengths: Array, groups: Columns) -> Array:
-        """Of points of the groups, shape (g, n, d) in; −inf outside the range."""
-        away = lengths - self.mean[groups, None]
+    def log_density(self, x: Array, groups: Columns) -> Array:
+        """Of points of the groups, shape (g, n, d) in; as if lengths were inside their ranges."""
+        away = x - self.mean[groups, None]
         distance = np.sum((away @ np.swapaxes(self.inverse[groups], 1, 2)) ** 2, axis=2)
         near = math.log(_NEAR) + self.log_peak[groups, None] - 0.5 * distance
-        density: Array = np.logaddexp(near, math.log(1 - _NEAR))
+        anywhere = math.log(1 - _NEAR) + _log_normal(x[..., self.lengths :])
+        density: Array = np.logaddexp(near, anywhere)
         return density
 
 
 def tempered(
     points: Array,
     free: Free,
-    covariances: Array,
+    precision: Array,
     *,
     predictor: Predictor,
     likelihood: Likelihood,
@@ -118,13 +137,13 @@ def tempered(
     Args:
         points: The best of each, shape (g, size).
         free: What is integrated over, lengths before parameters.
-        covariances: Of their lengths there, shape (g, d, d).
+        precision: Of these there, shape (g, d, d).
         predictor: Computes readings.
         likelihood: Of the observations.
         rng: Draws the particles.
         particles: For each; even.
     """
-    start = _Start.around(free.of(points)[:, ~free.normal], covariances)
+    start = _Start.around(free.of(points), precision, free.normal)
     return _Run(
         points,
         free,
@@ -134,6 +153,47 @@ def tempered(
         rng=rng,
         count=particles,
     ).finished()
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Normal:
+    """A normal distribution for each of g sets, as wide as particles are.
+
+    Attributes:
+        mean: Shape (g, d).
+        root: Of the covariance, shape (g, d, d).
+        inverse: Of the root.
+        slopes: How lengths depend on θ there, shape (g, theta, lengths).
+    """
+
+    mean: Array
+    root: Array
+    inverse: Array
+    slopes: Array
+
+    @classmethod
+    def of(cls, x: Array, lengths: int) -> _Normal:
+        """As wide as particles of shape (g, n, d); the fewer, the less they say of correlations."""
+        _, count, size = x.shape
+        away = x - x.mean(axis=1, keepdims=True)
+        covariance = np.swapaxes(away, 1, 2) @ away / count
+        variance = np.diagonal(covariance, axis1=1, axis2=2) + _LEAST
+        covariance = count / (count + size) * covariance
+        covariance[:, np.arange(size), np.arange(size)] = variance
+        root = np.asarray(np.linalg.cholesky(covariance))
+        theta, both = covariance[:, lengths:, lengths:], covariance[:, lengths:, :lengths]
+        return cls(
+            mean=x.mean(axis=1),
+            root=root,
+            inverse=np.asarray(np.linalg.inv(root)),
+            slopes=np.asarray(np.linalg.solve(theta, both)),
+        )
+
+    def log_density(self, x: Array) -> Array:
+        """Of points of the sets, shape (g, n, d) in, to a constant of each."""
+        away = (x - self.mean[:, None]) @ np.swapaxes(self.inverse, 1, 2)
+        density: Array = -0.5 * np.sum(away**2, axis=2)
+        return density
 
 
 class _Run:
@@ -150,63 +210,51 @@ class _Run:
     ) -> None:
         self._predictor, self._likelihood, self._rng = predictor, likelihood, rng
         self._points, self._free, self._count = points, free, count
-        self._lengths = int(np.count_nonzero(~free.normal))
-        self._start = start
-        self._ess = np.full(len(points), float(count))
+        self._start, self._lengths = start, start.lengths
         groups = len(points)
-        normal = rng.standard_normal((groups, count, np.count_nonzero(free.normal)))
-        self._x = np.concatenate([self._start.draw(count, rng), normal], axis=2)
-        branches = likelihood.misfits_of(predictor, points)[..., BRANCH]
-        self._forked = bool(np.any(branches != 0))
-        self._proper = False  # whether that is where particles go to
-        self._goal, self._base = self._evaluated(self._x, np.arange(groups))
+        self._ess = np.full(groups, float(count))
+        self._x = start.draw(count, rng)
+        self._fits = self._fits_at(self._x, np.arange(groups))
+        self._base = start.log_density(self._x, np.arange(groups))
         self._powers, self._log_evidence = np.zeros(groups), np.zeros(groups)
 
     def finished(self) -> list[Particles]:
         """Goes to the posterior."""
         everyone = np.arange(len(self._points))
-        self._drawn_anew(everyone, np.where(self._goal > _NOWHERE, 0.0, _NOWHERE))
-        self._go()
-        if not self._forked:
-            self._proper = True
-            self._powers[:] = 0.0
-            self._goal, self._base = self._evaluated(self._x, everyone)
-            self._go()
-        for _ in range(_LAST):
-            self._move(everyone)
-        return [self._particles(group) for group in range(len(self._points))]
-
-    def _go(self) -> None:
-        """From one density to the other, all groups."""
+        self._drawn_anew(everyone, np.where(self._fits > _NOWHERE, 0.0, _NOWHERE))
         for _ in range(_MOST_STEPS):
             going = np.flatnonzero(self._powers < 1)
             if not going.size:
-                return
+                break
             self._go_on(going)
             for _ in range(_MOVES):
                 self._move(going)
+        for _ in range(_LAST):
+            self._move(everyone)
+        return [self._particles(group) for group in everyone.tolist()]
 
     def _particles(self, group: int) -> Particles:
         return Particles(
             log_evidence=float(self._log_evidence[group]),
             values=self._values(np.full(self._count, group), self._x[group]),
-            fits=self._goal[group].copy(),
+            fits=self._fits[group].copy(),
             ess=float(self._ess[group]),
         )
 
-    def _evaluated(self, x: Array, groups: Columns) -> tuple[Array, Array]:
-        """Logarithms of the densities that particles go to and come from, shape (g, n)."""
+    def _fits_at(self, x: Array, groups: Columns) -> Array:
+        """Log-likelihoods, shape (g, n)."""
         lengths = x[..., : self._lengths]
         inside = np.all((lengths >= 0) & (lengths <= 1), axis=2)
         which, _ = np.nonzero(inside)
+        fits = np.full(inside.shape, _NOWHERE)
         values = self._values(groups[which], x[inside])
-        rough = np.full(inside.shape, _NOWHERE)
-        rough[inside] = self._fits_of(values, surely=not self._forked)
-        if not self._proper:
-            return rough, self._start.log_density(lengths, groups)
-        proper = np.full(inside.shape, _NOWHERE)
-        proper[inside] = self._fits_of(values, surely=False)
-        return proper, rough
+        fits[inside] = self._likelihood.integrated(
+            self._likelihood.misfits_of(self._predictor, values)
+        )
+        return fits
+
+    def _log_prior(self, x: Array) -> Array:
+        return _log_normal(x[..., self._lengths :])
 
     def _values(self, groups: Columns, x: Array) -> Array:
         """Points of n groups, shape (n,), with what is integrated over, shape (n, d)."""
@@ -215,13 +263,9 @@ class _Run:
         np.put_along_axis(values, self._free.columns[groups], own, axis=1)
         return values
 
-    def _fits_of(self, values: Array, *, surely: bool) -> Array:
-        likelihood, predictor = self._likelihood, self._predictor
-        return likelihood.integrated(likelihood.misfits_of(predictor, values, surely=surely))
-
     def _go_on(self, going: Columns) -> None:
         """Takes the next power of each group, by which the particles are drawn anew."""
-        ratios = self._goal[going] - self._base[going]
+        ratios = self._fits[going] + self._log_prior(self._x[going]) - self._base[going]
         low, high = self._powers[going].copy(), np.ones(going.size)
         here = low.copy()
         whole = _share(ratios, high - here) >= _KEPT
@@ -243,9 +287,8 @@ class _Run:
             rows = np.searchsorted(row_ends, row_starts * row_ends[-1], side="right")
             rows = self._rng.permutation(np.minimum(rows, self._count - 1))
             self._ess[group] = np.unique(rows).size
-            self._x[group] = self._x[group, rows]
-            self._goal[group] = self._goal[group, rows]
-            self._base[group] = self._base[group, rows]
+            for array in (self._x, self._fits, self._base):
+                array[group] = array[group, rows]
 
     def _move(self, groups: Columns) -> None:
         """Moves both halves, each by what the other knows."""
@@ -255,33 +298,38 @@ class _Run:
             (slice(half, None), slice(None, half)),
         ):
             x, others = self._x[groups, own], self._x[groups, other]
-            slopes, roots = _regression(others, self._lengths)
-            kinds = 3 if self._lengths < x.shape[2] else 2
-            kind = self._rng.integers(kinds, size=x.shape[:2])
+            around = _Normal.of(others, self._lengths)
+            shares = np.array(_KINDS if self._lengths < x.shape[2] else _KINDS[:-1])
+            kind = self._rng.choice(shares.size, size=x.shape[:2], p=shares / shares.sum())
             proposed = np.choose(
                 kind[..., None],
                 [
                     self._along_differences(x, others),
-                    self._lengths_alone(x, roots),
-                    self._crank_nicolson(x, slopes),
+                    self._towards(x, around),
+                    self._theta_alone(x, around),
                 ],
             )
-            self._accept(groups, own, x, proposed, kind == 2)
+            kept = np.choose(
+                kind,
+                [
+                    0.0,
+                    around.log_density(x) - around.log_density(proposed),
+                    self._log_prior(x) - self._log_prior(proposed),
+                ],
+            )
+            self._accept(groups, own, proposed, kept)
 
-    def _accept(
-        self, groups: Columns, own: slice, x: Array, proposed: Array, keeps_prior: Flags
-    ) -> None:
-        goal, base = self._evaluated(proposed, groups)
+    def _accept(self, groups: Columns, own: slice, proposed: Array, kept: Array) -> None:
+        """Takes proposals, of steps that keep a density with the logarithm of its ratio."""
+        x, fits = self._x[groups, own], self._fits_at(proposed, groups)
+        base = self._start.log_density(proposed, groups)
         powers = self._powers[groups, None]
-        before = powers * self._goal[groups, own] + (1 - powers) * self._base[groups, own]
-        after = powers * goal + (1 - powers) * base
-        change = after - before
-        theta = 0.5 * np.sum(
-            x[..., self._lengths :] ** 2 - proposed[..., self._lengths :] ** 2, axis=2
-        )
-        change += np.where(keeps_prior, 0.0, theta)
-        taken = (goal > _NOWHERE) & (np.log(self._rng.random(change.shape)) < change)
-        for array, new in ((self._x, proposed), (self._goal, goal), (self._base, base)):
+        before = powers * (self._fits[groups, own] + self._log_prior(x))
+        before += (1 - powers) * self._base[groups, own]
+        after = powers * (fits + self._log_prior(proposed)) + (1 - powers) * base
+        chances = after - before + kept
+        taken = (fits > _NOWHERE) & (np.log(self._rng.random(chances.shape)) < chances)
+        for array, new in ((self._x, proposed), (self._fits, fits), (self._base, base)):
             part = array[groups, own]
             part[taken] = new[taken]
             array[groups, own] = part
@@ -300,25 +348,32 @@ class _Run:
         moved: Array = x + np.where(chosen, pace * away + spread * others.std(axis=1)[:, None], 0.0)
         return moved
 
-    def _crank_nicolson(self, x: Array, slopes: Array) -> Array:
-        """Leaves the prior of θ as it is; lengths follow."""
-        theta = x[..., self._lengths :]
-        pace = np.exp(self._rng.uniform(math.log(0.05), 0.0, (*x.shape[:2], 1)))
+    def _towards(self, x: Array, around: _Normal) -> Array:
+        """Leaves a normal distribution as it is."""
+        pace = self._pace(x, _SHORTEST[0])
+        drawn = self._rng.standard_normal(x.shape) @ np.swapaxes(around.root, 1, 2)
+        middle = around.mean[:, None]
+        moved: Array = middle + np.sqrt(1 - pace**2) * (x - middle) + pace * drawn
+        return moved
+
+    def _theta_alone(self, x: Array, around: _Normal) -> Array:
+        """Leaves the prior of θ as it is; lengths follow (preconditioned Crank-Nicolson)."""
+        theta, pace = x[..., self._lengths :], self._pace(x, _SHORTEST[1])
         chosen = self._rng.random(theta.shape) < self._rng.random((*x.shape[:2], 1))
-        normal = self._rng.standard_normal(theta.shape)
-        moved = np.where(chosen, np.sqrt(1 - pace**2) * theta + pace * normal, theta)
-        lengths = x[..., : self._lengths] + (moved - theta) @ slopes
+        drawn = np.sqrt(1 - pace**2) * theta + pace * self._rng.standard_normal(theta.shape)
+        moved = np.where(chosen, drawn, theta)
+        lengths = x[..., : self._lengths] + (moved - theta) @ around.slopes
         return np.concatenate([lengths, moved], axis=2)
 
-    def _lengths_alone(self, x: Array, roots: Array) -> Array:
-        shape = (*x.shape[:2], self._lengths)
-        pace = np.exp(self._rng.uniform(math.log(0.2), math.log(2.5), (*x.shape[:2], 1)))
-        normal = self._rng.standard_normal(shape) / np.sqrt(
-            self._rng.chisquare(_FREEDOM, (*x.shape[:2], 1)) / _FREEDOM
-        )
-        moved = x.copy()
-        moved[..., : self._lengths] += pace * (normal @ np.swapaxes(roots, 1, 2))
-        return moved
+    def _pace(self, x: Array, shortest: float) -> Array:
+        pace: Array = np.exp(self._rng.uniform(math.log(shortest), 0.0, (*x.shape[:2], 1)))
+        return pace
+
+
+def _log_normal(theta: Array) -> Array:
+    """Logarithm of the standard normal density of what is in the last axis."""
+    density: Array = -0.5 * np.sum(theta**2, axis=-1) - _LOG_ROOT * theta.shape[-1]
+    return density
 
 
 def _share(ratios: Array, powers: Array) -> Array:
@@ -327,15 +382,3 @@ def _share(ratios: Array, powers: Array) -> Array:
     weights = np.exp(logs - logs.max(axis=1, keepdims=True))
     shares: Array = weights.sum(axis=1) ** 2 / np.sum(weights**2, axis=1) / ratios.shape[1]
     return shares
-
-
-def _regression(x: Array, lengths: int) -> tuple[Array, Array]:
-    """How lengths depend on θ, shape (g, theta, lengths), and a root of what is left of them."""
-    away = x - x.mean(axis=1, keepdims=True)
-    own, theta = away[..., :lengths], away[..., lengths:]
-    ridge = 0.05 * x.shape[1] * np.eye(theta.shape[2])
-    square = np.swapaxes(theta, 1, 2) @ theta + ridge
-    slopes = np.linalg.solve(square, np.swapaxes(theta, 1, 2) @ own)
-    left = own - theta @ slopes
-    covariance = np.swapaxes(left, 1, 2) @ left / x.shape[1] + 1e-10 * np.eye(lengths)
-    return slopes, np.linalg.cholesky(covariance)

@@ -32,12 +32,13 @@ from estimator.posterior.sampling.tempering import Particles, tempered
 _MOST: Final = 120  # sets of attachments that are weighed, drawn if there are more
 _AT_ONCE: Final = 8  # of them, by one worker
 _WEIGHED: Final = 9.0  # nats below the best evidence
-_TOTAL: Final = 4  # sets of attachments that have all their particles; of more, each has fewer,
-_FEWEST: Final = 48  # but so many of each
-_SCALES: Final = {0.5: 0.2, 1.0: 0.4, 2.0: 0.4}  # of the spreads, and their probabilities
-_LEADERS: Final = 3  # sets of attachments with several scales, and with wide components,
-_CLOSE: Final = 5.0  # so many nats below the best at most,
+_FEWEST: Final = 48  # particles of each at first,
+_FIRST: Final = 4  # or this part of all at most,
+_SHARED: Final = 2  # where so many times as many as one may have are shared among them
+_SCALES: Final = {2.0: 0.4, 1.0: 0.4, 0.5: 0.2}  # of the spreads, and their probabilities
+_CLOSE: Final = 5.0  # nats below the best, sets that are weighed again under each,
 _FEW: Final = 6  # if no more are so close
+_LEADERS: Final = 3  # of these, some for which wide components are looked at
 _STRAYS: Final = 3.0  # nats that a fit lacks beyond what noise takes, to open wide components
 _WORTH: Final = 3.0  # nats below the narrow fit, a wide one that is sampled
 _WIDE: Final = 6  # of them
@@ -56,7 +57,7 @@ class Hypothesis(NamedTuple):
         point: To start from, shape (size,).
         wide: Row of the table whose wide component is open; −1: none is.
         scale: Factor on the narrow spreads; 0: the robot is as stated.
-        log_prior: Among the hypotheses of its set.
+        log_prior: Among the hypotheses of the set.
     """
 
     mode: int
@@ -140,47 +141,58 @@ class Weigher:
         points = self._predictor.unknowns.as_stated(genes[rows])
         hoped = guesses[rows] - log_chances
         near = int(np.count_nonzero(hoped >= hoped.max() - _WEIGHED))
-        count = _even(min(self._particles, max(_FEWEST, _TOTAL * self._particles // near)))
+        each = min(_SHARED * self._particles // near, self._particles // _FIRST)
         weights: list[_Weight] = []
         best = -math.inf
         while len(weights) < len(rows) and hoped[len(weights)] >= best - _WEIGHED:
             few = range(len(weights), min(len(weights) + 2 * _AT_ONCE, len(rows)))
-            weights += self._of([Hypothesis(row, points[row]) for row in few], count, log_chances)
+            first = [Hypothesis(row, points[row]) for row in few]
+            weights += self._of(first, max(each, _FEWEST), log_chances)
             best = max(one.log for one in weights)
-        close = _close(weights)
-        if count < self._particles and len(close) <= _FEW:
-            again = [weights[row].hypothesis for row in close]
-            for row, one in zip(close, self._of(again, self._particles, log_chances), strict=True):
-                weights[row] = one
-            count, close = self._particles, _close(weights)
         points = np.array([one.hypothesis.point for one in weights])
-        first = weights[close[0]]
+        close = _close(weights)
         as_stated: Array | None = None
-        if self._predictor.unknowns.table and len(close) <= _FEW:
-            exact = Hypothesis(first.hypothesis.mode, first.hypothesis.point, scale=0.0)
-            (stated,) = self._of([exact], _even(self._particles // 2), log_chances)
-            as_stated = stated.particles.values
-            for row in close[:_LEADERS]:
-                weights += self._opened(weights[row], count, log_chances)
-                weights[row] = weights[row]._replace(log=-math.inf)
+        if len(close) <= _FEW:
+            as_stated = self._weighed_again(weights, close, log_chances)
         return self._summed(points, weights, as_stated, samples)
 
-    def _opened(self, leader: _Weight, particles: int, log_chances: Array) -> list[_Weight]:
-        """The narrow components of a set under each scale, and wide ones that may explain more."""
-        mode, point, *_ = leader.hypothesis
-        priors = {scale: math.log(share * (1 - DEVIATES)) for scale, share in _SCALES.items()}
-        several, kept = [], []
-        for scale, prior in priors.items():
-            if scale == leader.hypothesis.scale and particles == self._particles:
-                kept.append(leader._replace(log=leader.log + prior))
-            else:
-                several.append(Hypothesis(mode, point, scale=scale, log_prior=prior))
-        wide = self._wide(leader)
-        return [*kept, *self._of([*several, *wide], self._particles, log_chances)]
+    def _weighed_again(
+        self, weights: list[_Weight], close: Sequence[int], log_chances: Array
+    ) -> Array | None:
+        """Replaces weights of some sets by those under each scale, and of wide components.
 
-    def _wide(self, leader: _Weight) -> list[Hypothesis]:
-        """Wide components that may explain the readings about as well as the narrow ones do."""
+        Returns:
+            Points of the first one if the robot is just as stated, where it may be otherwise.
+        """
+        if not self._predictor.unknowns.table:
+            hypotheses = [weights[row].hypothesis for row in close]
+            again = self._of(hypotheses, self._particles, log_chances)
+            for row, one in zip(close, again, strict=True):
+                weights[row] = one
+            return None
+        mode, point, *_ = weights[close[0]].hypothesis
+        exact = Hypothesis(mode, point, scale=0.0)
+        (stated,) = self._of([exact], self._particles // 2, log_chances)
+        narrow = [
+            weights[row].hypothesis._replace(
+                scale=scale, log_prior=math.log(share * (1 - DEVIATES))
+            )
+            for row in close
+            for scale, share in _SCALES.items()
+        ]
+        again = self._of(narrow, self._particles, log_chances)
+        for number, row in enumerate(close):
+            weights[row] = weights[row]._replace(log=-math.inf)
+            if number < _LEADERS:
+                own = [one for one in again if one.hypothesis.mode == row]
+                again += self._of(self._wide(own), self._particles, log_chances)
+        weights += again
+        return stated.particles.values
+
+    def _wide(self, narrow: Sequence[_Weight]) -> list[Hypothesis]:
+        """Wide components that may explain readings about as well as the narrow ones of a set."""
         table = self._predictor.unknowns.table
+        leader = max(narrow, key=lambda one: one.log)
         mode, point, *_ = leader.hypothesis
         fits = self._integrals.densities(leader.particles.values)
         known = leader.particles.values[int(np.argmax(fits))]
@@ -212,7 +224,7 @@ class Weigher:
         ]
         seeds = self._rng.integers(2**32, size=len(batches)).tolist()
         tasks = [
-            ([hypotheses[number] for number in batch], particles, seed)
+            ([hypotheses[number] for number in batch], _even(particles), seed)
             for batch, seed in zip(batches, seeds, strict=True)
         ]
         weights: dict[int, _Weight] = {}
@@ -220,9 +232,9 @@ class Weigher:
         for batch, (results, cost) in zip(batches, done, strict=True):
             self._predictor.add_cost(cost)
             for number, (one, result) in zip(batch, results, strict=True):
-                log = result.log_evidence + one.log_prior - log_chances[one.mode]
-                prior = self._predictor.unknowns.log_prior(one.point[None])[0]
-                weights[number] = _Weight(one, result, float(log + prior))
+                log = result.log_evidence + one.log_prior - float(log_chances[one.mode])
+                log += float(self._predictor.unknowns.log_prior(one.point[None])[0])
+                weights[number] = _Weight(one, result, log)
         return [weights[number] for number in range(len(hypotheses))]
 
     def _summed(
@@ -306,13 +318,10 @@ class _Integrals:
         before = self._predictor.cost
         free, points = self._free(hypotheses), np.array([one.point for one in hypotheses])
         points = self._polished(points, hypotheses, free)
-        slopes = self._solver.slopes(points, free=free)
-        lengths = np.count_nonzero(~free.normal)
-        covariances = np.asarray(np.linalg.inv(slopes.precision))[:, :lengths, :lengths]
         results = tempered(
             points,
             free,
-            covariances,
+            self._solver.slopes(points, free=free).precision,
             predictor=self._predictor,
             likelihood=self._likelihood,
             rng=np.random.default_rng(seed),
@@ -323,7 +332,7 @@ class _Integrals:
 
     def columns(self, one: Hypothesis) -> list[int]:
         """Columns of what is open, lengths first."""
-        rows = [] if one.scale == 0 else self._narrow
+        rows = self._narrow if one.scale else []
         table = self._predictor.unknowns.table
         if one.wide >= 0 and not table[one.wide].switch and one.wide not in rows:
             rows = [*rows, one.wide]
@@ -348,7 +357,7 @@ class _Integrals:
     def _polished(self, points: Array, hypotheses: Sequence[Hypothesis], free: Free) -> Array:
         """The best points from there, and from robots that are thicker, thinner, and so on."""
         starts = [points]
-        if len(points) <= _LEADERS + len(_SCALES) and free.normal.any():
+        if len(points) <= _FEW and free.normal.any():
             for row, parameter in enumerate(self._predictor.unknowns.table):
                 if parameter.group in _STRETCHED and parameter.narrow:
                     for sign in (-_OFF, _OFF):
