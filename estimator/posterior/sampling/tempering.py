@@ -4,11 +4,11 @@ What is integrated over, for each set of attachments by itself, are its lengths,
 and θ, what else may be otherwise than stated, normal beforehand. A reading changes with these
 smoothly between one set of contacts and the next only, and of masses only changes of contacts tell,
 so that no single peak stands for the integral. Particles start from a distribution that is known:
-what a likelihood that counts a quarter would leave, were it as at the best point everywhere, with
+what a likelihood that counts half would leave, were it as at the best point everywhere, with
 some drawn from the prior. From there they go to the posterior by powers from 0 to 1 of the ratio of
 both, each so much larger that the particles' weights keep a share of their effective size::
 
-    start = 0.9 N(best, (D + F / 4)⁻¹) + 0.1 prior
+    start = 0.9 N(best, (D + F / 2)⁻¹) + 0.1 prior
     target(power) = start (likelihood prior / start) ** power
 
 F is the information of the readings, D the precision of the prior.
@@ -37,7 +37,7 @@ from estimator.posterior.model.unknowns import Columns, Predictor
 
 _KEPT: Final = 0.6  # effective share of particles after each step towards the posterior
 _NEAR: Final = 0.9  # share of the start that lies around the best point
-_COUNTS: Final = 0.25  # of the information there
+_COUNTS: Final = 0.5  # of the information there
 _AT_LEAST: Final = 0.02  # standard deviation of a length there, of its range
 _MOVES: Final = 3  # after each step
 _LAST: Final = 6  # more in the end

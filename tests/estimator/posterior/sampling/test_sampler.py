@@ -35,10 +35,10 @@ def little() -> Iterator[None]:
 def test_probabilities_of_attachments_agree_with_enumeration(narrow: Predictor) -> None:
     data = draw(narrow, POINT, programs(3, seed=3), np.random.default_rng(6))
     exact = enumerated(narrow, data, WIDE, (4, 6, 2, 4, 6))
-    effort = Effort(levels=4, chains_per_level=16, steps=40, rounds=1, particles=2000, samples=64)
+    effort = Effort(levels=4, chains_per_level=16, steps=40, rounds=1, particles=8000, samples=1000)
     posterior = make_sampler(narrow, noise=WIDE, effort=effort, seed=3).learn(data)
     sampled = {mode.attachments: mode.probability for mode in posterior.modes}
-    assert distance(sampled, exact) < 0.06  # each evidence is known to some 5 %
+    assert distance(sampled, exact) < 0.03  # evidences are known to some 4 %
 
 
 def test_the_body_is_identified_and_its_lengths_bracketed(predictor: Predictor) -> None:
@@ -73,7 +73,7 @@ def test_evidence_is_the_integral_over_the_lengths(narrow: Predictor) -> None:
     (mode,) = tempered(
         values,
         Free.lengths(narrow.unknowns.continuous, 1),
-        np.asarray(np.linalg.inv(solver.slopes(values).precision)),
+        solver.slopes(values).precision,
         predictor=narrow,
         likelihood=likelihood,
         rng=np.random.default_rng(1),
