@@ -213,11 +213,10 @@ def _untwisted(urdf: str) -> str:
 
 def _wired() -> dict[str, Robot]:
     """Wiring that is not as stated; what no sensor can tell from it counts as the same."""
-    reversed_servo = _changed, "hip_left", {"axis": {"xyz": "0 1 0"}}
     quarter = measured_with((-VOLTS_PER_G, VOLTS_PER_G, VOLTS_PER_G))
     return {
         "servo reversed": Robot(
-            body=partial(*reversed_servo),
+            body=partial(_changed, "hip_left", {"axis": {"xyz": "0 1 0"}}),
             otherwise=Otherwise("servo of left upper reversed"),
         ),
         "servo plugs exchanged": _default(

@@ -328,8 +328,9 @@ def _known(store: RunStore, posterior: StoredPosterior, legs: Array) -> dict[str
     low, high = _interval(lengths, weights)
     amounts = {}
     for name, away in posterior.amounts.items():
-        (own,) = np.nonzero(away)
-        lowest, highest = _interval(np.array(away)[own, None], weights[own])
+        far = np.array(away)
+        (own,) = np.nonzero(far)
+        lowest, highest = _interval(far[own, None], weights[own])
         amounts[name] = (float(lowest[0]), float(highest[0]))
     return {
         "inside": ((low <= legs) & (legs <= high)).tolist(),
