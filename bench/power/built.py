@@ -9,14 +9,17 @@ about the vertical, of less than a right angle, is left out: no option sets it.
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass, replace
 from functools import partial
+from importlib import resources
 from typing import Final
+from xml.etree import ElementTree
 
 import numpy as np
 
 from bench.power.faults import measured_with, reversed_tilt, servos_calibrated, with_calibration
-from bench.power.robots import Otherwise, Robot, from_prior, shipped, turned_joint
+from bench.power.robots import Otherwise, Robot, TextOf, from_prior, shipped, turned_joint
 from bench.power.trial import Trial
 from bench.prior_bodies import drawn_genes, on_default_robot
 from estimator.body.morphology import Array
@@ -66,8 +69,11 @@ def built_trials(seeds: tuple[int, ...]) -> tuple[Trial, ...]:
     )
     for true, called, shape in (*_CONFUSED, _CONFUSED_TOO):
         kind = "bars" if shape == "box" else "rods"
+        body = from_prior(_stated(radius=true, shape=shape))
         robot = Robot(
-            body=from_prior(_stated(radius=true, shape=shape)),
+            body=body,
+            options=_CONFIG,
+            files={"robot.toml": partial(_stating, called, body)},
             otherwise=Otherwise("thickness of all parts", math.log(true / called), narrow=True),
         )
         trials.append(
@@ -93,6 +99,31 @@ def _stated(*, density: float = 1000.0, radius: float = 6.0, shape: str = "capsu
         .source.replace("density = 1000.0", f"density = {density!r}")
         .replace("radius = 0.006", f'shape = "{shape}"\nradius = {radius / 1000!r}')
     )
+
+
+def _stating(radius: float, body: TextOf, seed: int) -> str:
+    """A configuration of a drawn body that states what the problem does: so many mm.
+
+    Of itself the simulator would announce what is built.
+    """
+    root = ElementTree.fromstring(body(seed))
+    carriers = {parent.get("link") for parent in root.iter("parent")}
+    feet = [name for link in root.findall("link") if (name := link.get("name")) not in carriers]
+    text = resources.files("robot").joinpath("robot.toml").read_text("utf-8")
+    head, *tables = text.split("\n[[joint]]\n")
+    tables[-1], *sensors = tables[-1].split("\n[[touch]]\n")
+    joints = [re.sub(r"radius_mm = \d+", f"radius_mm = {radius}", one) for one in tables[:_LEGS]]
+    named = [
+        re.sub(r'name = "\w+"', f'name = "{foot}"', sensor)
+        for foot, sensor in zip(feet, sensors, strict=False)
+    ]
+    head = re.sub(r"joints = \d+", f"joints = {_LEGS}", head)
+    head = re.sub(r"touch_sensors = \d+", f"touch_sensors = {len(named)}", head)
+    tables = [f"\n[[joint]]\n{one}" for one in joints]
+    return "".join([head, *tables, *(f"\n[[touch]]\n{one}" for one in named)])
+
+
+_CONFIG: Final = ("--config", "{folder}/robot.toml")
 
 
 # --- robots as people build them --------------------------------------------------------------
@@ -182,8 +213,8 @@ def _told(zero: float, travel: float, angle: float) -> float:
 
 _AS_BUILT: Final = Robot(
     body=_body_as_built,
-    options=("--calibration", "{folder}/calibration.toml"),
-    files={"calibration.toml": _believed},
+    options=(*_CONFIG, "--calibration", "{folder}/calibration.toml"),
+    files={"calibration.toml": _believed, "robot.toml": partial(_stating, 6.0, _body_as_built)},
 )
 
 
@@ -197,7 +228,7 @@ def _twisted(leg: str, degrees: float) -> Robot:
     number = ("left", "front", "right", "back").index(leg) + 1
     return Robot(
         body=partial(_changed, f"hip_{leg}", {"axis": axis}),
-        truth=_untwisted,
+        truth=_shipped,
         otherwise=Otherwise(f"hinge of leg {number} about its own length", turn),
     )
 
@@ -206,7 +237,7 @@ def _changed(joint: str, elements: dict[str, dict[str, str]], seed: int) -> str:
     return turned_joint(joint, elements, shipped(DEFAULT)(seed))
 
 
-def _untwisted(urdf: str) -> str:
+def _shipped(urdf: str) -> str:
     del urdf
     return shipped(DEFAULT)(0)
 
@@ -217,6 +248,7 @@ def _wired() -> dict[str, Robot]:
     return {
         "servo reversed": Robot(
             body=partial(_changed, "hip_left", {"axis": {"xyz": "0 1 0"}}),
+            truth=_shipped,
             otherwise=Otherwise("servo of left upper reversed"),
         ),
         "servo plugs exchanged": _default(
