@@ -19,10 +19,10 @@ from xml.etree import ElementTree
 import numpy as np
 
 from bench.power.faults import measured_with, reversed_tilt, servos_calibrated, with_calibration
-from bench.power.robots import Otherwise, Robot, TextOf, from_prior, shipped, turned_joint
+from bench.power.robots import Otherwise, Robot, TextOf, shipped, turned_joint
 from bench.power.trial import Trial
 from bench.prior_bodies import drawn_genes, on_default_robot
-from estimator.body.morphology import Array
+from estimator.body.morphology import BASE, Array, Morphology
 from estimator.problem.problem import Problem
 from estimator.report.export.formats import in_words_of, urdf
 from robot.configuration.calibration_file import (
@@ -62,14 +62,14 @@ def built_trials(seeds: tuple[int, ...]) -> tuple[Trial, ...]:
             name=f"legs {_HEAVY} times as heavy",
             seeds=seeds[:6],
             robot=Robot(
-                body=from_prior(_stated(density=1000 * _HEAVY)),
+                body=partial(standing_body, _stated(density=1000 * _HEAVY)),
                 otherwise=Otherwise("mass of all parts", math.log(_HEAVY), narrow=True),
             ),
         )
     )
     for true, called, shape in (*_CONFUSED, _CONFUSED_TOO):
         kind = "bars" if shape == "box" else "rods"
-        body = from_prior(_stated(radius=true, shape=shape))
+        body = partial(standing_body, _stated(radius=true, shape=shape))
         robot = Robot(
             body=body,
             options=_CONFIG,
@@ -99,6 +99,28 @@ def _stated(*, density: float = 1000.0, radius: float = 6.0, shape: str = "capsu
         .source.replace("density = 1000.0", f"density = {density!r}")
         .replace("radius = 0.006", f'shape = "{shape}"\nradius = {radius / 1000!r}')
     )
+
+
+def _standing(problem: str, seed: int) -> Morphology:
+    """A body with the default robot's attachments, and lengths of the problem's prior.
+
+    Most bodies of the whole prior lie on their bellies whatever they do: of these no length is ever
+    known, and intervals hold by themselves.
+    """
+    _, genome, _ = on_default_robot(problem)
+    body = genome.decode(drawn_genes(genome, np.random.default_rng([seed, 1])))
+    (up,) = (index for index, hinge in enumerate(body.hinges) if hinge.name == "up")
+    parts = (
+        replace(part, parent=BASE, mount=leg, hinge=up, sensor=leg)
+        for leg, part in enumerate(body.parts)
+    )
+    return replace(body, parts=tuple(parts))
+
+
+def standing_body(problem: str, seed: int) -> str:
+    """The URDF of one that is as a problem says; the problem by name, or its text."""
+    known, _, robot = on_default_robot(problem)
+    return urdf(in_words_of(known, robot, _standing(problem, seed)))
 
 
 def _stating(radius: float, body: TextOf, seed: int) -> str:

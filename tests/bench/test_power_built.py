@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from bench.power.built import BUILT, built_trials
+from bench.power.built import BUILT, built_trials, standing_body
 from bench.power.robots import Robot
 from bench.power.tables import built_rows, overview, write_tables
 from bench.power.trial import Figures, Step, Trial
-from bench.prior_bodies import drawn_body
 from estimator.parameters.rows import table_of
 from estimator.problem.problem import Problem
 from robot.configuration.calibration_file import read_calibration
 from robot.configuration.robot_config import read_config
 from sim_robot.world.body import Body, load_body
 
+as_stated = partial(standing_body, "topological")
 TRIALS = {trial.name: trial for trial in built_trials(tuple(range(30)))}
 AS_BUILT = TRIALS["as people build them"]
 
@@ -37,7 +38,7 @@ def test_a_robot_as_people_build_it_has_other_parts_of_the_same_lengths(tmp_path
     ratios = []
     for seed in range(40):
         stated = tmp_path / "stated.urdf"
-        stated.write_text(drawn_body("topological", seed), encoding="utf-8")
+        stated.write_text(as_stated(seed), encoding="utf-8")
         known, other = load_body(stated), built(AS_BUILT.robot, seed, tmp_path)
         ratios.append([motor.radius / 0.006 for motor in other.motors if motor.radius])
         factors = np.array(masses(other)) / np.array(masses(known))
@@ -70,7 +71,7 @@ def test_the_daemon_of_such_a_robot_states_what_the_problem_does(tmp_path: Path)
 def test_heavy_legs_weigh_as_many_times_as_much(tmp_path: Path) -> None:
     robot = TRIALS["legs 3.5 times as heavy"].robot
     stated = tmp_path / "stated.urdf"
-    stated.write_text(drawn_body("topological", 3), encoding="utf-8")
+    stated.write_text(as_stated(3), encoding="utf-8")
     heavy = np.array(masses(built(robot, 3, tmp_path)))
     np.testing.assert_allclose(heavy / masses(load_body(stated)), 3.5)
     assert robot.otherwise is not None
