@@ -43,6 +43,8 @@ _LEGS: Final = 4
 _MANY: Final = 8  # movements
 _FEW: Final = 4
 _HEAVY: Final = 3.5
+_SHORTEST: Final = 0.1  # m, of a leg, more or less
+_LONGEST: Final = 0.4  # of the problem
 _CONFUSED: Final = ((5.0, 7.5, "box"), (7.5, 5.0, "box"), (6.0, 13.0, "capsule"))
 _CONFUSED_TOO: Final = (13.0, 6.0, "capsule")
 _QUARTER: Final = "accelerometer by a quarter turn"
@@ -102,7 +104,7 @@ def _stated(*, density: float = 1000.0, radius: float = 6.0, shape: str = "capsu
 
 
 def _standing(problem: str, seed: int) -> Morphology:
-    """A body with the default robot's attachments, and lengths of the problem's prior.
+    """A body with the default robot's attachments, and lengths of 115 to 400 mm.
 
     Most bodies of the whole prior lie on their bellies whatever they do: of these no length is ever
     known, and intervals hold by themselves.
@@ -111,7 +113,14 @@ def _standing(problem: str, seed: int) -> Morphology:
     body = genome.decode(drawn_genes(genome, np.random.default_rng([seed, 1])))
     (up,) = (index for index, hinge in enumerate(body.hinges) if hinge.name == "up")
     parts = (
-        replace(part, parent=BASE, mount=leg, hinge=up, sensor=leg)
+        replace(
+            part,
+            parent=BASE,
+            mount=leg,
+            hinge=up,
+            sensor=leg,
+            length=_SHORTEST + (1 - _SHORTEST / _LONGEST) * part.length,
+        )
         for leg, part in enumerate(body.parts)
     )
     return replace(body, parts=tuple(parts))
@@ -196,12 +205,9 @@ class _Draw:
 
 
 def _body_as_built(seed: int) -> str:
-    """A body of the prior, with other parts: a thicker one is of as much mass."""
-    problem, genome, robot = on_default_robot(_PROBLEM)
-    body, draw = (
-        genome.decode(drawn_genes(genome, np.random.default_rng([seed, 1]))),
-        _Draw.of(seed),
-    )
+    """One that stands, with other parts: a thicker one is of as much mass."""
+    problem, _, robot = on_default_robot(_PROBLEM)
+    body, draw = _standing(_PROBLEM, seed), _Draw.of(seed)
     parts = []
     for part, factor in zip(body.parts, draw.thickness.tolist(), strict=True):
         density = draw.mass * body.density / factor**2
@@ -310,6 +316,6 @@ _FAILED: Final = {
         *("servos.jammed=2", f"servos.slipped=2:{_JAMMED:g}"),
         amount=math.radians(_JAMMED),
     ),
-    "a gauge stuck on": _default("touch sensor 3 stuck on", "daq.railed_channel=5"),
+    "a gauge stuck on": _default("touch sensor 3 stuck on", "sensors.pressed=3"),
 }
 """A weak servo is in no row: nothing may be named for sure."""
