@@ -69,7 +69,7 @@ class Particles(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class _Start:
-    """The distribution at power 0 for g sets of attachments, by p peaks: means (g, p, d), …"""
+    """The distribution at power 0 for g sets of attachments, each by p peaks in d dimensions."""
 
     lengths: int
     mean: Array
