@@ -158,11 +158,6 @@ class Sampler:
         self._cleared = {tuple(key) for key in state["cleared"]}
 
     @property
-    def requested(self) -> int:
-        """Simulations that were asked for so far, those included that early rejection skipped."""
-        return self.simulations + sum(one.skipped for one in self._predictors)
-
-    @property
     def steps(self) -> int:
         """How many time steps were computed so far."""
         return sum(one.steps for one in self._predictors)
