@@ -79,7 +79,7 @@ def _possible_values(models: FittedPosterior, column: int) -> str:
 
 
 _DRAWS: Final = 100  # readings for each program
-_FEWEST: Final = 64  # bodies, by which candidates are compared: the best tenth goes on
+_FEWEST: Final = 50  # bodies, by which candidates are compared: the best tenth goes on
 _THINNED: Final = slice(None, None, 2)  # of the bodies, by which all but finalists are compared
 _MORE_DRAWS: Final = 800  # for each finalist
 _AT_ONCE: Final = 4096  # readings, whose bodies fit into a processor's cache
