@@ -182,7 +182,8 @@ class Sampler:
         """The posterior after the interactions so far.
 
         As long as they do not inform about all limbs, no attachments are weighed (see
-        ``exploring``), unless the populations agree before.
+        ``explored``), unless the populations agree before. So long bodies that explain all are not
+        searched for again and again either, but for the last time.
 
         Args:
             data: All of them.
@@ -192,7 +193,10 @@ class Sampler:
             search.observe(data, self._noise)
         if self._explores and not self._searches[0].converged:
             self._searches, exploring, share = explored(
-                self._searches, self._workers, steps=self._effort.steps
+                self._searches,
+                self._workers,
+                steps=self._effort.steps,
+                rounds=_FEW_ROUNDS if len(data) >= self._telling - 1 else 1,
             )
             if len(data) < self._telling and share < _EXPLORED:
                 return exploring
