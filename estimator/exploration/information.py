@@ -66,6 +66,7 @@ def _possible_values(models: FittedPosterior, column: int) -> str:
 
 
 _DRAWS: Final = 100  # readings for each program
+_FEWEST: Final = 50  # bodies, by which candidates are compared: the best tenth goes on
 _THINNED: Final = slice(None, None, 2)  # of the bodies, by which all but finalists are compared
 _MORE_DRAWS: Final = 800  # for each finalist
 _AT_ONCE: Final = 4096  # readings, whose bodies fit into a processor's cache
@@ -153,6 +154,7 @@ class Chooser:
         low, high = self._ends.T
         known = self._models(samples)
         few = known.some(_THINNED)
+        fewer = few.some(slice(None, None, max(1, len(few) // _FEWEST)))
         candidates = with_few_limbs(
             rng.uniform(low, high, (CANDIDATES, len(low))),
             self._limbs,
@@ -162,8 +164,8 @@ class Chooser:
         )
 
         def rough(programs: Array) -> Array:
-            (quick,) = self._read(few, programs, _PLUMB, coarse_step=True)
-            return self._bits(few, Predictions.of(quick, len(few)), rng, _DRAWS)
+            (quick,) = self._read(fewer, programs, _PLUMB, coarse_step=True)
+            return self._bits(fewer, Predictions.of(quick, len(fewer)), rng, _DRAWS)
 
         def good(programs: Array) -> Array:
             predictions = self._sure_predictions(few, programs, coarse_step=True)

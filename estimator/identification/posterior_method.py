@@ -310,10 +310,10 @@ class PosteriorMethod:
     def _cost(self) -> Counters:
         """What the run has cost by now, this process's share added to what was on disk."""
         before, sampler, reference = self._counters, self._sampler, self._reference
-        requested = sampler.requested + reference.simulations
+        simulations = sampler.simulations + reference.simulations
         return Counters(
-            simulations_requested=before.simulations_requested + requested,
-            simulations_run=before.simulations_run + sampler.simulations + reference.simulations,
+            simulations_requested=before.simulations_requested + simulations,
+            simulations_run=before.simulations_run + simulations,
             steps=before.steps + sampler.steps + reference.steps,
             wall_seconds=before.wall_seconds + time.monotonic() - self._started,
         )

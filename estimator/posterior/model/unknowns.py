@@ -191,12 +191,10 @@ class Cost(NamedTuple):
     Attributes:
         simulations: Interactions that were simulated.
         steps: Time steps of these.
-        skipped: Simulations that early rejection has made unnecessary.
     """
 
     simulations: int
     steps: int
-    skipped: int
 
     def since(self, before: Cost) -> Cost:
         """The difference to an earlier one."""
@@ -212,12 +210,10 @@ class Predictor:
 
     Attributes:
         unknowns: As above.
-        skipped: Simulations that early rejection has made unnecessary.
     """
 
     def __init__(self, unknowns: Unknowns, physics: ArrayPhysics) -> None:
         self.unknowns = unknowns
-        self.skipped = 0
         self._simulations_elsewhere = 0
         self._steps_elsewhere = 0
         self._physics = physics
@@ -239,13 +235,12 @@ class Predictor:
     @property
     def cost(self) -> Cost:
         """Counts of what was computed so far."""
-        return Cost(self.simulations, self.steps, self.skipped)
+        return Cost(self.simulations, self.steps)
 
     def add_cost(self, cost: Cost) -> None:
         """Counts what a copy has computed in a worker process."""
         self._simulations_elsewhere += cost.simulations
         self._steps_elsewhere += cost.steps
-        self.skipped += cost.skipped
 
     def read(
         self,

@@ -205,13 +205,12 @@ def attachments_found(
 
 _LOST: Final = 12.0  # nats below the best
 _STRAGGLERS: Final = 0.5  # of the chains, that may be lost in the end
-_ROUNDS: Final = 3  # at most, until there are no more of them and all readings are explained
 _LONGER: Final = 5  # times as many steps, where it is not known which part sits on which
 _ANEW: Final = 100  # steps with each number of interactions, where chains begin anew
 
 
 def explored(
-    searches: Sequence[Discovery], workers: Executor, *, steps: int
+    searches: Sequence[Discovery], workers: Executor, *, steps: int, rounds: int
 ) -> tuple[list[Discovery], Posterior, float]:
     """The posterior after the interactions so far.
 
@@ -219,11 +218,12 @@ def explored(
         searches: With each population.
         workers: Move the chains.
         steps: Of each round where limbs are known, and of sampling after them.
+        rounds: At most, until all readings are explained; each but the first begins anew.
 
     Returns:
         The searches as they go on, the posterior, and how much of it both have found.
     """
-    moved = list(workers.map(partial(_explore, steps), searches))
+    moved = list(workers.map(partial(_explore, steps, rounds), searches))
     by_population = [drawn for _, drawn in moved]
     values, scales, fits = (np.concatenate(arrays) for arrays in zip(*by_population, strict=True))
     unknowns = searches[0].predictor.unknowns
@@ -252,7 +252,9 @@ def explored(
     return [search for search, _ in moved], posterior, share
 
 
-def _explore(steps: int, search: Discovery) -> tuple[Discovery, tuple[Array, Array, Array]]:
+def _explore(
+    steps: int, rounds: int, search: Discovery
+) -> tuple[Discovery, tuple[Array, Array, Array]]:
     """Moves the chains of one population; its samples, their noise factors and their fits.
 
     They begin anew where the best body leaves something unexplained: what an interaction has led
@@ -261,7 +263,7 @@ def _explore(steps: int, search: Discovery) -> tuple[Discovery, tuple[Array, Arr
     population, unknowns = search.population, search.predictor.unknowns
     longer = steps * (_LONGER if unknowns.parents.any() else 1)
     explained = True
-    for _ in range(_ROUNDS):
+    for _ in range(rounds):
         if not explained:
             search.start_anew(_ANEW)
         bodies = search.search(longer, until_explained=True)

@@ -161,11 +161,6 @@ class Sampler:
         self._search_robots(np.array(state["away"], dtype=float))
 
     @property
-    def requested(self) -> int:
-        """Simulations that were asked for so far, those included that early rejection skipped."""
-        return self.simulations + sum(one.skipped for one in self._predictors)
-
-    @property
     def steps(self) -> int:
         """How many time steps were computed so far."""
         return sum(one.steps for one in self._predictors)
@@ -197,7 +192,8 @@ class Sampler:
         """The posterior after the interactions so far.
 
         As long as they do not inform about all limbs, no attachments are weighed (see
-        ``exploring``), unless the populations agree before.
+        ``explored``), unless the populations agree before. So long bodies that explain all are not
+        searched for again and again either, but for the last time.
 
         Args:
             data: All of them.
@@ -207,7 +203,10 @@ class Sampler:
             search.observe(data, self._noise)
         if self._explores and not self._searches[0].converged:
             self._searches, exploring, share = explored(
-                self._searches, self._workers, steps=self._effort.steps
+                self._searches,
+                self._workers,
+                steps=self._effort.steps,
+                rounds=_FEW_ROUNDS if len(data) >= self._telling - 1 else 1,
             )
             if len(data) < self._telling and share < _EXPLORED:
                 return self._completed(exploring)
