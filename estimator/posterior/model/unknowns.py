@@ -125,7 +125,7 @@ class Unknowns:
 
     def amounts(self, values: Array) -> dict[str, Array]:
         """What n points have otherwise than stated, by the names of the table; shape (n,) each."""
-        away = values[:, self.genes_size :]
+        away = values[:, self.genes_size : self.genes_size + len(self.table)]
         used = np.flatnonzero(np.any(away != 0, axis=0)).tolist()
         return {self.table[column].name: away[:, column] for column in used}
 
