@@ -81,6 +81,11 @@ class PosteriorMethod:
                 "search, population, generations and full steps belong to the method paper: leave "
                 "them out, or add --method paper"
             )
+        if config.learn != "all" and config.explore not in (None, PosteriorMethod.RULE):
+            raise EstimatorError(
+                f"--learn {config.learn} is for the rule {PosteriorMethod.RULE}, and not for "
+                f"{config.explore}: leave one of them out"
+            )
         physics = config.physics or PosteriorMethod.PHYSICS
         if not issubclass(physics_class(physics), ArrayPhysics):
             raise EstimatorError(
