@@ -61,7 +61,7 @@ class PosteriorMethod:
         listener: Hears what happens.
         make_physics: Makes the back-end that samples, for each population one.
         physics: Another such back-end, on all cores: for what is done while the workers rest.
-        workers: Move the populations' chains, and fit bodies that deviate from the problem.
+        workers: Move the populations' chains, and weigh what these have found.
         make_reference: Makes the back-end that has the last word, from the same workers.
     """
 
