@@ -43,6 +43,7 @@ _STRAYS: Final = 3.0  # nats that a fit lacks beyond what noise takes, to open w
 _WORTH: Final = 3.0  # nats below the narrow fit, a wide one that is sampled
 _WIDE: Final = 6  # of them
 _OFF: Final = 1.5  # standard deviations from which fits start
+_BENT: Final = (-0.2, -0.1, 0.1, 0.2)  # of their ranges, by which all lengths may be wrong by then
 _STRETCHED: Final = ("thickness", "mass")  # groups of the parameters that these starts have
 _DRAWN: Final = 32  # points of a set, for the next interaction,
 _DRAWN_OF: Final = 32  # of so many sets
@@ -202,7 +203,11 @@ class Weigher:
             return []
         priors = log_priors(table)
         found = []
-        for row, stated in self._integrals.fitted_wide(np.vstack([known, point])):
+        straight = np.repeat(known[None], len(_BENT), axis=0)
+        lengths = self._predictor.unknowns.continuous
+        straight[:, lengths] = np.clip(straight[:, lengths] + np.array(_BENT)[:, None], 0.0, 1.0)
+        starts = np.vstack([known, point, straight])
+        for row, stated in self._integrals.fitted_wide(starts):
             prior = priors[table[row].name]
             fit = float(self._integrals.densities(stated[None], wide=row)[0])
             found.append((fit + prior, Hypothesis(mode, stated, wide=row, log_prior=prior)))
