@@ -36,10 +36,15 @@ def drawn_genes(genome: Genome, rng: np.random.Generator) -> Array:
 
 @cache
 def on_default_robot(name: str) -> tuple[Problem, Genome, Capabilities]:
-    """A problem written out for the default robot, its genome, and what that robot says it is."""
+    """A problem written out for the default robot, its genome, and what that robot says it is.
+
+    Args:
+        name: Of a problem that ships, or of a file; or the text of one.
+    """
     body = load_body(default_body_path())
     robot = describe(configure(body, port="", levels=NoiseLevels()))
-    problem = Problem.load(name).for_robot(robot)
+    problem = Problem.parse(name, "the problem") if "\n" in name else Problem.load(name)
+    problem = problem.for_robot(robot)
     return problem, Genome(problem, problem.base(robot)), robot
 
 

@@ -11,6 +11,9 @@ by one, for which a test of uniformity would be right.
 Of many legs nothing is observed, and of 66 bodies drawn one by one 13 % of the lengths lay in the
 lowest tenth of the prior, so that good intervals seemed to fail. So lengths are points of a
 scrambled Halton sequence, which cover the prior evenly; each by itself is a draw from it.
+
+With ``--built`` robots are as people build them: what may be otherwise is drawn from the narrow
+components of the table of parameters, with their common scale from its prior.
 """
 
 from __future__ import annotations
@@ -51,6 +54,8 @@ from estimator.storage.posteriors import SURE
 from protocol.system.files import replace_text
 
 BEYOND: Final = 0.1
+SCALES: Final = {2.0: 0.4, 1.0: 0.4, 0.5: 0.2}
+"""Prior of the common scale of the narrow components, as sets of attachments are weighed under."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,6 +128,8 @@ class BodyRun(BriefRun):
         problem: Name or file.
         interactions: How many.
         seed: Of the body and of all else.
+        built: Whether the robot is as people build them, not just as stated.
+        random: Whether movements are, and only what is known after the last of them is asked.
     """
 
     leaves = "figures.json"
@@ -130,15 +137,18 @@ class BodyRun(BriefRun):
     problem: str
     interactions: int
     seed: int
+    built: bool = False
+    random: bool = False
 
     @property
     def name(self) -> str:
         """Its own in the study."""
-        return f"{Path(self.problem).stem}-{self.interactions}/{self.seed}"
+        kind = "-built" * self.built + "-random" * self.random
+        return f"{Path(self.problem).stem}-{self.interactions}{kind}/{self.seed}"
 
     def make(self, place: Path) -> None:
         """Leaves what was known of it."""
-        told = trial(self.seed, self.problem, self.interactions)
+        told = trial(self)
         replace_text(place / self.leaves, json.dumps(told))
 
     def told(self, root: Path) -> list[dict[str, Any]]:
@@ -151,19 +161,24 @@ class BodyRun(BriefRun):
         return f"{'right' if last['right'] else 'wrong'}, stated {last['probability']}"
 
 
-def trial(seed: int, problem_name: str, interactions: int) -> list[dict[str, Any]]:
+def trial(run: BodyRun) -> list[dict[str, Any]]:
     """One body, and what was known of it after each interaction."""
-    problem, genome, capabilities = on_default_robot(problem_name)
+    seed = run.seed
+    problem, genome, capabilities = on_default_robot(run.problem)
     noise = Noise.announced(capabilities)
     world, effort, rng = problem.settings(capabilities), Effort(), np.random.default_rng(seed)
-    cap, unknowns = world.clearance_cap, Unknowns(genome)
+    cap, unknowns = world.clearance_cap, Unknowns(genome, problem.table if run.built else ())
     seeds = np.random.SeedSequence(seed).spawn(effort.populations + 1)
     sampler = Sampler(
         unknowns, partial(StaticsPhysics, world), noise, effort, seeds, workers=ThisProcess()
     )
     predictor, ends = sampler.predictor, problem.program_range(capabilities)
-    body = drawn_genes(genome, rng)
+    body = unknowns.as_stated(drawn_genes(genome, rng)[None])[0]
     body[unknowns.continuous] = evenly(seed, unknowns.continuous.size)
+    scale = float(rng.choice([*SCALES], p=[*SCALES.values()])) if run.built else 0.0
+    if run.built:
+        spreads = scale * np.array([row.narrow for row in unknowns.table])
+        body[unknowns.genes_size :] = spreads * rng.standard_normal(spreads.size)
     robot = StaticsRobot(
         predictor=predictor,
         body=body,
@@ -188,15 +203,22 @@ def trial(seed: int, problem_name: str, interactions: int) -> list[dict[str, Any
     gain = InformationGain(noise, cap, tuple(MODALITIES))
     posterior, told = sampler.prior(), []
     observed: list[Observation] = []
-    for _ in range(interactions):
-        samples = posterior.sample(SAMPLES, rng)
-        chosen = Chooser(predictor, gain, ends).choose(samples, len(observed), rng)
-        observed.append(robot.perform(chosen.program))
+    for left in reversed(range(run.interactions)):
+        if run.random:
+            program, bits = problem.random_program(rng, capabilities), math.nan
+        else:
+            samples = posterior.sample(SAMPLES, rng)
+            chosen = Chooser(predictor, gain, ends).choose(samples, len(observed), rng)
+            program, bits = chosen.program, chosen.bits
+        observed.append(robot.perform(program))
+        if run.random and left:
+            continue
         data, before = SensorData.of(observed, tuple(MODALITIES), cap), posterior
         posterior = sampler.learn(data)
         summary = summarise(posterior, predictor, data, noise, indistinguishable, before=before)
         leader = posterior.modes[0].point.copy()
         leader[unknowns.continuous] = body[unknowns.continuous]
+        leader[unknowns.genes_size :] = body[unknowns.genes_size :]
         right = bool(indistinguishable(leader[None], body[None])[0])
         sampled = leg_lengths(unknowns.decode_all(posterior.values))[:, open_legs]
         low, high = np.quantile(
@@ -204,12 +226,14 @@ def trial(seed: int, problem_name: str, interactions: int) -> list[dict[str, Any
         )
         told.append(
             {
+                "interactions": len(observed),
                 "right": right,
                 "probability": summary.probability,
                 "ranks": (posterior.weights @ (sampled < lengths)).tolist(),
                 "inside": ((low <= lengths) & (lengths <= high)).tolist(),
                 "widths_mm": (1000 * (high - low)).tolist(),
-                "expected_bits": chosen.bits,
+                "scale": scale,
+                "expected_bits": bits,
                 "information_gain_bits": summary.information_gain_bits,
                 "true_bits": information_gained(before, truth, predictor, data, noise),
             }
@@ -235,7 +259,7 @@ def table(trials: Iterable[list[dict[str, Any]]]) -> str:
         "gained bits | by the true body |",
         "|---|---|---|---|---|---|---|---|---|---|---|---|",
     ]
-    for number, steps in enumerate(zip(*trials, strict=True), start=1):
+    for steps in zip(*trials, strict=True):
         known = [step for step in steps if step["probability"] is not None]
         sure = [step for step in known if step["probability"] >= SURE]
         stated = np.clip([step["probability"] for step in known], 1e-6, 1 - 1e-6)
@@ -251,7 +275,8 @@ def table(trials: Iterable[list[dict[str, Any]]]) -> str:
         )
         tenths = np.histogram(every["ranks"], bins=10, range=(0, 1))[0]
         lines.append(
-            f"| {number} | {sum(step['right'] for step in steps)} of {len(steps)} | "
+            f"| {steps[0]['interactions']} | "
+            f"{sum(step['right'] for step in steps)} of {len(steps)} | "
             f"{len(steps) - len(known)} | {len(sure)} | "
             f"{sum(step['right'] for step in sure)} | {score:.2f} | "
             f"{every['inside'].sum()} of {every['inside'].size} | "
@@ -268,10 +293,20 @@ def main() -> None:
     parser.add_argument("--problem", default="topological")
     parser.add_argument("--bodies", type=int, default=300)
     parser.add_argument("--interactions", type=int, default=4)
+    parser.add_argument("--built", action="store_true", help="robots as people build them")
+    parser.add_argument(
+        "--random", action="store_true", help="random movements, learnt from after the last"
+    )
     add_options(parser, Path("runs/simulation-based-calibration"))
     options = parser.parse_args()
     runs = [
-        BodyRun(problem=options.problem, interactions=options.interactions, seed=seed)
+        BodyRun(
+            problem=options.problem,
+            interactions=options.interactions,
+            seed=seed,
+            built=options.built,
+            random=options.random,
+        )
         for seed in range(options.bodies)
     ]
     complete_by_command(runs, options.out, options)

@@ -25,6 +25,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = _parser()
     options = parser.parse_args(arguments)
     part = options.only or options.trial or options.problem or options.seeds != REPORTED
+    part = part or options.first < len(SEEDS[REPORTED])
     if options.publish and part:
         parser.error("the tables are of the whole study: leave --publish out, or the others")
     if options.problem is None:
@@ -39,7 +40,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         for group, trials in groups.items()
         for trial in trials
         if options.trial in trial.name
-        for seed in trial.seeds
+        for seed in trial.seeds[: options.first]
         for run in [TrialRun(group=group, trial=trial, seed=seed)]
         if run.is_finished(root) or not options.done
     ]
@@ -58,6 +59,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--seeds", choices=SEEDS, default=REPORTED)
     parser.add_argument("--only", nargs="*", metavar="GROUP", help="default: all groups")
     parser.add_argument("--trial", default="", help="only trials whose name contains this")
+    parser.add_argument("--first", type=int, default=30, help="only so many of a trial's seeds")
     parser.add_argument("--done", action="store_true", help="only runs that were made before")
     add_options(parser, Path("runs/power"))
     parser.add_argument(
@@ -70,7 +72,6 @@ def _parser() -> argparse.ArgumentParser:
     hand.add_argument("--body", default=DEFAULT, help=f"name, file, prior, or {', '.join(BODIES)}")
     hand.add_argument("--engine", choices=("pybullet", "mujoco"), default="pybullet")
     hand.add_argument("--interactions", type=int, default=6)
-    hand.add_argument("--first", type=int, default=30, help="only so many of the seeds")
     return parser
 
 
@@ -81,7 +82,7 @@ def _by_hand(options: argparse.Namespace) -> Trial:
     how = (options.method, options.explore, options.engine, options.interactions)
     return Trial(
         name=" ".join(str(word) for word in (problem, name, *how) if word),
-        seeds=SEEDS[options.seeds][: options.first],
+        seeds=SEEDS[options.seeds],
         problem=text,
         interactions=options.interactions,
         method=options.method,

@@ -17,6 +17,7 @@ from xml.etree import ElementTree
 
 from bench.power.robots import (
     Robot,
+    always,
     exchanged,
     make_heavier,
     noisier,
@@ -92,16 +93,16 @@ def with_calibration(calibration: Calibration, truth: Callable[[str], str] = str
         body=shipped(DEFAULT),
         truth=truth,
         options=("--calibration", "{folder}/calibration.toml"),
-        files={"calibration.toml": to_toml(calibration)},
+        files={"calibration.toml": always(to_toml(calibration))},
     )
 
 
-def _reversed_tilt(axis: int) -> Robot:
+def reversed_tilt(axis: int) -> Robot:
     """A robot whose accelerometer has a sign reversed."""
     gains = [VOLTS_PER_G] * 3
     gains[axis] = -VOLTS_PER_G
     opposite = ("hip_front", "hip_back") if axis == 0 else ("hip_left", "hip_right")
-    return with_calibration(_measured_with(gains), partial(exchanged, *opposite))
+    return with_calibration(measured_with(gains), partial(exchanged, *opposite))
 
 
 def _along_the_diagonal(urdf: str) -> str:
@@ -109,7 +110,8 @@ def _along_the_diagonal(urdf: str) -> str:
     return exchanged("hip_left", "hip_front", exchanged("hip_right", "hip_back", urdf))
 
 
-def _measured_with(volts_per_g: Sequence[float]) -> Calibration:
+def measured_with(volts_per_g: Sequence[float]) -> Calibration:
+    """What a daemon believes whose accelerometer gives so many volts per g."""
     axes = AxesCalibration(unit="V", zero=(ZERO_VOLTS,) * 3, per_g=tuple(volts_per_g))
     return Calibration(robot=DEFAULT, revision=1, accelerometer=axes)
 
@@ -121,9 +123,18 @@ def _turning(factor: float, *, servos: int) -> Robot:
 
 def with_servo_calibration(angles: Sequence[Callable[[float], float]]) -> Robot:
     """A robot whose daemon believes its first servos at other angles than they are, rad."""
+    return with_calibration(
+        Calibration(robot=DEFAULT, revision=1, joints=servos_calibrated(angles))
+    )
+
+
+def servos_calibrated(
+    angles: Sequence[Callable[[float], float]],
+) -> dict[str, JointCalibration]:
+    """What is believed of the default robot's first servos: angles for those that they are at."""
     body = load_body(body_path(DEFAULT))
     joints = configure(body, port="/dev/null", levels=NoiseLevels()).joints
-    calibrated = {
+    return {
         joint.name: JointCalibration(
             lower_limit=joint.lower_limit,
             upper_limit=joint.upper_limit,
@@ -134,7 +145,6 @@ def with_servo_calibration(angles: Sequence[Callable[[float], float]]) -> Robot:
         )
         for joint, calibrated_at in zip(joints, angles, strict=False)
     }
-    return with_calibration(Calibration(robot=DEFAULT, revision=1, joints=calibrated))
 
 
 _DULL: Final = {
@@ -155,7 +165,7 @@ FAULTS: Final = {
         truth=partial(exchanged, "hip_left", "hip_front"),
         options=("--fault", "servos.swapped=1"),
     ),
-    "left/right tilt reversed": _reversed_tilt(1),
+    "left/right tilt reversed": reversed_tilt(1),
     "tilt axes exchanged": Robot(
         body=shipped(DEFAULT),
         truth=_along_the_diagonal,
@@ -168,7 +178,7 @@ FAULTS: Final = {
     "servos turning 1.2 times as far": _turning(1.2, servos=8),
     "one servo turning 1.3 times as far": _turning(1.3, servos=1),
     "accelerometer that feels a fifth less": with_calibration(
-        _measured_with((1.25 * VOLTS_PER_G, 1.25 * VOLTS_PER_G, VOLTS_PER_G))
+        measured_with((1.25 * VOLTS_PER_G, 1.25 * VOLTS_PER_G, VOLTS_PER_G))
     ),
     "distance sensor that reads 7 mm too much": with_calibration(
         Calibration(

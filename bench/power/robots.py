@@ -12,8 +12,24 @@ from xml.etree import ElementTree
 from bench.prior_bodies import drawn_body
 from sim_robot.world.body import DEFAULT, body_path
 
-BodyOf = Callable[[int], str]
-"""URDF of the body of a seed."""
+TextOf = Callable[[int], str]
+"""The URDF of a seed's body, or the content of its file."""
+
+
+@dataclass(frozen=True)
+class Otherwise:
+    """The one thing that a robot has otherwise than its problem says.
+
+    Attributes:
+        cause: The row of the table of parameters, or how its name begins; empty: there is none.
+        amount: How far it is from what is stated: SI, of factors their logarithms; ``None``: there
+            is nothing to measure.
+        narrow: Whether it is something that is always a little otherwise, and no cause.
+    """
+
+    cause: str
+    amount: float | None = None
+    narrow: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,20 +42,22 @@ class Robot:
             instance, where a tilt has its sign reversed.
         options: Of ``sim-robotd``; ``{folder}`` stands for the folder of ``files``.
         files: Content by name.
+        otherwise: What it has otherwise than its problem says; ``None``: nothing, or many things.
     """
 
-    body: BodyOf
+    body: TextOf
     truth: Callable[[str], str] = str
     options: tuple[str, ...] = ()
-    files: Mapping[str, str] = field(default_factory=dict)
+    files: Mapping[str, TextOf] = field(default_factory=dict)
+    otherwise: Otherwise | None = None
 
 
-def shipped(name: str) -> BodyOf:
+def shipped(name: str) -> TextOf:
     """A body that comes with the simulator, by name, or one of a file."""
     return partial(_read, name)
 
 
-def from_prior(problem: str) -> BodyOf:
+def from_prior(problem: str) -> TextOf:
     """A body drawn from a problem's prior."""
     return partial(drawn_body, problem)
 
@@ -48,12 +66,22 @@ def noisier(factor: float) -> Robot:
     """The default robot with so many times the noise that it announces."""
     noise = f"tilt_deg = {0.3 * factor}\nclearance_mm = {factor}\nannounced = {1 / factor!r}\n"
     options = ("--noise", "{folder}/noise.toml")
-    return Robot(body=shipped(DEFAULT), options=options, files={"noise.toml": noise})
+    return Robot(body=shipped(DEFAULT), options=options, files={"noise.toml": always(noise)})
 
 
-def with_leg_mass(name: str, factor: float) -> BodyOf:
+def with_leg_mass(name: str, factor: float) -> TextOf:
     """A body that ships, with every link but the main body so many times as heavy."""
     return partial(_heavier, name, factor)
+
+
+def always(text: str) -> TextOf:
+    """The same for each seed."""
+    return partial(_same, text)
+
+
+def _same(text: str, seed: int) -> str:
+    del seed
+    return text
 
 
 def _read(name: str, seed: int) -> str:
@@ -118,7 +146,7 @@ def two_on_one_side(seed: int) -> str:
     )
 
 
-BODIES: Final[Mapping[str, BodyOf]] = {
+BODIES: Final[Mapping[str, TextOf]] = {
     "damaged leg": shipped("damaged_leg"),
     "unequal legs": shipped("unequal_legs"),
     "leg on leg": shipped("leg_on_leg"),

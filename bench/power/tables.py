@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from bench.power.built import BUILT
 from bench.power.study import FAULTY, KNOWN_ATTACHMENTS, SUBJECTS
 from bench.power.trial import Figures, Step, Trial, TrialRun
 from estimator.report.canvas import COLOURS, new_figure
@@ -19,6 +20,9 @@ from estimator.storage.posteriors import SURE
 Runs = Sequence[tuple[Trial, Sequence[Figures]]]
 Steps = Sequence[tuple[Figures, Step]]
 """Runs after one interaction."""
+
+LIKELY: Final = 0.5
+"""That something is otherwise, from which on a verdict says what."""
 
 _BINS: Final = (0.0, 0.5, 0.8, SURE, 0.99, 1.0 + 1e-9)
 
@@ -42,31 +46,37 @@ def overview(done: Mapping[str, Runs], made: str) -> str:
     parts = [f"{made}\n"]
     for group, runs in done.items():
         parts.append(f"\n## {group.capitalize()}\n\n{SUBJECTS.get(group, '')}\n\n")
-        rows = fault_rows(runs) if group in FAULTY else summary_rows(runs)
-        parts.append(markdown(FAULTS if group in FAULTY else SUMMARY, rows))
+        if group == BUILT:
+            parts.append(markdown(BUILT_SUMMARY, built_summary(runs)))
+        elif group in FAULTY:
+            parts.append(markdown(FAULTS, fault_rows(runs)))
+        else:
+            parts.append(markdown(SUMMARY, summary_rows(runs)))
     sound = {
         group: [one for _, some in runs for one in some]
         for group, runs in done.items()
-        if group not in FAULTY
+        if group not in FAULTY and group != BUILT
     }
     parts.append(_calibration(sound))
     return "".join(parts)
 
 
 def write_tables(done: Mapping[str, Runs], folder: Path, made: str) -> None:
-    """Writes ``summary.csv``, ``runs.csv`` and ``faults.csv``: after each interaction, each run.
+    """Writes ``summary.csv``: after each interaction; the others hold each run.
 
     Args:
         done: Runs by group.
         folder: Where.
         made: What is written of the commits into each line.
     """
-    sound = {group: runs for group, runs in done.items() if group not in FAULTY}
+    built = {group: runs for group, runs in done.items() if group == BUILT}
     faulty = {group: runs for group, runs in done.items() if group in FAULTY}
+    sound = {group: runs for group, runs in done.items() if group not in {*built, *faulty}}
     for name, header, groups, rows in (
         ("summary", SUMMARY, sound, summary_rows),
         ("runs", RUNS, sound, run_rows),
         ("faults", FAULTS, faulty, fault_rows),
+        ("built", BUILT_RUNS, built, built_rows),
     ):
         with (folder / f"{name}.csv").open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file, lineterminator="\n")
@@ -88,6 +98,17 @@ RUNS: Final = (
 FAULTS: Final = (
     *("robot", "seed", "attachments right", "stated", "leg errors (mm)"),
     *("certain and wrong", "what it says"),
+)
+
+
+BUILT_SUMMARY: Final = (
+    *("robot", "all right", "owned", "stated >= 0.95", "of these right", "certain and wrong"),
+    *("legs in their 90 % interval", "half-width (mm)", "named", "amount", "CPU (s)"),
+)
+BUILT_RUNS: Final = (
+    *("robot", "seed", "attachments right", "stated", "owned", "leg errors (mm)", "inside"),
+    *("half-widths (mm)", "half-widths as stated (mm)", "causes", "named", "amount"),
+    *("certain and wrong", "CPU (s)", "what it says"),
 )
 
 
@@ -170,6 +191,87 @@ def fault_rows(runs: Runs) -> Iterator[tuple[str, ...]]:
             errors = " ".join(f"{error:+.0f}" for error in _last_errors(one))
             wrong = "yes" if one.certain_and_wrong else "no"
             yield trial.name, str(one.seed), cells, stated, errors, wrong, one.verdict
+
+
+def built_summary(runs: Runs) -> Iterator[tuple[str, ...]]:
+    """Each kind of robot that is built otherwise than its problem says."""
+    for trial, figures in runs:
+        lasts = [one.steps[-1] for one in figures if one.steps]
+        sure = [one.right for one in figures if one.certain]
+        inside = [held for last in lasts for held in last.inside]
+        built = [width / 2 for last in lasts for width in last.widths_mm]
+        stated = [width / 2 for last in lasts for width in last.stated_widths_mm]
+        yield (
+            trial.name,
+            f"{sum(one.right for one in figures)} of {len(figures)}",
+            str(sum(one.explained for one in figures)),
+            str(len(sure)),
+            str(sum(sure)),
+            str(sum(one.certain_and_wrong for one in figures)),
+            f"{sum(inside)} of {len(inside)}",
+            f"{_mean(built)}; {_mean(stated)}",
+            _share(_is_named(trial, last) for last in lasts),
+            _share(_holds_amount(trial, last) for last in lasts),
+            f"{np.mean([one.cpu_seconds for one in figures]):.0f}",
+        )
+
+
+def built_rows(runs: Runs) -> Iterator[tuple[str, ...]]:
+    """Every robot that is built otherwise than its problem says."""
+    for trial, figures in runs:
+        for one in figures:
+            if not one.steps:
+                yield trial.name, str(one.seed), *["–"] * (len(BUILT_RUNS) - 3), one.verdict
+                continue
+            last = one.steps[-1]
+            yield (
+                trial.name,
+                str(one.seed),
+                f"{last.cells} of {one.cells}",
+                "–" if last.probability is None else f"{last.probability:.3f}",
+                "yes" if one.explained else "no",
+                " ".join(f"{error:+.1f}" for error in last.leg_errors_mm),
+                f"{sum(last.inside)} of {len(last.inside)}",
+                " ".join(f"{width / 2:.1f}" for width in last.widths_mm),
+                " ".join(f"{width / 2:.1f}" for width in last.stated_widths_mm),
+                "; ".join(f"{name} {share:.2f}" for name, share in last.causes),
+                _yes(_is_named(trial, last)),
+                _yes(_holds_amount(trial, last)),
+                "yes" if one.certain_and_wrong else "no",
+                f"{one.cpu_seconds:.0f}",
+                one.verdict,
+            )
+
+
+def _is_named(trial: Trial, last: Step) -> bool | None:
+    """Whether what is otherwise is said first, alone or as one of two; ``None``: not asked."""
+    true = trial.robot.otherwise
+    if true is None or not true.cause or true.narrow:
+        return None
+    said = [name for name, _ in last.causes[:2] if sum(share for _, share in last.causes) >= LIKELY]
+    return any(name.startswith(true.cause) for name in said)
+
+
+def _holds_amount(trial: Trial, last: Step) -> bool | None:
+    """Whether its interval holds how far the robot is from what is stated; ``None``: not asked."""
+    true = trial.robot.otherwise
+    if true is None or true.amount is None:
+        return None
+    low, high = last.amounts.get(true.cause, (0.0, 0.0))
+    return low <= true.amount <= high
+
+
+def _yes(answer: bool | None) -> str:
+    return "–" if answer is None else "yes" if answer else "no"
+
+
+def _share(answers: Iterable[bool | None]) -> str:
+    known = [one for one in answers if one is not None]
+    return f"{sum(known)} of {len(known)}" if known else "–"
+
+
+def _mean(values: Sequence[float]) -> str:
+    return f"{np.mean(values):.1f}" if values else "–"
 
 
 def _calibration(done: Mapping[str, Sequence[Figures]]) -> str:

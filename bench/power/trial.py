@@ -27,7 +27,7 @@ from estimator.report.result import Result
 from estimator.report.run_files import write_report
 from estimator.reproduction.harness import BriefRun
 from estimator.reproduction.robot_process import RobotProcess
-from estimator.storage.posteriors import SURE
+from estimator.storage.posteriors import SURE, StoredPosterior
 from estimator.storage.run_config import MethodName, RunConfig
 from estimator.storage.store import RunStore
 from protocol.errors import BodyschemaError
@@ -74,6 +74,11 @@ class Step(BaseModel):
         leg_errors_mm: Estimated minus true.
         inside: Whether each leg's 90 % interval holds its true length.
         widths_mm: Of these intervals.
+        stated_widths_mm: Of the intervals that a robot just as stated would have.
+        causes: What is named that may be otherwise, and how probable it is, the most probable
+            first.
+        amounts: How far what may be otherwise is from what is stated, where it is open: 90 %
+            intervals by the rows of the table of parameters.
         cpu_seconds: Of the estimator by then.
     """
 
@@ -85,6 +90,9 @@ class Step(BaseModel):
     leg_errors_mm: tuple[float, ...]
     inside: tuple[bool, ...] = ()
     widths_mm: tuple[float, ...] = ()
+    stated_widths_mm: tuple[float, ...] = ()
+    causes: tuple[tuple[str, float], ...] = ()
+    amounts: dict[str, tuple[float, float]] = {}
     cpu_seconds: float
 
 
@@ -192,7 +200,7 @@ def _run(trial: Trial, seed: int, place: Path) -> Figures:
     (place / "body.urdf").write_text(body, encoding="utf-8")
     (place / "truth.urdf").write_text(robot.truth(body), encoding="utf-8")
     for name, content in robot.files.items():
-        (place / name).write_text(content, encoding="utf-8")
+        (place / name).write_text(content(seed), encoding="utf-8")
     problem = trial.problem
     if "\n" in problem:
         problem = str(place / "problem.toml")
@@ -250,8 +258,7 @@ class _Summary:
     best: Array
     probability: float | None = None
     explained: bool = True
-    genes: Array | None = None
-    weights: Array | None = None
+    posterior: StoredPosterior | None = None
 
 
 class Judge:
@@ -298,16 +305,9 @@ def held_against(
         judge = Judge(store, truth, physics)
         for summary, seconds in zip(_summaries(store), cpu_seconds, strict=False):
             right, count, errors = judge.of(summary.best)
-            interval: dict[str, Any] = {}
-            if summary.genes is not None:
-                lengths = leg_lengths(store.genome.decode_all(summary.genes))
-                low, high = np.quantile(
-                    lengths, (0.05, 0.95), axis=0, weights=summary.weights, method="inverted_cdf"
-                )
-                interval = {
-                    "inside": ((low <= judge.legs) & (judge.legs <= high)).tolist(),
-                    "widths_mm": (1000 * (high - low)).tolist(),
-                }
+            known = (
+                {} if summary.posterior is None else _known(store, summary.posterior, judge.legs)
+            )
             steps.append(
                 Step(
                     probability=summary.probability,
@@ -315,10 +315,36 @@ def held_against(
                     cells=right,
                     leg_errors_mm=tuple(errors),
                     cpu_seconds=seconds,
-                    **interval,
+                    **known,
                 )
             )
     return count, tuple(steps)
+
+
+def _known(store: RunStore, posterior: StoredPosterior, legs: Array) -> dict[str, Any]:
+    """What a posterior says of lengths and of all that may be otherwise, as fields of a step."""
+    weights = np.array(posterior.weights)
+    lengths = leg_lengths(store.genome.decode_all(np.array(posterior.genes)))
+    low, high = _interval(lengths, weights)
+    amounts = {}
+    for name, away in posterior.amounts.items():
+        far = np.array(away)
+        (own,) = np.nonzero(far)
+        lowest, highest = _interval(far[own, None], weights[own])
+        amounts[name] = (float(lowest[0]), float(highest[0]))
+    return {
+        "inside": ((low <= legs) & (legs <= high)).tolist(),
+        "widths_mm": (1000 * (high - low)).tolist(),
+        "stated_widths_mm": [1000 * (one.high - one.low) for one in posterior.as_stated_m],
+        "causes": tuple((one.name, one.probability) for one in posterior.causes),
+        "amounts": amounts,
+    }
+
+
+def _interval(values: Array, weights: Array) -> Array:
+    """Ends of the 90 % intervals of columns, shape (2, columns)."""
+    ends: Array = np.quantile(values, (0.05, 0.95), axis=0, weights=weights, method="inverted_cdf")
+    return ends
 
 
 def _summaries(store: RunStore) -> Iterator[_Summary]:
@@ -327,8 +353,7 @@ def _summaries(store: RunStore) -> Iterator[_Summary]:
             np.array(summary.best),
             summary.probability,
             summary.explained,
-            np.array(summary.genes),
-            np.array(summary.weights),
+            summary,
         )
     last = {one.iteration: one for one in store.generations()}
     for _, generation in sorted(last.items()):

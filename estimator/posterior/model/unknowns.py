@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from functools import cached_property
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -35,6 +34,7 @@ class Unknowns:
     Args:
         genome: The code between genes and bodies.
         table: What may be otherwise; nothing by default.
+        taken: What is otherwise of all points alike, for which they have no columns; and how far.
 
     Attributes:
         table: As above.
@@ -52,8 +52,14 @@ class Unknowns:
         hinges: Columns of these parts' hinges, part by part.
     """
 
-    def __init__(self, genome: Genome, table: Sequence[Parameter] = ()):
+    def __init__(
+        self,
+        genome: Genome,
+        table: Sequence[Parameter] = (),
+        taken: tuple[Sequence[Parameter], Array] = ((), np.empty(0)),
+    ):
         self._genome = genome
+        self._taken = taken
         self.table = tuple(table)
         genes = genome.genes
         self.genes_size = len(genes)
@@ -92,14 +98,15 @@ class Unknowns:
 
     def bodies(self, values: Array) -> Bodies:
         """The bodies of n points, shape (n, size)."""
-        return applied(
-            self.table, self._genome.bodies(self.cube(values)), values[:, self.genes_size :]
-        )
+        table, away = self._taken
+        bodies = self._genome.bodies(self.cube(values))
+        if away.any():
+            bodies = applied(table, bodies, away[None].repeat(len(values), axis=0))
+        return applied(self.table, bodies, values[:, self.genes_size :])
 
-    @cached_property
-    def searched(self) -> Unknowns:
-        """The cube alone: bodies that are as stated."""
-        return Unknowns(self._genome) if self.table else self
+    def searched(self, away: Array) -> Unknowns:
+        """The cube alone: bodies that are all so far from what is stated, shape (rows,)."""
+        return Unknowns(self._genome, taken=(self.table, away)) if self.table else self
 
     def cube(self, values: Array) -> Array:
         """What n points are in the cube, shape (n, genes)."""
@@ -107,7 +114,35 @@ class Unknowns:
 
     def as_stated(self, genes: Array) -> Array:
         """Points of n genomes that are as stated, shape (n, size)."""
-        return np.pad(genes, ((0, 0), (0, len(self.table))))
+        return self.otherwise(genes, np.zeros(len(self.table)))
+
+    def otherwise(self, genes: Array, away: Array) -> Array:
+        """Points of n genomes, shape (n, size), all so far from what is stated, shape (rows,)."""
+        return np.hstack([genes, away[None].repeat(len(genes), axis=0)])
+
+    def log_narrow(self, values: Array, apart: Columns) -> Array:
+        """Logarithm of the narrow components' density of n points beside its peak, shape (n,).
+
+        Args:
+            values: The points.
+            apart: A row of the table that does not count, for each, shape (n,); −1: all do.
+        """
+        narrow = np.array([row.narrow for row in self.table])
+        own = np.where(narrow > 0, values[:, self.genes_size :] / np.where(narrow, narrow, 1), 0.0)
+        own[np.flatnonzero(apart >= 0), apart[apart >= 0]] = 0.0
+        density: Array = -0.5 * np.sum(own**2, axis=1)
+        return density
+
+    def as_built(self, values: Array) -> Array:
+        """The n points, as stated in all that has no narrow component."""
+        narrow = [row.narrow > 0 for row in self.table]
+        return np.where([True] * self.genes_size + narrow, values, 0.0)
+
+    def typical(self, values: Array) -> Array:
+        """How far n points are from what is stated, on average; shape (rows,)."""
+        away: Array = values[:, self.genes_size :].mean(axis=0)
+        switches = np.array([row.switch for row in self.table], dtype=bool)
+        return np.where(switches, np.round(away), away)
 
     def points(self, genes: Array, amounts: Mapping[str, Array]) -> Array:
         """Points of n genomes, shape (n, size), of robots with amounts by the names of the table.

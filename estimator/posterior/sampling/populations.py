@@ -25,7 +25,7 @@ from estimator.posterior.discovery.population import EVERY, Population
 from estimator.posterior.model.likelihood import Noise
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.special import softmax
-from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
+from estimator.posterior.model.unknowns import Attachments, Unknowns
 from estimator.posterior.posterior import Mode, Posterior, coverage, found_by_each
 from estimator.posterior.sampling.evidence import EvidenceEstimator
 from estimator.storage.posteriors import OUTLIERS
@@ -36,6 +36,8 @@ CONSIDERED: Final = 16.0
 ENOUGH_TO_ERR: Final = 5
 """Interactions, of which one may be left unexplained."""
 
+_BUILT: Final = 14.0  # more where no robot explains the readings that is as it was taken to be
+_FITTED: Final = 120  # sets of attachments of which it is seen what robots as built explain
 _AS_GOOD: Final = 3.0  # nats that the lengths which a population found may fit worse
 _AS_PROBABLE: Final = 3.0  # nats
 _BAD: Final = 2.33  # excess, as one right body of a hundred has
@@ -69,7 +71,7 @@ class Agreement:
     def of(
         cls,
         bodies: Sequence[BestPoints],
-        predictor: Predictor,
+        away: Array,
         estimator: EvidenceEstimator,
         data: SensorData,
         noise: Noise,
@@ -78,23 +80,40 @@ class Agreement:
 
         Args:
             bodies: What each population has found.
-            predictor: Computes readings.
+            away: How far their robots are from what is stated, shape (rows,).
             estimator: Guesses evidences.
             data: The observations.
             noise: Sensor noise.
         """
-        unknowns = predictor.unknowns
+        unknowns = estimator.predictor.unknowns
         together = BestPoints.joined(bodies, unknowns)
         best = float(together.fits[0])
-        points = together.values[together.fits > best - CONSIDERED]
-        guesses = estimator.guess(points)
+        everyone = unknowns.otherwise(together.values, away)
+        stated = everyone[together.fits > best - CONSIDERED]
+        points, guesses = stated, estimator.guess(stated)
+        fit = fit_of(points[int(np.argmax(guesses))], estimator.predictor, data, noise)
+        if unknowns.table and fit.is_improvable:
+            stated = everyone[together.fits > best - CONSIDERED - _BUILT]
+            points, guesses = stated.copy(), estimator.guess(stated)
+            first = np.argsort(-guesses, kind="stable")[:_FITTED]
+            points[first], guesses[first] = estimator.as_built(stated[first])
+            fit = fit_of(points[int(np.argmax(guesses))], estimator.predictor, data, noise)
+        found = [
+            attachments_found(
+                BestPoints(values=unknowns.otherwise(one.values, away), fits=one.fits),
+                stated,
+                estimator,
+                unknowns,
+            )
+            for one in bodies
+        ]
         return cls(
             points=points,
             keys=unknowns.keys(points),
             best=best,
             guesses=guesses,
-            found=[attachments_found(one, points, estimator, unknowns) for one in bodies],
-            fit=fit_of(points[int(np.argmax(guesses))], predictor, data, noise),
+            found=found,
+            fit=fit,
             may_err=len(data) >= ENOUGH_TO_ERR,
         )
 

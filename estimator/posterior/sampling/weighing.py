@@ -22,8 +22,7 @@ from estimator.body.morphology import Array
 from estimator.parameters.table import DEVIATES, log_priors
 from estimator.posterior.model.gauss_newton import Free, GaussNewton
 from estimator.posterior.model.likelihood import Likelihood, Noise
-from estimator.posterior.model.noise import MEAN_LOSS
-from estimator.posterior.model.sensor_data import SCALED, SensorData
+from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.special import logsumexp, softmax
 from estimator.posterior.model.unknowns import Columns, Cost, Predictor
 from estimator.posterior.posterior import CauseShare, Posterior, systematic
@@ -38,12 +37,13 @@ _SHARED: Final = 2  # where so many times as many as one may have are shared amo
 _SCALES: Final = {2.0: 0.4, 1.0: 0.4, 0.5: 0.2}  # of the spreads, and their probabilities
 _CLOSE: Final = 5.0  # nats below the best, sets that are weighed again under each,
 _FEW: Final = 6  # if no more are so close
-_LEADERS: Final = 3  # of these, some for which wide components are looked at
-_STRAYS: Final = 3.0  # nats that a fit lacks beyond what noise takes, to open wide components
-_WORTH: Final = 3.0  # nats below the narrow fit, a wide one that is sampled
+_LEADERS: Final = 3  # sets for which wide components are looked at
+_WORTH: Final = 5.0  # nats below the best without any, wide ones that are sampled
 _WIDE: Final = 6  # of them
 _OFF: Final = 1.5  # standard deviations from which fits start
 _BENT: Final = (-0.2, -0.1, 0.1, 0.2)  # of their ranges, by which all lengths may be wrong by then
+_PEAKS: Final = 3  # of these fits, where particles start,
+_LOWER: Final = 10.0  # but none so many nats below the best
 _STRETCHED: Final = ("thickness", "mass")  # groups of the parameters that these starts have
 _DRAWN: Final = 32  # points of a set, for the next interaction,
 _DRAWN_OF: Final = 32  # of so many sets
@@ -130,16 +130,16 @@ class Weigher:
         self._likelihood = Likelihood(data, noise)
         self._integrals = _Integrals(predictor, data, self._likelihood)
 
-    def weighed(self, genes: Array, guesses: Array, samples: int) -> WeighedModes:
+    def weighed(self, points: Array, guesses: Array, samples: int) -> WeighedModes:
         """The posterior over sets of attachments, and over what else is open.
 
         Args:
-            genes: The best of each set as if it were as stated, shape (n, genes).
+            points: The best of each set, shape (n, size).
             guesses: Of their evidences, shape (n,).
             samples: How many points are drawn of the posterior.
         """
         rows, log_chances = drawn(guesses, self._rng)
-        points = self._predictor.unknowns.as_stated(genes[rows])
+        points = self._predictor.unknowns.as_built(points[rows])
         hoped = guesses[rows] - log_chances
         near = int(np.count_nonzero(hoped >= hoped.max() - _WEIGHED))
         each = min(_SHARED * self._particles // near, self._particles // _FIRST)
@@ -148,7 +148,7 @@ class Weigher:
         while len(weights) < len(rows) and hoped[len(weights)] >= best - _WEIGHED:
             few = range(len(weights), min(len(weights) + 2 * _AT_ONCE, len(rows)))
             first = [Hypothesis(row, points[row]) for row in few]
-            weights += self._of(first, max(each, _FEWEST), log_chances)
+            weights += self._of(first, max(each, _FEWEST), log_chances, settles=False)
             best = max(one.log for one in weights)
         points = np.array([one.hypothesis.point for one in weights])
         close = _close(weights)
@@ -172,7 +172,8 @@ class Weigher:
                 weights[row] = one
             return None
         mode, point, *_ = weights[close[0]].hypothesis
-        exact = Hypothesis(mode, point, scale=0.0)
+        unknowns = self._predictor.unknowns
+        exact = Hypothesis(mode, unknowns.as_stated(unknowns.cube(point[None]))[0], scale=0.0)
         (stated,) = self._of([exact], self._particles // 2, log_chances)
         narrow = [
             weights[row].hypothesis._replace(
@@ -182,41 +183,48 @@ class Weigher:
             for scale, share in _SCALES.items()
         ]
         again = self._of(narrow, self._particles, log_chances)
-        for number, row in enumerate(close):
+        leaders = [*close[:_LEADERS], *range(min(_LEADERS, len(weights)))]  # also as first guessed
+        screened = [
+            self._screened([one for one in again if one.hypothesis.mode == row] or [weights[row]])
+            for row in dict.fromkeys(leaders)
+        ]
+        least = max(guess for guess, _ in screened) - _WORTH
+        for _, wide in screened:
+            again += self._of(
+                [one for guess, one in wide if guess > least], self._particles, log_chances
+            )
+        for row in close:
             weights[row] = weights[row]._replace(log=-math.inf)
-            if number < _LEADERS:
-                own = [one for one in again if one.hypothesis.mode == row]
-                again += self._of(self._wide(own), self._particles, log_chances)
         weights += again
         return stated.particles.values
 
-    def _wide(self, narrow: Sequence[_Weight]) -> list[Hypothesis]:
-        """Wide components that may explain readings about as well as the narrow ones of a set."""
-        table = self._predictor.unknowns.table
+    def _screened(
+        self, narrow: Sequence[_Weight]
+    ) -> tuple[float, Sequence[tuple[float, Hypothesis]]]:
+        """Guessed evidences of a set: of its narrow components, and of the best with wide ones."""
         leader = max(narrow, key=lambda one: one.log)
         mode, point, *_ = leader.hypothesis
-        fits = self._integrals.densities(leader.particles.values)
-        known = leader.particles.values[int(np.argmax(fits))]
-        read = sum(self._data.observed[name].known.count.sum() for name in SCALED)
-        lacks = float(self._likelihood.best().sum() - fits.max()) - MEAN_LOSS * float(read)
-        if lacks < _STRAYS:
-            return []
+        known = leader.particles.values[int(np.argmax(leader.particles.fits))]
+        table = self._predictor.unknowns.table
         priors = log_priors(table)
-        found = []
         straight = np.repeat(known[None], len(_BENT), axis=0)
         lengths = self._predictor.unknowns.continuous
         straight[:, lengths] = np.clip(straight[:, lengths] + np.array(_BENT)[:, None], 0.0, 1.0)
-        starts = np.vstack([known, point, straight])
-        for row, stated in self._integrals.fitted_wide(starts):
+        guess, fitted = self._integrals.fitted_wide(np.vstack([known, point, straight]))
+        wide = []
+        for of_row, row, stated in fitted:
             prior = priors[table[row].name]
-            fit = float(self._integrals.densities(stated[None], wide=row)[0])
-            found.append((fit + prior, Hypothesis(mode, stated, wide=row, log_prior=prior)))
-        found.sort(key=lambda one: -one[0])
-        worth = [one for fit, one in found if fit > fits.max() - _WORTH]
-        return worth[:_WIDE]
+            wide.append((of_row + prior, Hypothesis(mode, stated, wide=row, log_prior=prior)))
+        wide.sort(key=lambda one: -one[0])
+        return guess, wide[:_WIDE]
 
     def _of(
-        self, hypotheses: Sequence[Hypothesis], particles: int, log_chances: Array
+        self,
+        hypotheses: Sequence[Hypothesis],
+        particles: int,
+        log_chances: Array,
+        *,
+        settles: bool = True,
     ) -> list[_Weight]:
         """Weights of hypotheses, which begin at better points than they had."""
         groups: dict[int, list[int]] = {}
@@ -229,7 +237,7 @@ class Weigher:
         ]
         seeds = self._rng.integers(2**32, size=len(batches)).tolist()
         tasks = [
-            ([hypotheses[number] for number in batch], _even(particles), seed)
+            ([hypotheses[number] for number in batch], _even(particles), settles, seed)
             for batch, seed in zip(batches, seeds, strict=True)
         ]
         weights: dict[int, _Weight] = {}
@@ -312,27 +320,31 @@ class _Integrals:
         self._narrow = [row for row, one in enumerate(table) if one.narrow]
 
     def with_cost(
-        self, task: tuple[Sequence[Hypothesis], int, int]
+        self, task: tuple[Sequence[Hypothesis], int, bool, int]
     ) -> tuple[list[tuple[Hypothesis, Particles]], Cost]:
         """Hypotheses that have as many columns, at the points that fit best, and what that cost.
 
         Args:
-            task: These, how many particles of each, and a seed.
+            task: These, how many particles of each, whether they settle, and a seed.
         """
-        hypotheses, particles, seed = task
+        hypotheses, particles, settles, seed = task
         before = self._predictor.cost
         free, points = self._free(hypotheses), np.array([one.point for one in hypotheses])
-        points = self._polished(points, hypotheses, free)
+        peaks = self._peaks(points, hypotheses, free, several=settles)
+        count, each, size = peaks.shape
+        which = np.repeat(np.arange(count), each)
+        slopes = self._solver.slopes(peaks.reshape(-1, size), free=free[which])
         results = tempered(
-            points,
+            peaks,
             free,
-            self._solver.slopes(points, free=free).precision,
+            slopes.precision.reshape(count, each, *slopes.precision.shape[1:]),
             predictor=self._predictor,
             likelihood=self._likelihood,
             rng=np.random.default_rng(seed),
             particles=particles,
+            settles=settles,
         )
-        better = (one._replace(point=point) for one, point in zip(hypotheses, points, strict=True))
+        better = (one._replace(point=own[0]) for one, own in zip(hypotheses, peaks, strict=True))
         return list(zip(better, results, strict=True)), self._predictor.cost.since(before)
 
     def columns(self, one: Hypothesis) -> list[int]:
@@ -359,60 +371,76 @@ class _Integrals:
         parameter = self._predictor.unknowns.table[row]
         return parameter.wide if row == one.wide else one.scale * parameter.narrow
 
-    def _polished(self, points: Array, hypotheses: Sequence[Hypothesis], free: Free) -> Array:
-        """The best points from there, and from robots that are thicker, thinner, and so on."""
-        starts = [points]
-        if len(points) <= _FEW and free.normal.any():
-            for row, parameter in enumerate(self._predictor.unknowns.table):
-                if parameter.group in _STRETCHED and parameter.narrow:
-                    for sign in (-_OFF, _OFF):
-                        moved = points.copy()
-                        moved[:, self._first + row] += sign * parameter.narrow
-                        starts.append(moved)
-        which = np.tile(np.arange(len(points)), len(starts))
-        found, fits = self._solver.polished(np.vstack(starts), free=free[which])
-        best = np.argmax(fits.reshape(len(starts), -1), axis=0)
-        chosen: Array = found[best * len(points) + np.arange(len(points))]
-        return chosen
+    def _peaks(
+        self, points: Array, hypotheses: Sequence[Hypothesis], free: Free, *, several: bool
+    ) -> Array:
+        """The best point from each, or a few, from robots that are thicker, thinner, and so on.
 
-    def fitted_wide(self, starts: Array) -> list[tuple[int, Array]]:
-        """For each wide component the point that fits best with it, the rest as it is but lengths.
+        Returns:
+            Shape (n, peaks, size), the best first.
+        """
+        starts = [points]
+        rows = [
+            row
+            for row, parameter in enumerate(self._predictor.unknowns.table)
+            if parameter.group in _STRETCHED and self._first + row in free.columns[0]
+        ]
+        for row in rows if several else ():
+            spreads = np.array([self._spread(one, row) for one in hypotheses])
+            for sign in (-_OFF, _OFF):
+                moved = points.copy()
+                moved[:, self._first + row] = sign * spreads
+                starts.append(moved)
+        each = np.arange(len(points))
+        polished, fits = self._solver.polished(
+            np.vstack(starts), free=free[np.tile(each, len(starts))]
+        )
+        by_start = polished.reshape(len(starts), len(points), -1)
+        fits = fits.reshape(len(starts), -1)
+        order = np.argsort(-fits, axis=0, kind="stable")[:_PEAKS]
+        order = np.where(fits[order, each] < fits[order[0], each] - _LOWER, order[0], order)
+        return np.swapaxes(by_start[order, each], 0, 1)
+
+    def fitted_wide(self, starts: Array) -> tuple[float, list[tuple[float, int, Array]]]:
+        """Points that fit best with each wide component, where lengths alone are free with it.
 
         Args:
             starts: Of one set of attachments, shape (n, size).
+
+        Returns:
+            Laplace's approximation of the evidence without any, and for each wide component that,
+            its row of the table, and the point.
         """
-        table, lengths = self._predictor.unknowns.table, self._lengths
-        switches = [row for row, one in enumerate(table) if one.switch]
-        others = [row for row, one in enumerate(table) if one.wide and not one.switch]
+        table, unknowns = self._predictor.unknowns.table, self._predictor.unknowns
+        kinds = (
+            ([-1], (0.0,)),
+            ([row for row, one in enumerate(table) if one.switch], (1.0,)),
+            ([row for row, one in enumerate(table) if one.wide and not one.switch], (-_OFF, _OFF)),
+        )
         fitted = []
-        for rows, signs in ((switches, (1.0,)), (others, (-_OFF, _OFF))):
-            if not rows:
-                continue
-            which = np.tile(np.repeat(rows, len(signs)), len(starts))
+        for rows, signs in kinds:
+            which = np.tile(np.repeat(rows, len(signs)), len(starts)).astype(np.intp)
             points = np.repeat(starts, len(rows) * len(signs), axis=0)
             sizes = np.array([table[row].wide or 1.0 for row in which.tolist()])
-            points[np.arange(len(points)), self._first + which] = sizes * np.resize(
-                signs, len(which)
-            )
-            free = Free.lengths(lengths, len(points))
-            if rows is others:
+            if rows != [-1]:
+                own = sizes * np.resize(signs, len(which))
+                points[np.arange(len(points)), self._first + which] = own
+            free = Free.lengths(self._lengths, len(points))
+            if len(signs) > 1:
                 free = Free(
                     columns=np.column_stack([free.columns, self._first + which]),
                     spreads=np.column_stack([free.spreads, sizes]),
                     normal=np.append(free.normal, True),
                 )
             found, fits = self._solver.polished(points, free=free)
+            fits += unknowns.log_narrow(found, which)
+            fits += self._solver.half_volumes(found, free)
             for row in rows:
                 own = np.flatnonzero(which == row)
-                fitted.append((row, found[own[np.argmax(fits[own])]]))
-        return fitted
-
-    def densities(self, values: Array, wide: int = -1) -> Array:
-        """Log-likelihoods of points, with the prior of what is open beside its peak, shape (n,)."""
-        one = Hypothesis(0, values[0], wide=wide)
-        free = self._free([one])[np.zeros(len(values), dtype=np.intp)]
-        density: Array = self._solver.fits(values) + free.log_prior(values)
-        return density
+                best = own[np.argmax(fits[own])]
+                fitted.append((float(fits[best]), row, found[best]))
+        (guess, _, _), *wide = fitted
+        return guess, wide
 
 
 def _close(weights: Sequence[_Weight]) -> list[int]:

@@ -71,9 +71,9 @@ def test_evidence_is_the_integral_over_the_lengths(narrow: Predictor) -> None:
     solver = GaussNewton(narrow, data, likelihood)
     values, _ = solver.polished(POINT[None])
     (mode,) = tempered(
-        values,
+        values[None],
         Free.lengths(narrow.unknowns.continuous, 1),
-        solver.slopes(values).precision,
+        solver.slopes(values).precision[None],
         predictor=narrow,
         likelihood=likelihood,
         rng=np.random.default_rng(1),
