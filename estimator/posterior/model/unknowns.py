@@ -46,8 +46,7 @@ class Unknowns:
         parents: Which columns choose what a part sits on, shape (size,).
         bits: Information that says which of all attachments a body has, were they equally likely.
         many: Whether these are so many that changes of single parts do not lead to the body.
-        parts: Columns that belong to one part, for each part that has any; nuisance parameters
-            belong to the main body.
+        parts: Columns that belong to one part, for each part that has any.
         places: Columns that say where parts sit, of parts that may have each other's mounts and not
             share them: in each array one row a part, and the same columns for each.
         hinges: Columns of these parts' hinges, part by part.
@@ -160,7 +159,7 @@ class Unknowns:
 
     def amounts(self, values: Array) -> dict[str, Array]:
         """What n points have otherwise than stated, by the names of the table; shape (n,) each."""
-        away = values[:, self.genes_size :]
+        away = values[:, self.genes_size : self.genes_size + len(self.table)]
         used = np.flatnonzero(np.any(away != 0, axis=0)).tolist()
         return {self.table[column].name: away[:, column] for column in used}
 

@@ -41,6 +41,7 @@ _LEADERS: Final = 3  # sets for which wide components are looked at
 _WORTH: Final = 5.0  # nats below the best without any, wide ones that are sampled
 _WIDE: Final = 6  # of them
 _OFF: Final = 1.5  # standard deviations from which fits start
+_BENT: Final = (-0.2, -0.1, 0.1, 0.2)  # of their ranges, by which all lengths may be wrong by then
 _PEAKS: Final = 3  # of these fits, where particles start,
 _LOWER: Final = 10.0  # but none so many nats below the best
 _STRETCHED: Final = ("thickness", "mass")  # groups of the parameters that these starts have
@@ -206,7 +207,10 @@ class Weigher:
         known = leader.particles.values[int(np.argmax(leader.particles.fits))]
         table = self._predictor.unknowns.table
         priors = log_priors(table)
-        guess, fitted = self._integrals.fitted_wide(np.vstack([known, point]))
+        straight = np.repeat(known[None], len(_BENT), axis=0)
+        lengths = self._predictor.unknowns.continuous
+        straight[:, lengths] = np.clip(straight[:, lengths] + np.array(_BENT)[:, None], 0.0, 1.0)
+        guess, fitted = self._integrals.fitted_wide(np.vstack([known, point, straight]))
         wide = []
         for of_row, row, stated in fitted:
             prior = priors[table[row].name]

@@ -26,7 +26,7 @@ from estimator.use.diagnosis import Diagnosis, Verdict, diagnose
 from estimator.use.watch import HAZARD, Watch
 from tests.estimator.model_robot import TRUE_LENGTHS, ModelRobot, serving, without_plots
 from tests.estimator.posterior_run import make_posterior_run
-from tests.estimator.use.test_pose import SPREAD, TRUTH, sampled
+from tests.estimator.use.test_pose import ASKEW, SPREAD, TRUTH, sampled
 
 
 @pytest.fixture(autouse=True)
@@ -149,7 +149,7 @@ def test_changes_that_cannot_be_told_from_model_error_are_left_out() -> None:
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     rng = np.random.default_rng(1)
     lengths = [TRUE_LENGTHS, *map(tuple, rng.normal(TRUE_LENGTHS, SPREAD, (40, 4)).tolist())]
-    with make_posterior_run(tmp_path_factory.mktemp("known"), lengths) as store:
+    with make_posterior_run(tmp_path_factory.mktemp("known"), lengths, askew=ASKEW) as store:
         return store.directory
 
 
@@ -158,7 +158,7 @@ def estimator(*words: str | Path) -> Result:
 
 
 def test_a_cut_leg_is_noticed_named_and_stood_on(run: Path, tmp_path: Path) -> None:
-    model = ModelRobot()
+    model = ModelRobot(askew=ASKEW)
     with serving(model) as uri:
         same = estimator("monitor", run, "--robot", uri, "--once", "--yes")
         assert same.exit_code == 0, same.output
@@ -189,6 +189,8 @@ def test_a_cut_leg_is_noticed_named_and_stood_on(run: Path, tmp_path: Path) -> N
     assert "Changed since it was identified: the leg of front shortened" in shown.stdout
     front = load(now)
     assert 1000 * front.leg_lengths[:, 1].mean() == pytest.approx(90, abs=3)
+    (own_tilt,) = front.unknowns.amounts(front.points).values()
+    assert np.allclose(own_tilt, ASKEW)
 
 
 def number_in(pattern: str, text: str) -> int:

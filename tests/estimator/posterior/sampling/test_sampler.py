@@ -169,11 +169,11 @@ def test_a_body_that_fits_poorly_is_searched_for_anew_once(
     begun: list[Discovery] = []
     monkeypatch.setattr(Discovery, "start_anew", lambda search, steps: begun.append(search))
     monkeypatch.setattr(populations, "fit_of", lambda *body: Fit(unexplained=0, excess=1.5))
-    doubting = make_sampler(predictor, effort=QUICK)
-    doubting.learn(data)
+    sampler = make_sampler(predictor, effort=QUICK)
+    sampler.learn(data)
     assert begun
     begun.clear()
-    doubting.learn(data)
+    sampler.learn(data)
     assert not begun
 
 
