@@ -22,7 +22,8 @@ from estimator.body.morphology import Array
 from estimator.parameters.table import DEVIATES, log_priors
 from estimator.posterior.model.gauss_newton import Free, GaussNewton
 from estimator.posterior.model.likelihood import Likelihood, Noise
-from estimator.posterior.model.sensor_data import SensorData
+from estimator.posterior.model.noise import MEAN_LOSS
+from estimator.posterior.model.sensor_data import SCALED, SensorData
 from estimator.posterior.model.special import logsumexp, softmax
 from estimator.posterior.model.unknowns import Columns, Cost, Predictor
 from estimator.posterior.posterior import CauseShare, Posterior, systematic
@@ -37,11 +38,13 @@ _SHARED: Final = 2  # where so many times as many as one may have are shared amo
 _SCALES: Final = {2.0: 0.4, 1.0: 0.4, 0.5: 0.2}  # of the spreads, and their probabilities
 _CLOSE: Final = 5.0  # nats below the best, sets that are weighed again under each,
 _FEW: Final = 6  # if no more are so close
-_LEADERS: Final = 3  # sets for which wide components are looked at
+_STRAYS: Final = 3.0  # nats that a fit lacks beyond what noise takes
+_LEADERS: Final = 3  # sets that are looked at with wide components where the best lacks so much
 _WORTH: Final = 5.0  # nats below the best without any, wide ones that are sampled
 _WIDE: Final = 6  # of them
 _OFF: Final = 1.5  # standard deviations from which fits start
-_BENT: Final = (-0.2, -0.1, 0.1, 0.2)  # of their ranges, by which all lengths may be wrong by then
+_ANYWHERE: Final = 100  # lengths at random with each wide component: what is wrong bends lengths,
+_STARTS: Final = 3  # of them, where fits start
 _PEAKS: Final = 3  # of these fits, where particles start,
 _LOWER: Final = 10.0  # but none so many nats below the best
 _STRETCHED: Final = ("thickness", "mass")  # groups of the parameters that these starts have
@@ -183,10 +186,12 @@ class Weigher:
             for scale, share in _SCALES.items()
         ]
         again = self._of(narrow, self._particles, log_chances)
-        leaders = [*close[:_LEADERS], *range(min(_LEADERS, len(weights)))]  # also as first guessed
+        first = [close[0], 0]  # the best, also as first guessed
+        if self._strays(max(float(one.particles.fits.max()) for one in again)):
+            first += [*close[:_LEADERS], *range(min(_LEADERS, len(weights)))]
         screened = [
             self._screened([one for one in again if one.hypothesis.mode == row] or [weights[row]])
-            for row in dict.fromkeys(leaders)
+            for row in dict.fromkeys(first)
         ]
         least = max(guess for guess, _ in screened) - _WORTH
         for _, wide in screened:
@@ -198,6 +203,12 @@ class Weigher:
         weights += again
         return stated.particles.values
 
+    def _strays(self, fit: float) -> bool:
+        """Whether the best fit lacks more than noise takes."""
+        read = sum(self._data.observed[name].known.count.sum() for name in SCALED)
+        best = float(self._likelihood.best().sum())
+        return best - fit - MEAN_LOSS * float(read) >= _STRAYS
+
     def _screened(
         self, narrow: Sequence[_Weight]
     ) -> tuple[float, Sequence[tuple[float, Hypothesis]]]:
@@ -207,10 +218,7 @@ class Weigher:
         known = leader.particles.values[int(np.argmax(leader.particles.fits))]
         table = self._predictor.unknowns.table
         priors = log_priors(table)
-        straight = np.repeat(known[None], len(_BENT), axis=0)
-        lengths = self._predictor.unknowns.continuous
-        straight[:, lengths] = np.clip(straight[:, lengths] + np.array(_BENT)[:, None], 0.0, 1.0)
-        guess, fitted = self._integrals.fitted_wide(np.vstack([known, point, straight]))
+        guess, fitted = self._integrals.fitted_wide(np.vstack([known, point]), self._rng)
         wide = []
         for of_row, row, stated in fitted:
             prior = priors[table[row].name]
@@ -318,6 +326,7 @@ class _Integrals:
         table = predictor.unknowns.table
         self._first = predictor.unknowns.genes_size
         self._narrow = [row for row, one in enumerate(table) if one.narrow]
+        self._interactions = np.arange(len(data))
 
     def with_cost(
         self, task: tuple[Sequence[Hypothesis], int, bool, int]
@@ -401,46 +410,82 @@ class _Integrals:
         order = np.where(fits[order, each] < fits[order[0], each] - _LOWER, order[0], order)
         return np.swapaxes(by_start[order, each], 0, 1)
 
-    def fitted_wide(self, starts: Array) -> tuple[float, list[tuple[float, int, Array]]]:
+    def fitted_wide(
+        self, starts: Array, rng: np.random.Generator
+    ) -> tuple[float, list[tuple[float, int, Array]]]:
         """Points that fit best with each wide component, where lengths alone are free with it.
 
         Args:
             starts: Of one set of attachments, shape (n, size).
+            rng: Draws other lengths to start from.
 
         Returns:
             Laplace's approximation of the evidence without any, and for each wide component that,
             its row of the table, and the point.
         """
-        table, unknowns = self._predictor.unknowns.table, self._predictor.unknowns
+        table = self._predictor.unknowns.table
         kinds = (
-            ([-1], (0.0,)),
-            ([row for row, one in enumerate(table) if one.switch], (1.0,)),
-            ([row for row, one in enumerate(table) if one.wide and not one.switch], (-_OFF, _OFF)),
+            [-1],
+            [row for row, one in enumerate(table) if one.switch],
+            [row for row, one in enumerate(table) if one.wide and not one.switch],
         )
-        fitted = []
-        for rows, signs in kinds:
-            which = np.tile(np.repeat(rows, len(signs)), len(starts)).astype(np.intp)
-            points = np.repeat(starts, len(rows) * len(signs), axis=0)
-            sizes = np.array([table[row].wide or 1.0 for row in which.tolist()])
-            if rows != [-1]:
-                own = sizes * np.resize(signs, len(which))
-                points[np.arange(len(points)), self._first + which] = own
-            free = Free.lengths(self._lengths, len(points))
-            if len(signs) > 1:
-                free = Free(
-                    columns=np.column_stack([free.columns, self._first + which]),
-                    spreads=np.column_stack([free.spreads, sizes]),
-                    normal=np.append(free.normal, True),
-                )
-            found, fits = self._solver.polished(points, free=free)
-            fits += unknowns.log_narrow(found, which)
-            fits += self._solver.half_volumes(found, free)
-            for row in rows:
-                own = np.flatnonzero(which == row)
-                best = own[np.argmax(fits[own])]
-                fitted.append((float(fits[best]), row, found[best]))
-        (guess, _, _), *wide = fitted
+        (guess, _, _), *wide = [
+            one for rows in kinds if rows for one in self._fitted_with(rows, starts, rng)
+        ]
         return guess, wide
+
+    def _fitted_with(
+        self, rows: Sequence[int], starts: Array, rng: np.random.Generator
+    ) -> list[tuple[float, int, Array]]:
+        """The same with wide components of one kind, or −1, none."""
+        table = self._predictor.unknowns.table
+        sizes = np.array([table[row].wide or 1.0 for row in rows])
+        amounts = not (rows[0] < 0 or table[rows[0]].switch)
+        anywhere = np.repeat(starts[-1:], _ANYWHERE, axis=0)
+        anywhere[:, self._lengths] = rng.random((_ANYWHERE, self._lengths.size))
+        offs = rng.standard_normal(_ANYWHERE) if amounts else np.ones(_ANYWHERE)
+        points, which = self._with_wide(anywhere, rows, offs[:, None] * sizes)
+        fits = self._solver.rough_fits(points, self._interactions).sum(axis=1)
+        first = np.argsort(-fits.reshape(_ANYWHERE, -1), axis=0, kind="stable")[:_STARTS]
+        points = points.reshape(_ANYWHERE, len(rows), -1)[first, np.arange(len(rows))]
+        several = [(points.reshape(-1, starts.shape[1]), np.tile(rows, _STARTS))]
+        for sign in (-_OFF, _OFF) if amounts else (1.0,):
+            signs = np.full((len(starts), 1), sign)
+            several.append(self._with_wide(starts, rows, signs * sizes))
+        points, which = (np.concatenate(arrays) for arrays in zip(*several, strict=True))
+        free = Free.lengths(self._lengths, len(points))
+        if amounts:
+            own = np.array([table[row].wide for row in which.tolist()])
+            free = Free(
+                columns=np.column_stack([free.columns, self._first + which]),
+                spreads=np.column_stack([free.spreads, own]),
+                normal=np.append(free.normal, True),
+            )
+        polished, fits = self._solver.polished(points, free=free)
+        fits += self._predictor.unknowns.log_narrow(polished, which)
+        fitted = []
+        for row in rows:
+            own = np.flatnonzero(which == row)
+            fitted.append(int(own[np.argmax(fits[own])]))
+        chosen = np.array(fitted, dtype=np.intp)
+        guesses = fits[chosen] + self._solver.half_volumes(polished[chosen], free[chosen])
+        return list(zip(guesses.tolist(), rows, polished[chosen], strict=True))
+
+    def _with_wide(
+        self, points: Array, rows: Sequence[int], amounts: Array
+    ) -> tuple[Array, Columns]:
+        """Each of n points with each of these wide components alone, and which, shape (n · rows,).
+
+        Args:
+            points: Shape (n, size).
+            rows: Of the table; −1: none.
+            amounts: Of each, shape (n, rows).
+        """
+        which = np.tile(np.array(rows, dtype=np.intp), len(points))
+        several = np.repeat(points, len(rows), axis=0)
+        on = np.flatnonzero(which >= 0)
+        several[on, self._first + which[on]] = amounts.ravel()[on]
+        return several, which
 
 
 def _close(weights: Sequence[_Weight]) -> list[int]:
