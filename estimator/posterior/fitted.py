@@ -260,7 +260,7 @@ class FittedPosterior:
         for row, theta in zip(self.changes, self._amounts.T, strict=True):
             if isinstance(row, Within):
                 legs = [limb.motor for limb in driven_limbs(bodies[0])]
-                lengths[:, legs.index(row.motor)] *= row.amounts(1.0, theta)
+                lengths[:, legs.index(row.motor)] *= np.abs(row.amounts(1.0, theta))
         return lengths
 
     # --- what is stated ---------------------------------------------------------------------------
