@@ -23,7 +23,7 @@ from estimator.body.morphology import Array
 from estimator.identification.method import information_in_words
 from estimator.parameters.changes import Within
 from estimator.posterior.fitted import FittedPosterior
-from estimator.posterior.model.likelihood import Likelihood, Noise
+from estimator.posterior.model.likelihood import GRAVITY_TILTS, LIKELY, Likelihood, Noise
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.special import logsumexp, softmax
 from estimator.posterior.posterior import systematic
@@ -124,16 +124,16 @@ def said(particles: Particles, known: FittedPosterior) -> str:
     """A cause with its amount, in words."""
     if particles.cause is None:
         return "nothing has changed"
-    row, (middle, low, high) = particles.cause.row, particles.amount()
+    row = particles.cause.row
     if not isinstance(row, Within):
+        middle, low, high = particles.amount()
         return row.said(middle, (low, high))
     assert known.best_body is not None
     legs = [limb.motor for limb in driven_limbs(known.best_body)]
-    before = 1000 * float(known.weights @ known.leg_lengths[:, legs.index(row.motor)])
-    return (
-        f"{row.name} from {before:.0f} to {middle * before:.0f} mm "
-        f"[{low * before:.0f}–{high * before:.0f}]"
-    )
+    lengths = 1000 * known.leg_lengths[:, legs.index(row.motor)]
+    middle, low, high = particles.amount(lengths[particles.rows])
+    before = float(known.weights @ lengths)
+    return f"{row.name} from {before:.0f} to {middle:.0f} mm [{low:.0f}–{high:.0f}]"
 
 
 def diagnose(
@@ -192,8 +192,12 @@ def _named(weighed: Weighed) -> tuple[tuple[Particles, ...], float]:
     return weighed.particles[:probable], float(weighed.probabilities[:probable].sum())
 
 
+def _name(one: Particles) -> str | None:
+    return None if one.cause is None else one.cause.name
+
+
 def _names(causes: Sequence[Particles]) -> set[str | None]:
-    return {None if one.cause is None else one.cause.name for one in causes}
+    return set(map(_name, causes))
 
 
 def _reason(weighed: Weighed, bits: float) -> str:
@@ -218,13 +222,11 @@ def _tested(
     reasons: Sequence[str],
 ) -> Diagnosis:
     """Puts what is named to the test, by movements that tell it from the competitor."""
-    shares = weighed.probabilities[: len(named)] / weighed.probabilities[: len(named)].sum()
-    groups = list(zip(named, shares.tolist(), strict=True))
+    groups = _shares_of(named, weighed)
     own = Hypotheses.of(weigher, groups, _BODIES)
     further = weigher.on_top_of(groups)
     rival = Competitor.fitted(weigher, observations).drawn(_BODIES // 2)
     seen, why = list(observations), list(reasons)
-    chances, replicates, odds = [], np.zeros(_REPLICATES), 0.0
     for number in range(CONFIRMING):
         second = _second(further, further.weigh(seen))
         together = Hypotheses(
@@ -234,18 +236,18 @@ def _tested(
         )
         program, _ = best_of(weigher, together, safe_for=own.bodies)
         reason = f"puts to the test: {said(named[0], weigher.known)} ({number + 1} of {CONFIRMING})"
-        observation = act(tuple(program.tolist()), reason)
-        seen.append(observation)
+        seen.append(act(tuple(program.tolist()), reason))
         why.append(reason)
-        drawn, observed = surprise(weigher, own, observation)
-        chances.append(float(np.mean(drawn >= observed)))
-        replicates += drawn
-        odds += observed
-    after, last = weigher.weigh(seen), further.weigh(seen)
+    after = weigher.weigh(seen)
+    groups = _shares_of(named, after)
+    own = Hypotheses.of(weigher, groups, _BODIES)
+    surprises = [surprise(weigher, own, one) for one in seen[-CONFIRMING:]]
+    odd = sum(float(np.mean(drawn >= observed)) <= _SURPRISE for drawn, observed in surprises)
+    replicates, odds = (sum(each) for each in zip(*surprises, strict=True))
     overall = float(np.mean(replicates >= odds))
+    last = weigher.on_top_of(groups).weigh(seen)
     rival = Competitor.fitted(weigher, seen)
     better = max(rival.log_evidence - _evidence(weigher, named, after), _log_odds(last))
-    odd = sum(chance <= _SURPRISE for chance in chances)
     none = better > _BETTER or overall <= _SURPRISE or odd >= 2
     verdict = Verdict.CHANGED if named[0].cause is not None else Verdict.UNCHANGED
     return Diagnosis(
@@ -259,6 +261,18 @@ def _tested(
         better=better,
         suspects=_suspects(weigher, named, last, rival) if none else (),
     )
+
+
+def _shares_of(named: Sequence[Particles], weighed: Weighed) -> list[tuple[Particles, float]]:
+    """The causes of these names as they are weighed by now, with their shares of all of them."""
+    names = _names(named)
+    groups = [
+        (one, share)
+        for one, share in zip(weighed.particles, weighed.probabilities.tolist(), strict=True)
+        if _name(one) in names
+    ]
+    total = max(sum(share for _, share in groups), 1e-300)
+    return [(one, share / total) for one, share in groups]
 
 
 def _suspects(
@@ -301,7 +315,7 @@ def _evidence(weigher: Weigher, named: Sequence[Particles], weighed: Weighed) ->
     logs = [
         one.log_evidence + _log_alone(weigher, one)
         for one in weighed.particles
-        if (None if one.cause is None else one.cause.name) in names
+        if _name(one) in names
     ]
     return float(logsumexp(np.array(logs)))
 
@@ -324,20 +338,27 @@ def surprise(weigher: Weigher, own: Hypotheses, observation: Observation) -> tup
         observation: What was observed.
 
     Returns:
-        Minus the logarithm of the density under all bodies together: of replicates that are drawn
-        from these, shape (replicates,), and of the observation.
+        Minus the logarithm of the density under all bodies together, each of which may fall to any
+        of its sides: of replicates that are drawn from these, shape (replicates,), and of the
+        observation.
     """
-    known, rng = weigher.known, weigher.rng
-    program = np.tile(np.array(observation.angles), (len(own), 1))
-    predicted = known.predictor.read(own.bodies, np.arange(len(own)), program)
-    noise = known.noise
-    drawn = _replicates(predicted, own.scales, noise, observation, rng)
+    known, noise = weigher.known, weigher.known.noise
+    each = np.repeat(np.arange(len(own)), len(LIKELY))
+    shares = np.tile(LIKELY / LIKELY.sum(), len(own)) / len(own)
+    predicted = known.predictor.read(
+        own.bodies,
+        each,
+        np.tile(np.array(observation.taken), (len(each), 1)),
+        np.tile(GRAVITY_TILTS, (len(own), 1)),
+    )
+    scales = own.scales[each]
+    chosen = weigher.rng.choice(len(each), size=_REPLICATES, p=shares)
+    drawn = _replicates(predicted[chosen], scales[chosen], noise, observation, weigher.rng)
     data = SensorData.of([*drawn, observation], known.modalities, known.clearance_cap)
-    likelihood = Likelihood(data, noise)
-    rows = np.repeat(np.arange(len(own)), len(data))
-    misfits = data.misfits(predicted[rows], np.tile(np.arange(len(data)), len(own)))
-    logs = likelihood.of(misfits.reshape(len(own), len(data), -1), scales=own.scales)
-    odd: Array = math.log(len(own)) - logsumexp(logs, axis=0)
+    rows = np.repeat(np.arange(len(each)), len(data))
+    misfits = data.misfits(predicted[rows], np.tile(np.arange(len(data)), len(each)))
+    logs = Likelihood(data, noise).of(misfits.reshape(len(each), len(data), -1), scales=scales)
+    odd: Array = -logsumexp(logs + np.log(shares)[:, None], axis=0)
     return odd[:-1], float(odd[-1])
 
 
@@ -349,19 +370,14 @@ def _replicates(
     rng: np.random.Generator,
 ) -> list[Observation]:
     """What bodies would read, with noise and outliers, where something was read."""
-    rows = rng.integers(len(predicted), size=_REPLICATES)
-    tilt = predicted.tilt[rows] + np.exp(scales[rows, :1]) * noise.tilt * rng.normal(
-        size=(_REPLICATES, 2)
-    )
-    height = predicted.clearance[rows] + np.exp(scales[rows, 1]) * noise.clearance * rng.normal(
-        size=_REPLICATES
-    )
-    flip = rng.random((_REPLICATES, predicted.touch.shape[1]))
-    wrong = np.where(predicted.touch_doubtful[rows], 0.5, noise.touch)
-    touch = predicted.touch[rows] != (flip < wrong)
-    outlier = rng.random(_REPLICATES) < _OUTLIERS
+    count = len(predicted)
+    tilt = predicted.tilt + np.exp(scales[:, :1]) * noise.tilt * rng.normal(size=(count, 2))
+    height = predicted.clearance + np.exp(scales[:, 1]) * noise.clearance * rng.normal(size=count)
+    wrong = np.where(predicted.touch_doubtful, 0.5, noise.touch)
+    touch = predicted.touch != (rng.random(predicted.touch.shape) < wrong)
+    outlier = rng.random(count) < _OUTLIERS
     tilt[outlier] = rng.uniform(-0.5, 0.5, (int(outlier.sum()), 2))
-    beyond = predicted.saturated[rows]
+    beyond = predicted.saturated
     return [
         like.model_copy(
             update={
@@ -377,7 +393,7 @@ def _replicates(
                 ),
             }
         )
-        for row in range(_REPLICATES)
+        for row in range(count)
     ]
 
 
