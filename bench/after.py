@@ -44,6 +44,11 @@ from protocol.system.files import replace_text
 from protocol.transport.client import RobotClient
 from sim_robot.faults.control_socket import FaultClient
 
+ROBOTS: Final = tuple(
+    f"{body}-{engine}"
+    for body in ("quadruped", "unequal_legs")
+    for engine in ("pybullet", "mujoco")
+)
 FOLDER: Final = Path(__file__).parents[1] / "docs" / "runs"
 _MOST: Final = 15  # movements in which a change may be noticed
 _HELD_OUT: Final = 8  # movements by which a cause that is named is judged
@@ -418,10 +423,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     add_options(parser, Path("runs/after"))
     parser.add_argument("--seeds", type=int, nargs="+", default=list(range(1000, 1004)))
-    parser.add_argument("--engines", nargs="+", default=["pybullet", "mujoco"])
     parser.add_argument("--goals", type=int, default=50, help="poses of each robot")
     parser.add_argument("--quiet", type=int, default=250, help="movements of each undamaged robot")
-    parser.add_argument("--bodies", nargs="+", default=["quadruped", "unequal_legs"])
+    parser.add_argument("--robots", nargs="+", default=ROBOTS, help="BODY-ENGINE (%(default)s)")
     parser.add_argument("--tables", type=Path, default=FOLDER, help="folder (%(default)s)")
     options = parser.parse_args()
     runs = [
@@ -435,8 +439,7 @@ def main() -> None:
             faults=(*DAMAGES, *TOGETHER),
         )
         for seed in options.seeds
-        for body in options.bodies
-        for engine in options.engines
+        for body, _, engine in (robot.rpartition("-") for robot in options.robots)
     ]
     complete_by_command(runs, options.out, options)
     write_runs(runs, options.out, options.tables)
