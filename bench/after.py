@@ -423,6 +423,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     add_options(parser, Path("runs/after"))
     parser.add_argument("--seeds", type=int, nargs="+", default=list(range(1000, 1004)))
+    parser.add_argument(
+        "--faults", nargs="+", default=[*DAMAGES, *TOGETHER], choices=[*DAMAGES, *TOGETHER]
+    )
     parser.add_argument("--goals", type=int, default=50, help="poses of each robot")
     parser.add_argument("--quiet", type=int, default=250, help="movements of each undamaged robot")
     parser.add_argument("--robots", nargs="+", default=ROBOTS, help="BODY-ENGINE (%(default)s)")
@@ -436,7 +439,7 @@ def main() -> None:
             seed=seed,
             goals=options.goals,
             quiet=options.quiet,
-            faults=(*DAMAGES, *TOGETHER),
+            faults=tuple(options.faults),
         )
         for seed in options.seeds
         for body, _, engine in (robot.rpartition("-") for robot in options.robots)
