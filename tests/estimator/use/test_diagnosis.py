@@ -20,12 +20,11 @@ from estimator.cli.command_line import app
 from estimator.exploration import best_programs
 from estimator.posterior.model.likelihood import FORKS, GRAVITY_TILTS, apart
 from estimator.readings.observation import Observation, Program
-from estimator.use import competitor, movements
+from estimator.use import competitor, movements, surprise
 from estimator.use.causes import Weigher
 from estimator.use.changes import Cause, causes_of
 from estimator.use.diagnosis import Diagnosis, Verdict, diagnose
 from estimator.use.movements import Hypotheses
-from estimator.use.surprise import surprise
 from estimator.use.watch import HAZARD, Watch
 from tests.estimator.model_robot import TRUE_LENGTHS, ModelRobot, serving, without_plots
 from tests.estimator.posterior_run import make_posterior_run
@@ -42,6 +41,7 @@ def little_effort(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(best_programs, "_LIKELY", 20)
     monkeypatch.setattr(best_programs, "_FINALISTS", 6)
     monkeypatch.setattr(competitor, "_CHAINS", 24)
+    monkeypatch.setattr(surprise, "_REPLICATES", 200)
     monkeypatch.setattr(use, "write_report", without_plots)
     monkeypatch.setattr(competitor, "_TEMPERATURES", np.append(0.0, np.geomspace(5e-3, 1.0, 10)))
 
@@ -195,7 +195,7 @@ def test_a_robot_that_fell_to_its_other_side_is_no_surprise() -> None:
             tilt=tuple(tilt.tolist()),
             clearance=float(felt.clearance[0]),
         )
-        drawn, observed = surprise(weigher(), own, seen)
+        drawn, observed = surprise.surprise(weigher(), own, seen)
         assert (np.mean(drawn >= observed) > 0.02) == likely
 
 
