@@ -21,6 +21,7 @@ from estimator.posterior.sampling.tempering import Particles, tempered
 
 _ANYWHERE: Final = 300  # lengths at random with each wide component: what is wrong bends lengths,
 _STARTS: Final = 4  # of them, where fits start
+_DRAWN: Final = 1000  # robots as people build them, of whom so many are the best too
 _OFF: Final = 1.5  # standard deviations from which fits start
 _PEAKS: Final = 3  # of these fits, where particles start,
 _LOWER: Final = 10.0  # but none so many nats below the best
@@ -74,7 +75,9 @@ class Integrals:
         hypotheses, particles, settles, seed = task
         before = self._predictor.cost
         free, points = self._free(hypotheses), np.array([one.point for one in hypotheses])
-        peaks = self._peaks(points, hypotheses, free, several=settles)
+        peaks = self._peaks(
+            points, hypotheses, free, np.random.default_rng(seed) if settles else None
+        )
         count, each, size = peaks.shape
         which = np.repeat(np.arange(count), each)
         slopes = self._solver.slopes(peaks.reshape(-1, size), free=free[which])
@@ -116,9 +119,19 @@ class Integrals:
         return parameter.wide if row == one.wide else one.scale * parameter.narrow
 
     def _peaks(
-        self, points: Array, hypotheses: Sequence[Hypothesis], free: Free, *, several: bool
+        self,
+        points: Array,
+        hypotheses: Sequence[Hypothesis],
+        free: Free,
+        rng: np.random.Generator | None,
     ) -> Array:
         """The best point from each, or a few, from robots that are thicker, thinner, and so on.
+
+        Args:
+            points: One of each hypothesis, shape (n, size).
+            hypotheses: These.
+            free: What is open.
+            rng: Draws other robots to start from; ``None``: the best point is wanted alone.
 
         Returns:
             Shape (n, peaks, size), the best first.
@@ -129,12 +142,14 @@ class Integrals:
             for row, parameter in enumerate(self._predictor.unknowns.table)
             if parameter.group in _STRETCHED and self._first + row in free.columns[0]
         ]
-        for row in rows if several else ():
+        for row in rows if rng else ():
             spreads = np.array([self._spread(one, row) for one in hypotheses])
             for sign in (-_OFF, _OFF):
                 moved = points.copy()
                 moved[:, self._first + row] = sign * spreads
                 starts.append(moved)
+        if rng:
+            starts += self._drawn(points, free, rng)
         each = np.arange(len(points))
         polished, fits = self._solver.polished(
             np.vstack(starts), free=free[np.tile(each, len(starts))]
@@ -144,6 +159,17 @@ class Integrals:
         order = np.argsort(-fits, axis=0, kind="stable")[:_PEAKS]
         order = np.where(fits[order, each] < fits[order[0], each] - _LOWER, order[0], order)
         return np.swapaxes(by_start[order, each], 0, 1)
+
+    def _drawn(self, points: Array, free: Free, rng: np.random.Generator) -> list[Array]:
+        """The best of many robots drawn from the prior, each of shape (n, size)."""
+        count, each = len(points), np.repeat(np.arange(len(points)), _DRAWN)
+        shape = (len(each), free.columns.shape[1])
+        own = np.where(free.normal, rng.standard_normal(shape), rng.random(shape))
+        drawn = free[each].within(points[each], own)
+        fits = self._solver.rough_fits(drawn, self._interactions).sum(axis=1).reshape(count, -1)
+        first = np.argsort(-fits, axis=1, kind="stable")[:, :_STARTS]
+        best = drawn.reshape(count, _DRAWN, -1)[np.arange(count)[:, None], first]
+        return list(np.swapaxes(best, 0, 1))
 
     def fitted_wide(
         self, starts: Array, rng: np.random.Generator
