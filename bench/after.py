@@ -2,16 +2,17 @@
 
 Each seed is one simulated robot of each body: it is identified through the wire, takes poses, is
 watched while nothing happens, and is damaged through its control socket in one way after the other.
-Every run is listed. Writes ``docs/after-runs.md``.
+Every run is listed in ``docs/runs``.
 """
 
 from __future__ import annotations
 
 import argparse
+import csv
 import re
 import shutil
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +20,7 @@ from statistics import median
 from typing import Final
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, computed_field
 
 from bench.daemons import Simulator, simulator
 from bench.study_command import add_options, complete_by_command
@@ -33,24 +34,32 @@ from estimator.readings.observation import Observation, Program, by_joint_name
 from estimator.report.run_files import write_report
 from estimator.reproduction.harness import BriefRun, made_by
 from estimator.storage.run_config import RunConfig
-from estimator.use.causes import Weigher
+from estimator.use.causes import Particles, Weigher
 from estimator.use.changes import causes_of
 from estimator.use.diagnosis import Verdict, diagnose
+from estimator.use.movements import near_forks, readings_in
 from estimator.use.pose import SAFE, Goal, find_pose
 from estimator.use.watch import Watch
 from protocol.system.files import replace_text
 from protocol.transport.client import RobotClient
 from sim_robot.faults.control_socket import FaultClient
 
-PAGE: Final = Path(__file__).parents[1] / "docs" / "after-runs.md"
+ROBOTS: Final = tuple(
+    f"{body}-{engine}"
+    for body in ("quadruped", "unequal_legs")
+    for engine in ("pybullet", "mujoco")
+)
+FOLDER: Final = Path(__file__).parents[1] / "docs" / "runs"
 _MOST: Final = 15  # movements in which a change may be noticed
+_HELD_OUT: Final = 8  # movements by which a cause that is named is judged
+_WITHIN: Final = 4.0  # standard deviations
 _FAR: Final = (np.radians(3.0), 0.01)  # from what was predicted: it fell elsewhere
 
 DAMAGES: Final[dict[str, str]] = {
     "body.length=2:70": "leg of .* shortened",
     "body.length=1:50": "leg of .* shortened",
     "body.cut=3:70": "leg of .* (shortened|broken off)",
-    "body.cut=2:75": "leg of .* (shortened|broken off)",
+    "body.cut=2:50": "leg of .* (shortened|broken off)",
     "body.length=3:130": "leg of .* lengthened",
     "servos.jammed=3": "servo of .* jammed",
     "servos.dead=1": "servo of .* dead",
@@ -80,9 +89,13 @@ class Damaged(BaseModel):
     Attributes:
         fault: As it was injected; empty: none.
         noticed: After so many movements; ``None``: not within the most.
+        suspected: Whether the right cause is among the suspects of the watch.
         verdict: Of the diagnosis.
         named: Causes.
         probability: Of these together.
+        share: 90 % interval of the share of its length that the leg has, where the right cause is
+            named; ``None``: the damage is no other length.
+        as_if: Whether the cause that is named predicts other movements, right or wrong.
         movements: Of the diagnosis.
         cpu_seconds: Of the diagnosis.
     """
@@ -91,12 +104,16 @@ class Damaged(BaseModel):
 
     fault: str
     noticed: int | None
+    suspected: bool
     verdict: str
     named: tuple[str, ...]
     probability: float
+    share: tuple[float, float] | None
+    as_if: bool
     movements: int
     cpu_seconds: float
 
+    @computed_field  # type: ignore[prop-decorator]  # mypy knows no decorated properties
     @property
     def right(self) -> bool:
         """Whether the cause is among at most two that are named."""
@@ -104,13 +121,31 @@ class Damaged(BaseModel):
             return self.verdict == Verdict.UNCHANGED.value
         if self.fault in TOGETHER:
             return self.verdict != Verdict.CHANGED.value
-        named = any(re.search(DAMAGES[self.fault], name) for name in self.named)
+        named = any(map(_right_of(self.fault), self.named))
         return named and self.verdict == Verdict.CHANGED.value and len(self.named) <= 2
 
+    @computed_field  # type: ignore[prop-decorator]
     @property
     def wrong(self) -> bool:
         """Whether another cause is named."""
         return self.verdict == Verdict.CHANGED.value and not self.right
+
+    @property
+    def holds(self) -> bool:
+        """Whether the interval holds the leg's share."""
+        assert self.share is not None
+        low, high = self.share
+        return low <= _share_in(self.fault) <= high
+
+
+def _right_of(fault: str) -> Callable[[str], bool]:
+    """Whether a cause's name is that of a fault, on whatever leg."""
+    pattern = re.compile(DAMAGES.get(fault, "(?!)"))
+    return lambda name: pattern.search(name) is not None
+
+
+def _share_in(fault: str) -> float:
+    return float(fault.partition(":")[2]) / 100
 
 
 class Reached(BaseModel):
@@ -262,87 +297,139 @@ def _damaged(weigher: Weigher, client: RobotClient, faults: FaultClient, fault: 
     _perform(client, tuple(weigher.rng.uniform(low, high).tolist()))
     for one in filter(None, fault.split(",")):
         faults.inject(one)
+    is_named = _right_of(fault)
+
+    def is_right(one: Particles) -> bool:
+        return one.cause is not None and is_named(one.cause.name)
+
     watch = Watch(weigher)
     while fault and not watch.alarm and watch.movements < _MOST:
         watch.take(_perform(client, tuple(watch.next_movement().tolist())))
+    suspects = watch.suspects() if watch.alarm else ()
     start = time.process_time()
     found = diagnose(weigher, lambda program, _: _perform(client, program))
+    seconds = time.process_time() - start
+    as_if = _as_if(weigher, found.causes[0], client)
     faults.mend()
+    share = None
+    if fault.startswith(("body.length", "body.cut")) and fault in DAMAGES:
+        share = next((one.amount()[1:] for one in found.causes if is_right(one)), (0.0, 0.0))
     return Damaged(
         fault=fault,
         noticed=watch.movements if watch.alarm else None,
+        suspected=any(is_right(one) for one, _ in suspects),
         verdict=found.verdict.value,
         named=tuple(one.cause.name for one in found.causes if one.cause is not None),
         probability=found.probability,
+        share=share,
+        as_if=as_if,
         movements=len(found.observations),
-        cpu_seconds=time.process_time() - start,
+        cpu_seconds=seconds,
     )
 
 
-def page(runs: Sequence[AfterRun], root: Path) -> str:
-    """The page as Markdown."""
-    figures = [(run, run.figures(root)) for run in runs]
-    damaged = [(run, one) for run, all_ in figures for one in all_.damaged]
-    known = [one for _, one in damaged if one.fault in DAMAGES]
-    others = [one for _, one in damaged if one.fault in TOGETHER]
-    poses = [pose for _, one in figures for pose in one.poses]
+def _as_if(weigher: Weigher, named: Particles, client: RobotClient) -> bool:
+    """Whether a cause predicts movements that it has not seen, all but one of them."""
+    known = weigher.known
+    low, high = known.program_range.T
+    programs = weigher.rng.uniform(low, high, (10 * _HELD_OUT, len(low)))
+    bodies = weigher.bodies(named.drawn(_HELD_OUT, 0.5))
+    safe = ~near_forks(known, bodies, programs).any(axis=1)
+    explained = 0
+    for program in programs[safe][:_HELD_OUT]:
+        felt = _perform(client, tuple(program.tolist()))
+        noise = known.noise
+        predicted = readings_in(known, bodies, np.array([felt.taken]))
+        tilt = np.abs(np.median(predicted.tilt, axis=0) - np.array(felt.tilt, dtype=float))
+        higher = abs(np.median(predicted.clearance) - (felt.clearance or 0.0))
+        explained += bool(tilt.max() < _WITHIN * noise.tilt and higher < _WITHIN * noise.clearance)
+    return explained >= min(_HELD_OUT, int(safe.sum())) - 1
+
+
+def tables(runs: Sequence[AfterRun], root: Path) -> str:
+    """How often what came out as it should, in Markdown."""
+    figures = [run.figures(root) for run in runs]
+    damaged = [one for each in figures for one in each.damaged]
+    whole = [one for one in damaged if not one.fault]
+    known = [one for one in damaged if one.fault in DAMAGES]
+    others = [one for one in damaged if one.fault in TOGETHER]
+    stumps = [one for one in known if one.share is not None]
+    sized = [one for one in stumps if one.right]
+    alarms = [one for one in (*known, *others) if one.noticed is not None]
+    poses = [pose for each in figures for pose in each.poses]
     sure = [pose for pose in poses if pose.share >= 0.5]
     safe = [pose for pose in poses if pose.margin >= SAFE]
-    noticed = [one.noticed for one in (*known, *others) if one.noticed is not None]
-    rows = [
-        ("poses reached", sum(one.reached for one in poses), len(poses)),
-        ("of goals called reachable, reached", sum(one.reached for one in sure), len(sure)),
-        ("fell elsewhere, at a margin of 2° and more", sum(p.elsewhere for p in safe), len(safe)),
+    none = Verdict.NONE_OF_THESE.value
+    rows: list[tuple[str, Iterable[bool | int], int]] = [
+        ("poses reached", (one.reached for one in poses), len(poses)),
+        ("of goals called reachable, reached", (one.reached for one in sure), len(sure)),
+        ("fell elsewhere, at a margin of 2° and more", (p.elsewhere for p in safe), len(safe)),
         (
             "false alarms, in so many movements",
-            sum(f.alarms for _, f in figures),
-            sum(f.quiet for _, f in figures),
+            (each.alarms for each in figures),
+            sum(each.quiet for each in figures),
         ),
-        ("changes noticed", len(noticed), len(known) + len(others)),
-        ("right cause, alone or in a set of two", sum(one.right for one in known), len(known)),
-        ("wrong cause", sum(one.wrong for one in known), len(known)),
+        ("changes noticed", (1 for _ in alarms), len(known) + len(others)),
         (
-            "none of these, of changes in the table",
-            sum(one.verdict == Verdict.NONE_OF_THESE.value for one in known),
-            len(known),
+            "the right cause among the monitor's three suspects",
+            (one.suspected for one in alarms if one.fault in DAMAGES),
+            sum(one.fault in DAMAGES for one in alarms),
         ),
+        ("right cause, alone or in a set of two", (one.right for one in known), len(known)),
+        ("wrong cause", (one.wrong for one in known), len(known)),
+        ("none of these, of the table", (one.verdict == none for one in known), len(known)),
+        ("of these, legs", (one.verdict == none for one in stumps), len(stumps)),
+        ("share of a leg within its 90 % interval", (one.holds for one in sized), len(sized)),
         (
             "a cause named, of two faults at once or one that the table lacks",
-            sum(one.wrong for one in others),
+            (one.wrong for one in others),
             len(others),
         ),
-        (
-            "undamaged robots called so",
-            sum(one.right for _, one in damaged if not one.fault),
-            sum(not one.fault for _, one in damaged),
-        ),
+        ("of these, moves as if", (one.wrong and one.as_if for one in others), len(others)),
+        ("undamaged robots called so", (one.right for one in whole), len(whole)),
     ]
-    table = "\n".join(f"| {name} | {count} | {total} |" for name, count, total in rows)
-    every = "\n".join(
-        f"| {run.name} | {one.fault or 'none'} | {one.noticed or '–'} | {one.verdict} | "
-        f"{'; '.join(one.named) or '–'} | {one.probability:.2f} | {one.movements} | "
-        f"{one.cpu_seconds:.0f} | {'right' if one.right else 'WRONG' if one.wrong else 'no'} |"
-        for run, one in damaged
-    )
+    table = "\n".join(f"| {name} | {sum(counted)} | {total} |" for name, counted, total in rows)
+    noticed = [one.noticed for one in alarms if one.noticed is not None]
     return (
-        "# Life after identification: every run\n\n`make after` wrote this page. "
         f"{made_by(root, runs)} Movements until noticed: median {median(noticed or [0]):g}, "
-        f"most {max(noticed, default=0)}.\n\n| | | of |\n|---|---|---|\n{table}\n\n"
-        "| robot | fault | noticed after | verdict | named | probability | movements | "
-        "CPU (s) | |\n"
-        f"|---|---|---|---|---|---|---|---|---|\n{every}\n"
+        f"most {max(noticed, default=0)}.\n\n| | | of |\n|---|---|---|\n{table}\n"
     )
+
+
+def write_runs(runs: Sequence[AfterRun], root: Path, folder: Path) -> None:
+    """Writes ``after.csv`` and ``after-poses.csv``: each damage, and each pose."""
+    made = made_by(root, runs)
+    kinds: tuple[tuple[str, type[BaseModel], str], ...] = (
+        ("after", Damaged, "damaged"),
+        ("after-poses", Reached, "poses"),
+    )
+    for name, kind, field in kinds:
+        with (folder / f"{name}.csv").open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            own = [*kind.model_fields, *kind.model_computed_fields]
+            writer.writerow(("body", "engine", "seed", *own, "commit"))
+            for run in runs:
+                for one in getattr(run.figures(root), field):
+                    values = one.model_dump()
+                    cells = [
+                        "; ".join(map(str, value)) if isinstance(value, tuple) else value
+                        for value in values.values()
+                    ]
+                    writer.writerow((run.body, run.engine, run.seed, *cells, made))
 
 
 def main() -> None:
-    """Does the runs that are not finished, and writes the page."""
+    """Does the runs that are not finished, and writes the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     add_options(parser, Path("runs/after"))
     parser.add_argument("--seeds", type=int, nargs="+", default=list(range(1000, 1004)))
-    parser.add_argument("--engines", nargs="+", default=["pybullet", "mujoco"])
+    parser.add_argument(
+        "--faults", nargs="+", default=[*DAMAGES, *TOGETHER], choices=[*DAMAGES, *TOGETHER]
+    )
     parser.add_argument("--goals", type=int, default=50, help="poses of each robot")
     parser.add_argument("--quiet", type=int, default=250, help="movements of each undamaged robot")
-    parser.add_argument("--page", type=Path, default=PAGE, help="file (%(default)s)")
+    parser.add_argument("--robots", nargs="+", default=ROBOTS, help="BODY-ENGINE (%(default)s)")
+    parser.add_argument("--tables", type=Path, default=FOLDER, help="folder (%(default)s)")
     options = parser.parse_args()
     runs = [
         AfterRun(
@@ -352,15 +439,14 @@ def main() -> None:
             seed=seed,
             goals=options.goals,
             quiet=options.quiet,
-            faults=(*DAMAGES, *TOGETHER),
+            faults=tuple(options.faults),
         )
         for seed in options.seeds
-        for body in ("quadruped", "unequal_legs")
-        for engine in options.engines
+        for body, _, engine in (robot.rpartition("-") for robot in options.robots)
     ]
     complete_by_command(runs, options.out, options)
-    options.page.write_text(page(runs, options.out), encoding="utf-8")
-    print(f"{options.page} is written; the runs are in {options.out}")
+    write_runs(runs, options.out, options.tables)
+    print(tables(runs, options.out))
 
 
 if __name__ == "__main__":

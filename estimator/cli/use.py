@@ -36,7 +36,7 @@ from estimator.report.run_files import write_report
 from estimator.report.tables import plain_table
 from estimator.storage.records import first_id
 from estimator.storage.store import RunStore
-from estimator.use.causes import Weigher
+from estimator.use.causes import Particles, Weigher
 from estimator.use.changes import causes_of
 from estimator.use.diagnosis import MOVEMENTS, Verdict, said
 from estimator.use.diagnosis import diagnose as find_cause
@@ -179,7 +179,8 @@ def monitor(
                     observation = perform(link, tuple(program.tolist()), number, screen)
                 screen.observed(number, observation)
                 watch.take(observation)
-                _log(directory, watch, observation)
+                suspects = watch.suspects() if watch.alarm else ()
+                _log(directory, watch, suspects, observation)
                 screen.say(f"Odds that the body has changed: {watch.odds:.2g} to 1.")
                 if watch.alarm:
                     break
@@ -187,24 +188,26 @@ def monitor(
             out.print(f"Not changed, by {watch.movements} movements ({watch.odds:.2g} to 1).")
             return
         out.print("The body has changed.", style="bold red")
-        for one, share in watch.suspects():
+        for one, share in suspects:
             out.print(f"{share:8.3f}  {said(one, known)}", soft_wrap=True)
         out.print(f"Find out with: estimator diagnose {directory} --robot {robot}", soft_wrap=True)
     raise typer.Exit(CHANGED)
 
 
-def _log(directory: Path, watch: Watch, observation: Observation) -> None:
+def _log(
+    directory: Path,
+    watch: Watch,
+    suspects: Sequence[tuple[Particles, float]],
+    observation: Observation,
+) -> None:
     """A line of JSON for programs that look on."""
-    (suspect, share), *_ = watch.suspects(1)
-    assert suspect.cause is not None
     line = {
         "time": time.time(),
         "movement": watch.movements,
         "odds": watch.odds,
         "threshold": watch.threshold,
         "alarm": watch.alarm,
-        "suspect": suspect.cause.name,
-        "share": share,
+        "suspects": {one.cause.name: share for one, share in suspects if one.cause is not None},
         "observation": observation.model_dump(mode="json"),
     }
     with unless_unwritable(directory), open(directory / LOG, "a", encoding="utf-8") as log:

@@ -1,6 +1,7 @@
 """The rule ``information``: the program with the largest expected information gain about the body.
 
-``Chooser`` finds it; the rule says in words what the program discriminates between.
+Once attachments are settled it may be the one that narrows most what is asked for (``--learn``).
+``Chooser`` finds the program; the rule says in words what it discriminates between.
 """
 
 from __future__ import annotations
@@ -27,9 +28,12 @@ from estimator.posterior.model.unknowns import Columns, Predictor
 from estimator.posterior.posterior import Posterior
 from estimator.posterior.summary import SAMPLES
 from estimator.readings.observation import PredictedReadings
+from estimator.storage.run_config import Learn
 
 _WORTH_SAYING: Final = 0.25  # bits about one trait
 _SAID: Final = 2  # traits, named as the reason
+_SETTLED: Final = 0.9  # share of the samples that have the same attachments
+_MASSES: Final = frozenset({"mass", "mass_of_each", "main_mass"})  # groups of the table
 
 
 def most_informative_program(situation: Situation) -> Choice:
@@ -38,11 +42,14 @@ def most_informative_program(situation: Situation) -> Choice:
     with Threads(situation.jobs) as threads:
         gain = InformationGain(models.noise, models.clearance_cap, models.modalities, threads)
         chosen = Chooser(models.predictor, gain, models.program_range).choose(
-            models.posterior, len(models.observations), situation.rng
+            models.posterior, len(models.observations), situation.rng, learn=situation.learn
         )
+    reason = _reason(models, chosen.about)
+    if chosen.narrowed is not None:
+        reason = f"narrows the {situation.learn} by {100 * chosen.narrowed:.0f} %, and {reason}"
     return Choice(
         program=tuple(chosen.program.tolist()),
-        reason=_reason(models, chosen.about),
+        reason=reason,
         bits=chosen.bits,
     )
 
@@ -66,6 +73,7 @@ def _possible_values(models: FittedPosterior, column: int) -> str:
 
 
 _DRAWS: Final = 100  # readings for each program
+_FEWEST: Final = 50  # bodies, by which candidates are compared: the best tenth goes on
 _THINNED: Final = slice(None, None, 2)  # of the bodies, by which all but finalists are compared
 _MORE_DRAWS: Final = 800  # for each finalist
 _AT_ONCE: Final = 4096  # readings, whose bodies fit into a processor's cache
@@ -84,11 +92,14 @@ class InformativeProgram:
         bits: Information that it is expected to give about the body.
         about: Information about each column of the cube, bits: about a choice, or about the half of
             its range in which a length lies; shape (size,).
+        narrowed: Share by which it is expected to narrow what was to be learnt; ``None``: that was
+            the body.
     """
 
     program: Array
     bits: float
     about: Array
+    narrowed: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,11 +110,13 @@ class _Hypotheses:
         bodies: n of them.
         scales: Logarithms of their noise factors, shape (n, 2).
         groups: Bodies of one group are the same, shape (n,).
+        asked: Amounts that are to be learnt, shape (n, k); ``None``: all that bodies differ by.
     """
 
     bodies: Bodies
     scales: Array
     groups: NDArray[np.int64]
+    asked: Array | None = None
 
     def __len__(self) -> int:
         return len(self.groups)
@@ -114,6 +127,7 @@ class _Hypotheses:
             bodies=self.bodies[rows],
             scales=self.scales[rows],
             groups=self.groups[rows],
+            asked=None if self.asked is None else self.asked[rows],
         )
 
 
@@ -142,6 +156,8 @@ class Chooser:
         samples: Posterior,
         interactions: int,
         rng: np.random.Generator,
+        *,
+        learn: Learn = "all",
     ) -> InformativeProgram:
         """The motor program that is expected to tell most.
 
@@ -149,10 +165,13 @@ class Chooser:
             samples: Equally likely bodies.
             interactions: How many the samples have been learnt from.
             rng: The choice's own.
+            learn: About what, once attachments are settled; where none of that is open, about all.
         """
         low, high = self._ends.T
-        known = self._models(samples)
+        samples, asked = self._asked(samples, learn)
+        known = self._models(samples, asked)
         few = known.some(_THINNED)
+        fewer = few.some(slice(None, None, max(1, len(few) // _FEWEST)))
         candidates = with_few_limbs(
             rng.uniform(low, high, (CANDIDATES, len(low))),
             self._limbs,
@@ -162,8 +181,8 @@ class Chooser:
         )
 
         def rough(programs: Array) -> Array:
-            (quick,) = self._read(few, programs, _PLUMB, coarse_step=True)
-            return self._bits(few, Predictions.of(quick, len(few)), rng, _DRAWS)
+            (quick,) = self._read(fewer, programs, _PLUMB, coarse_step=True)
+            return self._bits(fewer, Predictions.of(quick, len(fewer)), rng, _DRAWS)
 
         def good(programs: Array) -> Array:
             predictions = self._sure_predictions(few, programs, coarse_step=True)
@@ -176,24 +195,52 @@ class Chooser:
             good, self._ends, rng, candidates=candidates, rough=rough, sure=sure
         )
         chosen, bits = programs[[0]], gains[[0]]
-        predictions = self._surest_predictions(known, chosen)
+        predictions, narrowed = self._surest_predictions(known, chosen), None
+        if asked is not None:
+            narrowed = float(bits[0])
+            bits = self._bits(replace(known, asked=None), predictions, rng, _MORE_DRAWS)
         return InformativeProgram(
             program=chosen[0],
             bits=float(bits[0]),
             about=self._about(samples, predictions, rng),
+            narrowed=narrowed,
         )
 
-    def _models(self, samples: Posterior) -> _Hypotheses:
+    def _asked(self, samples: Posterior, learn: Learn) -> tuple[Posterior, Array | None]:
+        """Samples with the attachments that are settled, and the amounts that are to be learnt."""
+        unknowns = self._predictor.unknowns
+        if learn == "all":
+            return samples, None
+        keys = unknowns.keys(samples.values)
+        ((settled, count),) = Counter(keys).most_common(1)
+        columns = {
+            "lengths": unknowns.continuous.tolist(),
+            "mass": [
+                unknowns.genes_size + row
+                for row, one in enumerate(unknowns.table)
+                if one.group in _MASSES
+            ],
+        }[learn]
+        same = np.array([key == settled for key in keys])
+        amounts = samples.values[same][:, columns]
+        if count < _SETTLED * len(keys) or not np.ptp(amounts, axis=0).any():
+            return samples, None
+        return replace(samples, values=samples.values[same], scales=samples.scales[same]), amounts
+
+    def _models(self, samples: Posterior, asked: Array | None) -> _Hypotheses:
         bodies = self._predictor.unknowns.bodies(samples.values)
         return _Hypotheses(
             bodies=bodies,
             scales=samples.scales,
             groups=np.arange(len(bodies)),
+            asked=asked,
         )
 
     def _bits(
         self, known: _Hypotheses, predictions: Predictions, rng: np.random.Generator, draws: int
     ) -> Array:
+        if known.asked is not None:
+            return self._gain.narrowed(predictions, known.asked)
         return self._gain.of(predictions, known.scales, known.groups, rng, draws=draws)
 
     def _sure_predictions(

@@ -136,6 +136,37 @@ class InformationGain:
         )
         return result / math.log(2)
 
+    def narrowed(self, predictions: Predictions, amounts: Array) -> Array:
+        """By what share each program is expected to narrow what is known of amounts, shape (p,).
+
+        Standard deviations, all added up, of what is left by linear regression on tilt and
+        clearance among the samples that touch alike. A sample without a prediction narrows nothing.
+
+        Args:
+            predictions: Of equally likely samples.
+            amounts: Of these, shape (n, k), in one unit.
+        """
+        touch, tilt, clear = (name in self._modalities for name in ("touch", "tilt", "clearance"))
+        height = np.where(predictions.beyond, self._cap, predictions.clearance)[..., None]
+        measured = np.concatenate(
+            [
+                predictions.tilt[..., : 2 * tilt] / self._noise.tilt,
+                height[..., : int(clear)] / self._noise.clearance,
+            ],
+            axis=-1,
+        )
+        bits = predictions.touch & ~predictions.doubtful & touch
+        feet = np.where(predictions.no_prediction, -1, bits @ (1 << np.arange(bits.shape[-1])))
+        before = float(amounts.std(axis=0, ddof=1).sum())
+        left = np.zeros(len(feet))
+        for program, alike in enumerate(feet):
+            for pattern in np.unique(alike):
+                rows = np.flatnonzero(alike == pattern)
+                some = measured[program, rows] if pattern >= 0 else None
+                left[program] += len(rows) * _left(some, amounts[rows], before)
+        narrowed: Array = 1 - left / feet.shape[1] / before
+        return narrowed
+
     def _anywhere(self, bits: int) -> Array:
         """Density of a reading anywhere times the share of outliers: within the range, beyond."""
         beyond = np.array([False, True])
@@ -146,6 +177,21 @@ class InformationGain:
                 logs += DENSITIES[name].log_anywhere(known, self._cap)
         density: Array = np.exp(logs)
         return density
+
+
+def _left(readings: Array | None, amounts: Array, before: float) -> float:
+    """Standard deviations of amounts, added up, once readings, in units of their noise, are known.
+
+    ``before`` where there are none, or too few samples.
+    """
+    free = 0 if readings is None else len(readings) - 1 - readings.shape[1]
+    if readings is None or free <= 0:
+        return before
+    away, asked = readings - readings.mean(axis=0), amounts - amounts.mean(axis=0)
+    both = away.T @ asked
+    known = away.T @ away + len(away) * np.eye(away.shape[1])
+    left = (asked**2).sum(axis=0) - (both * np.linalg.solve(known, both)).sum(axis=0)
+    return float(np.sqrt(np.maximum(left, 0.0) / free).sum())
 
 
 _SOURCES: Final = stamp(Path(__file__).parent, *map(Path, (mixture.__file__, noise.__file__)))

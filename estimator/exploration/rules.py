@@ -19,6 +19,7 @@ from estimator.posterior.fitted import FittedPosterior
 from estimator.posterior.model.sensor_data import DENSITIES
 from estimator.readings.modalities import MODALITIES
 from estimator.readings.observation import Observation, PredictedReadings, Program
+from estimator.storage.run_config import Learn
 from protocol.wire.capabilities import Capabilities
 
 
@@ -61,6 +62,7 @@ class Situation:
         objective: By what the method ``paper`` fits models; the method ``posterior`` has its own
             likelihood.
         rng: The choice's own.
+        learn: What the robot is moved for, once attachments are settled.
         jobs: Threads that the rule may use, apart from those of physics; what it chooses must not
             depend on it.
     """
@@ -68,6 +70,7 @@ class Situation:
     posterior: FittedPosterior
     objective: Objective
     rng: np.random.Generator
+    learn: Learn = "all"
     jobs: int = 1
 
     def random_programs(self, count: int) -> list[Program]:

@@ -51,6 +51,7 @@ def next_program(
         posterior=posterior.computed_by(resources.physics),
         objective=OBJECTIVES.load(settings.objective)(store.capabilities),
         rng=generator(settings.seed, Stream.PROGRAMS, len(posterior.observations)),
+        learn=settings.learn,
         jobs=resources.jobs,
     )
     return _checked(RULES.load(rule)(situation), f"exploration rule {rule!r}", store)

@@ -61,7 +61,7 @@ class PosteriorMethod:
         listener: Hears what happens.
         make_physics: Makes the back-end that samples, for each population one.
         physics: Another such back-end, on all cores: for what is done while the workers rest.
-        workers: Move the populations' chains, and fit bodies that deviate from the problem.
+        workers: Move the populations' chains, and weigh what these have found.
         make_reference: Makes the back-end that has the last word, from the same workers.
     """
 
@@ -80,6 +80,11 @@ class PosteriorMethod:
             raise EstimatorError(
                 "search, population, generations and full steps belong to the method paper: leave "
                 "them out, or add --method paper"
+            )
+        if config.learn != "all" and config.explore not in (None, PosteriorMethod.RULE):
+            raise EstimatorError(
+                f"--learn {config.learn} is for the rule {PosteriorMethod.RULE}, and not for "
+                f"{config.explore}: leave one of them out"
             )
         physics = config.physics or PosteriorMethod.PHYSICS
         if not issubclass(physics_class(physics), ArrayPhysics):
@@ -310,10 +315,10 @@ class PosteriorMethod:
     def _cost(self) -> Counters:
         """What the run has cost by now, this process's share added to what was on disk."""
         before, sampler, reference = self._counters, self._sampler, self._reference
-        requested = sampler.requested + reference.simulations
+        simulations = sampler.simulations + reference.simulations
         return Counters(
-            simulations_requested=before.simulations_requested + requested,
-            simulations_run=before.simulations_run + sampler.simulations + reference.simulations,
+            simulations_requested=before.simulations_requested + simulations,
+            simulations_run=before.simulations_run + simulations,
             steps=before.steps + sampler.steps + reference.steps,
             wall_seconds=before.wall_seconds + time.monotonic() - self._started,
         )

@@ -23,6 +23,7 @@ from estimator.identification.paper.objectives import OBJECTIVES
 from estimator.identification.paper.search import SEARCHES
 from estimator.identification.posterior_method import PosteriorMethod
 from estimator.identification.robot_link import RobotLink, open_robot
+from estimator.parameters.rows import packages
 from estimator.physics.backends import BACKENDS, REFERENCE, Executors
 from estimator.problem.problem import Problem
 from estimator.problem.values import complaint
@@ -201,6 +202,7 @@ def _packages(physics: str, search: str, objective: str, explore: str) -> dict[s
         **SEARCHES.package(search),
         **OBJECTIVES.package(objective),
         **RULES.package(explore),
+        **packages(),
     }
 
 

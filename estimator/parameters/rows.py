@@ -88,6 +88,15 @@ def table_of(parts: Sequence[PartOutline], sensors: int) -> tuple[Parameter, ...
     return tuple(row for name in SOURCES.names() for row in SOURCES.load(name)(parts, sensors))
 
 
+def packages() -> dict[str, str]:
+    """Version by name of the packages that add rows."""
+    return {
+        package: version
+        for name in SOURCES.names()
+        for package, version in SOURCES.package(name).items()
+    }
+
+
 # --- parts ------------------------------------------------------------------------------------
 
 

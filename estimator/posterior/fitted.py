@@ -266,7 +266,7 @@ class FittedPosterior:
         for row, theta in zip(self.changes, [] if changed is None else changed.T, strict=True):
             if isinstance(row, Within):
                 legs = [limb.motor for limb in driven_limbs(bodies[0])]
-                lengths[:, legs.index(row.motor)] *= row.amounts(1.0, theta)
+                lengths[:, legs.index(row.motor)] *= np.abs(row.amounts(1.0, theta))
         return lengths
 
     # --- what is stated ---------------------------------------------------------------------------

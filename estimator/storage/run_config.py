@@ -11,6 +11,7 @@ from estimator.problem.values import Population
 from estimator.readings.modalities import MODALITIES
 
 MethodName: TypeAlias = Literal["posterior", "paper"]
+Learn: TypeAlias = Literal["lengths", "mass", "all"]
 
 
 class RunConfig(BaseModel):
@@ -41,6 +42,11 @@ class RunConfig(BaseModel):
         default=None,
         description="What chooses motor programs: information, disagreement, random, or a "
         "plug-in. Default: the method's.",
+    )
+    learn: Learn = Field(
+        default="all",
+        description="What the rule information moves the robot for once attachments are settled: "
+        "lengths, mass (of parts and of the main body), or all that is not known.",
     )
     search: str | None = Field(
         default=None,

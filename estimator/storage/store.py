@@ -61,7 +61,7 @@ from protocol.wire.capabilities import Capabilities
 LOCK: Final = "run.lock"
 READINGS: Final = "readings.csv"
 ROBOT: Final = "robot.json"
-FORMAT: Final = 5
+FORMAT: Final = 6
 
 
 class RunStore(Closable):

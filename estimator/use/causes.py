@@ -1,8 +1,8 @@
 """How probable each cause is by what was observed, and the bodies that it leaves.
 
 A cause holds *particles*: a body of the posterior as it was identified, and an amount of the
-change. Its evidence is integrated by adaptive importance sampling: amounts are drawn by their
-prior, then around those that explain what was observed. It is always computed from scratch from
+change. Its evidence is integrated by adaptive importance sampling: bodies and amounts are drawn by
+their prior, then those that explain what was observed. It is always computed from scratch from
 all observations: a sampler that takes in one after the other discards the true cause after one
 surprise.
 """
@@ -32,9 +32,11 @@ Rows = NDArray[np.intp]
 UNCHANGED: Final = 0.5
 """Probability, before a reading, that a robot that is diagnosed is as it was."""
 
-_PARTICLES: Final = 64  # of a cause in each round
-_SPREADS: Final = (0.15, 0.05, 0.05)  # of amounts around good ones, in units of their priors
-_CENTRES: Final = 8
+_PARTICLES: Final = 64  # of a cause in the first round
+_ROUNDS: Final = (64, 128, 256, 256)  # and of the others
+_SPREADS: Final = (0.01, 0.15)  # of amounts around good ones, in units of their priors
+_PRIOR: Final = 0.3  # share of bodies that are drawn by their prior in each round
+_CENTRES: Final = 16  # of either sign
 _HOPELESS: Final = 30.0  # nats below the best cause that a coarse look must find
 
 
@@ -69,11 +71,15 @@ class Particles:
             weights=np.full(count, 1 / count),
         )
 
-    def amount(self) -> tuple[float, float, float]:
-        """The median of the amounts, and the ends of their 90 % interval."""
+    def amount(self, times: Array | float = 1.0) -> tuple[float, float, float]:
+        """The median of the amounts, and the ends of their 90 % interval.
+
+        Args:
+            times: A factor on them, shape (n,), or one for all.
+        """
         assert self.cause is not None
         low, middle, high = np.quantile(
-            self.cause.amounts(self.theta),
+            self.cause.amounts(self.theta) * times,
             (0.05, 0.5, 0.95),
             weights=self.weights,
             method="inverted_cdf",
@@ -98,6 +104,32 @@ class Weighed:
         """Probability that nothing has changed."""
         same = [one.cause is None for one in self.particles]
         return float(self.probabilities[same].sum())
+
+
+@dataclass(frozen=True)
+class _Round:
+    """What some particles were drawn by.
+
+    Attributes:
+        count: How many.
+        chances: Of each body, shape (bodies,).
+        centres: Of amounts, shape (k,); ``None``: they were drawn by their prior.
+        spread: Around these.
+    """
+
+    count: int
+    chances: Array
+    centres: Array | None
+    spread: float
+
+    def log_density(self, theta: Array, prior: Array) -> Array:
+        """Of amounts, shape (n,), whose prior is known."""
+        if self.centres is None:
+            return prior
+        away = (theta[:, None] - self.centres) / self.spread
+        normal = -0.5 * away**2 - math.log(self.spread * math.sqrt(2 * math.pi))
+        density: Array = logsumexp(normal, axis=1) - math.log(len(self.centres))
+        return density
 
 
 class Weigher:
@@ -240,47 +272,65 @@ class Weigher:
         return replace(one, weights=softmax(logs), log_evidence=float(logsumexp(logs)))
 
     def _refined(self, first: Particles, observations: Sequence[Observation]) -> Particles:
-        """The particles of a cause after some rounds around those that explain most."""
-        cause = first.cause
+        """The particles of a cause after some rounds of those that explain most."""
+        cause, rng = first.cause, self.rng
         assert cause is not None
-        rows, theta = [first.rows], [first.theta]
-        fits = [self.fits(first, observations).sum(axis=1)]
-        proposals: list[tuple[Array, float]] = []
-        for spread in _SPREADS if not cause.row.switch else ():
-            logs = self._log_weights(cause, np.concatenate(theta), np.concatenate(fits), proposals)
-            centres = np.concatenate(theta)[
-                systematic(softmax(logs), _CENTRES, float(self.rng.random()))
-            ]
-            each = np.repeat(centres, _PARTICLES // _CENTRES)
-            drawn = each + self.rng.normal(0, spread, len(each))
-            some = replace(first, rows=self.rng.permutation(first.rows), theta=drawn)
-            proposals.append((centres, spread))
-            rows.append(some.rows)
-            theta.append(drawn)
-            fits.append(self.fits(some, observations).sum(axis=1))
-        together = np.concatenate(theta)
-        logs = self._log_weights(cause, together, np.concatenate(fits), proposals)
+        rows, theta = first.rows, first.theta
+        fits = self.fits(first, observations).sum(axis=1)
+        rounds = [_Round(len(rows), self._weights, None, 1.0)]
+        for count in _ROUNDS:
+            weights = softmax(self._log_weights(cause, rows, theta, fits, rounds))
+            good = np.bincount(rows, np.sqrt(weights), minlength=len(self._weights))
+            chances = _PRIOR * self._weights + (1 - _PRIOR) * good / good.sum()
+            centres = self._centres(theta, weights)
+            spread = float(np.clip(np.std(np.abs(centres)), *_SPREADS))
+            drawn = np.resize(centres, count)
+            if not cause.row.switch:
+                drawn = drawn + rng.normal(0, spread, count)
+            some = replace(
+                first,
+                rows=rng.permutation(systematic(chances, count, float(rng.random()))),
+                theta=drawn,
+            )
+            rounds.append(_Round(count, chances, centres, spread))
+            rows, theta = np.append(rows, some.rows), np.append(theta, some.theta)
+            fits = np.append(fits, self.fits(some, observations).sum(axis=1))
+        logs = self._log_weights(cause, rows, theta, fits, rounds)
         return Particles(
             cause=cause,
-            rows=np.concatenate(rows),
-            theta=together,
+            rows=rows,
+            theta=theta,
             weights=softmax(logs),
-            log_evidence=float(logsumexp(logs)) - math.log(len(together)),
+            log_evidence=float(logsumexp(logs)) - math.log(len(rows)),
         )
 
-    @staticmethod
+    def _centres(self, theta: Array, weights: Array) -> Array:
+        """Amounts that explain most, of either sign, for one of them may be found by chance."""
+        signs = [sign for sign in (theta < 0, theta >= 0) if weights[sign].sum() > 0]
+        return np.concatenate(
+            [
+                theta[sign][
+                    systematic(
+                        weights[sign] / weights[sign].sum(), _CENTRES, float(self.rng.random())
+                    )
+                ]
+                for sign in signs
+            ]
+        )
+
     def _log_weights(
-        cause: Cause, theta: Array, fits: Array, proposals: Sequence[tuple[Array, float]]
+        self, cause: Cause, rows: Rows, theta: Array, fits: Array, rounds: Sequence[_Round]
     ) -> Array:
-        """By the mixture of all that amounts were drawn by, the prior among them."""
+        """By the mixture of all that particles were drawn by."""
         prior = cause.log_density(theta)
-        logs = [prior]
-        for centres, spread in proposals:
-            away = (theta[:, None] - centres) / spread
-            normal = -0.5 * away**2 - math.log(spread * math.sqrt(2 * math.pi))
-            logs.append(logsumexp(normal, axis=1) - math.log(len(centres)))
-        drawn = logsumexp(np.array(logs), axis=0) - math.log(len(logs))
-        weights: Array = fits + prior - drawn
+        total = sum(one.count for one in rounds)
+        drawn = [
+            math.log(one.count / total)
+            + np.log(one.chances[rows])
+            + (prior if cause.row.switch else one.log_density(theta, prior))
+            for one in rounds
+        ]
+        weights: Array = fits + prior + np.log(self._weights[rows]) - logsumexp(np.array(drawn), 0)
         return weights
 
     def _sorted(self, particles: Sequence[Particles]) -> Weighed:

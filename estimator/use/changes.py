@@ -22,6 +22,7 @@ from estimator.readings.observation import PredictedReadings
 _PROBES: Final = 64  # programs on which a change must show
 _SHOWS: Final = 0.1  # in so many of them at least
 _BY: Final = 5.0  # by so many standard deviations: what models err by adds up otherwise
+_MIDDLE: Final = 0.6745  # of what is even between two ends
 _SIZES: Final = np.linspace(0.1, 3.0, 30)  # of an amount, in its spreads
 
 
@@ -47,11 +48,12 @@ class Cause:
 
     def amounts(self, theta: Array) -> Array:
         """Amounts of standard normal numbers, shape (n,)."""
-        return self.row.amounts(self.row.wide or 1.0, theta)
+        amounts = self.row.amounts(self.row.wide or 1.0, theta)
+        return np.abs(amounts) if isinstance(self.row, Within) else amounts
 
     def changed(self, bodies: Bodies, theta: Array) -> Bodies:
         """The n bodies, each changed by its own amount."""
-        return self.row.applied(bodies, self.amounts(theta))
+        return self.row.applied(bodies, self.row.amounts(self.row.wide or 1.0, theta))
 
     def drawn(self, uniforms: Array) -> Array:
         """Standard normal numbers of at least the least size, from n numbers in [0, 1]."""
@@ -89,7 +91,7 @@ def causes_of(known: FittedPosterior, rng: np.random.Generator) -> tuple[Cause, 
 def _least(known: FittedPosterior, row: Parameter, bodies: Bodies, programs: Array) -> float | None:
     """From how many spreads on a change shows; ``None``: never."""
     if row.switch or isinstance(row, Within):
-        thetas = np.array([0.0])
+        thetas = np.array([_MIDDLE])
     else:
         thetas = np.concatenate([_SIZES, -_SIZES, np.zeros(1)])
     amounts = row.amounts(row.wide or 1.0, thetas)

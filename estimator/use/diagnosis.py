@@ -8,7 +8,6 @@ these.
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -17,19 +16,17 @@ from typing import Final
 
 import numpy as np
 
-from estimator.body.arrays import Bodies, Flags
+from estimator.body.arrays import Bodies
 from estimator.body.limbs import driven_limbs
-from estimator.body.morphology import Array
 from estimator.identification.method import information_in_words
 from estimator.parameters.changes import Within
 from estimator.posterior.fitted import FittedPosterior
-from estimator.posterior.model.likelihood import Likelihood, Noise
-from estimator.posterior.model.sensor_data import SensorData
-from estimator.posterior.model.special import logsumexp, softmax
-from estimator.posterior.posterior import systematic
-from estimator.readings.observation import Observation, PredictedReadings, Program
-from estimator.use.causes import Particles, Rows, Weighed, Weigher
+from estimator.posterior.model.special import logsumexp
+from estimator.readings.observation import Observation, Program
+from estimator.use.causes import Particles, Weighed, Weigher
+from estimator.use.competitor import Competitor, log_alone
 from estimator.use.movements import Hypotheses, best_of, telling
+from estimator.use.surprise import surprise
 
 SURE: Final = 0.95
 """Probability from which on a cause is put to the test."""
@@ -44,8 +41,6 @@ _INDISTINGUISHABLE: Final = 0.15  # bits: a movement that tells no more tells no
 _RIVAL: Final = 0.05  # what is less probable is not named beside others
 _BETTER: Final = 3.0  # nats by which the competitor must explain the readings better
 _SURPRISE: Final = 0.02  # probability of readings as odd as those of the test
-_REPLICATES: Final = 600
-_OUTLIERS: Final = 0.005  # of replicates; in recorded runs 2 of 615 were
 _BODIES: Final = 64  # of a cause, that predict
 _SECOND: Final = 0.1  # probability of a second change
 _FEWEST: Final = 3  # movements before "nothing has changed" may be the answer
@@ -124,16 +119,16 @@ def said(particles: Particles, known: FittedPosterior) -> str:
     """A cause with its amount, in words."""
     if particles.cause is None:
         return "nothing has changed"
-    row, (middle, low, high) = particles.cause.row, particles.amount()
+    row = particles.cause.row
     if not isinstance(row, Within):
+        middle, low, high = particles.amount()
         return row.said(middle, (low, high))
     assert known.best_body is not None
     legs = [limb.motor for limb in driven_limbs(known.best_body)]
-    before = 1000 * float(known.weights @ known.leg_lengths[:, legs.index(row.motor)])
-    return (
-        f"{row.name} from {before:.0f} to {middle * before:.0f} mm "
-        f"[{low * before:.0f}–{high * before:.0f}]"
-    )
+    lengths = 1000 * known.leg_lengths[:, legs.index(row.motor)]
+    middle, low, high = particles.amount(lengths[particles.rows])
+    before = float(known.weights @ lengths)
+    return f"{row.name} from {before:.0f} to {middle:.0f} mm [{low:.0f}–{high:.0f}]"
 
 
 def diagnose(
@@ -152,25 +147,20 @@ def diagnose(
     while True:
         weighed = weigher.weigh(observations)
         named, probability = _named(weighed)
+        if tested is not None and _names(tested.causes) == _names(named):
+            return replace(tested, causes=named, probability=probability, weighed=weighed)
         left = movements - (len(observations) - len(before))
         program, bits = telling(weigher, weighed)
         known = len(named) == 1 or bits < _INDISTINGUISHABLE
-        if known and (named[0].cause is not None or len(observations) >= _FEWEST):
-            if tested is not None and _names(tested.causes) == _names(named):
-                return replace(
-                    tested,
-                    causes=named,
-                    probability=probability,
-                    weighed=weighed,
-                )
-            if left >= CONFIRMING:
-                tested = _tested(
-                    weigher, weighed, named, act, observations=observations, reasons=reasons
-                )
-                observations, reasons = list(tested.observations), list(tested.reasons)
-                if tested.verdict is Verdict.NONE_OF_THESE:
-                    return tested
-                continue
+        enough = named[0].cause is not None or len(observations) >= _FEWEST
+        if known and enough and left >= CONFIRMING:
+            tested = _tested(
+                weigher, weighed, named, act, observations=observations, reasons=reasons
+            )
+            observations, reasons = list(tested.observations), list(tested.reasons)
+            if tested.verdict is Verdict.NONE_OF_THESE:
+                return tested
+            continue
         if left <= 0:
             return Diagnosis(
                 verdict=Verdict.UNDECIDED,
@@ -192,8 +182,12 @@ def _named(weighed: Weighed) -> tuple[tuple[Particles, ...], float]:
     return weighed.particles[:probable], float(weighed.probabilities[:probable].sum())
 
 
+def _name(one: Particles) -> str | None:
+    return None if one.cause is None else one.cause.name
+
+
 def _names(causes: Sequence[Particles]) -> set[str | None]:
-    return {None if one.cause is None else one.cause.name for one in causes}
+    return set(map(_name, causes))
 
 
 def _reason(weighed: Weighed, bits: float) -> str:
@@ -218,13 +212,11 @@ def _tested(
     reasons: Sequence[str],
 ) -> Diagnosis:
     """Puts what is named to the test, by movements that tell it from the competitor."""
-    shares = weighed.probabilities[: len(named)] / weighed.probabilities[: len(named)].sum()
-    groups = list(zip(named, shares.tolist(), strict=True))
+    groups = _shares_of(named, weighed)
     own = Hypotheses.of(weigher, groups, _BODIES)
     further = weigher.on_top_of(groups)
     rival = Competitor.fitted(weigher, observations).drawn(_BODIES // 2)
     seen, why = list(observations), list(reasons)
-    chances, replicates, odds = [], np.zeros(_REPLICATES), 0.0
     for number in range(CONFIRMING):
         second = _second(further, further.weigh(seen))
         together = Hypotheses(
@@ -234,18 +226,18 @@ def _tested(
         )
         program, _ = best_of(weigher, together, safe_for=own.bodies)
         reason = f"puts to the test: {said(named[0], weigher.known)} ({number + 1} of {CONFIRMING})"
-        observation = act(tuple(program.tolist()), reason)
-        seen.append(observation)
+        seen.append(act(tuple(program.tolist()), reason))
         why.append(reason)
-        drawn, observed = surprise(weigher, own, observation)
-        chances.append(float(np.mean(drawn >= observed)))
-        replicates += drawn
-        odds += observed
-    after, last = weigher.weigh(seen), further.weigh(seen)
+    after = weigher.weigh(seen)
+    groups = _shares_of(named, after)
+    own = Hypotheses.of(weigher, groups, _BODIES)
+    surprises = [surprise(weigher, own, one) for one in seen[-CONFIRMING:]]
+    odd = sum(float(np.mean(drawn >= observed)) <= _SURPRISE for drawn, observed in surprises)
+    replicates, odds = (sum(each) for each in zip(*surprises, strict=True))
     overall = float(np.mean(replicates >= odds))
+    last = weigher.on_top_of(groups).weigh(seen)
     rival = Competitor.fitted(weigher, seen)
     better = max(rival.log_evidence - _evidence(weigher, named, after), _log_odds(last))
-    odd = sum(chance <= _SURPRISE for chance in chances)
     none = better > _BETTER or overall <= _SURPRISE or odd >= 2
     verdict = Verdict.CHANGED if named[0].cause is not None else Verdict.UNCHANGED
     return Diagnosis(
@@ -259,6 +251,18 @@ def _tested(
         better=better,
         suspects=_suspects(weigher, named, last, rival) if none else (),
     )
+
+
+def _shares_of(named: Sequence[Particles], weighed: Weighed) -> list[tuple[Particles, float]]:
+    """The causes of these names as they are weighed by now, with their shares of all of them."""
+    names = _names(named)
+    groups = [
+        (one, share)
+        for one, share in zip(weighed.particles, weighed.probabilities.tolist(), strict=True)
+        if _name(one) in names
+    ]
+    total = max(sum(share for _, share in groups), 1e-300)
+    return [(one, share / total) for one, share in groups]
 
 
 def _suspects(
@@ -299,234 +303,11 @@ def _evidence(weigher: Weigher, named: Sequence[Particles], weighed: Weighed) ->
     """
     names = _names(named)
     logs = [
-        one.log_evidence + _log_alone(weigher, one)
+        one.log_evidence + log_alone(weigher, one)
         for one in weighed.particles
-        if (None if one.cause is None else one.cause.name) in names
+        if _name(one) in names
     ]
     return float(logsumexp(np.array(logs)))
-
-
-def _log_alone(weigher: Weigher, one: Particles) -> float:
-    chances = _chances(weigher)
-    alone = float(np.sum(np.log1p(-chances)))
-    if one.cause is None:
-        return alone
-    chance = chances[weigher.causes.index(one.cause)]
-    return alone + math.log(chance) - math.log1p(-chance)
-
-
-def surprise(weigher: Weigher, own: Hypotheses, observation: Observation) -> tuple[Array, float]:
-    """How odd an observation is to some bodies, and how odd what they would have read is.
-
-    Args:
-        weigher: Predicts.
-        own: The bodies.
-        observation: What was observed.
-
-    Returns:
-        Minus the logarithm of the density under all bodies together: of replicates that are drawn
-        from these, shape (replicates,), and of the observation.
-    """
-    known, rng = weigher.known, weigher.rng
-    program = np.tile(np.array(observation.angles), (len(own), 1))
-    predicted = known.predictor.read(own.bodies, np.arange(len(own)), program)
-    noise = known.noise
-    drawn = _replicates(predicted, own.scales, noise, observation, rng)
-    data = SensorData.of([*drawn, observation], known.modalities, known.clearance_cap)
-    likelihood = Likelihood(data, noise)
-    rows = np.repeat(np.arange(len(own)), len(data))
-    misfits = data.misfits(predicted[rows], np.tile(np.arange(len(data)), len(own)))
-    logs = likelihood.of(misfits.reshape(len(own), len(data), -1), scales=own.scales)
-    odd: Array = math.log(len(own)) - logsumexp(logs, axis=0)
-    return odd[:-1], float(odd[-1])
-
-
-def _replicates(
-    predicted: PredictedReadings,
-    scales: Array,
-    noise: Noise,
-    like: Observation,
-    rng: np.random.Generator,
-) -> list[Observation]:
-    """What bodies would read, with noise and outliers, where something was read."""
-    rows = rng.integers(len(predicted), size=_REPLICATES)
-    tilt = predicted.tilt[rows] + np.exp(scales[rows, :1]) * noise.tilt * rng.normal(
-        size=(_REPLICATES, 2)
-    )
-    height = predicted.clearance[rows] + np.exp(scales[rows, 1]) * noise.clearance * rng.normal(
-        size=_REPLICATES
-    )
-    flip = rng.random((_REPLICATES, predicted.touch.shape[1]))
-    wrong = np.where(predicted.touch_doubtful[rows], 0.5, noise.touch)
-    touch = predicted.touch[rows] != (flip < wrong)
-    outlier = rng.random(_REPLICATES) < _OUTLIERS
-    tilt[outlier] = rng.uniform(-0.5, 0.5, (int(outlier.sum()), 2))
-    beyond = predicted.saturated[rows]
-    return [
-        like.model_copy(
-            update={
-                "tilt": tuple(
-                    None if was is None else float(value)
-                    for was, value in zip(like.tilt, tilt[row], strict=True)
-                ),
-                "clearance": None if like.clearance is None else float(height[row]),
-                "clearance_saturated": bool(beyond[row]),
-                "touch": tuple(
-                    None if was is None else bool(bit)
-                    for was, bit in zip(like.touch, touch[row], strict=True)
-                ),
-            }
-        )
-        for row in range(_REPLICATES)
-    ]
-
-
-# --- the competitor -------------------------------------------------------------------------------
-
-_CHAINS: Final = 64
-_TEMPERATURES: Final = np.concatenate([[0.0], np.geomspace(2e-3, 1.0, 32)])
-_MOVES: Final = 2  # at each
-_SEVERAL: Final = 1.5  # changes, expected before any reading
-
-
-def _chances(weigher: Weigher) -> Array:
-    """How probably each change is on, before any reading."""
-    return np.minimum(_SEVERAL * np.exp([one.log_prior for one in weigher.causes]), 0.5)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Competitor:
-    """Bodies with any number of changes at once: spike and slab, annealed.
-
-    Attributes:
-        rows: Bodies of the posterior as it was identified, shape (n,).
-        on: Which changes each has, shape (n, causes).
-        theta: Amounts of all changes, shape (n, causes).
-        weights: Adding up to 1, shape (n,).
-        log_evidence: Logarithm of the density of all observations.
-    """
-
-    rows: Rows
-    on: Flags
-    theta: Array
-    weights: Array
-    log_evidence: float = 0.0
-
-    @classmethod
-    def fitted(cls, weigher: Weigher, observations: Sequence[Observation]) -> Competitor:
-        """By annealed importance sampling from the prior (Neal 2001)."""
-        rng, causes = weigher.rng, weigher.causes
-        chances, count = _chances(weigher), _CHAINS
-        theta = np.column_stack([one.drawn(rng.random(count)) for one in causes])
-        now = cls(
-            rows=systematic(weigher.known.weights, count, 0.5)[rng.permutation(count)],
-            on=rng.random((count, len(causes))) < chances,
-            theta=theta,
-            weights=np.full(count, 1 / count),
-        )
-        logs, fits = np.zeros(count), now._fits(weigher, observations)
-        for before, after in itertools.pairwise(_TEMPERATURES):
-            logs += (after - before) * fits
-            for _ in range(_MOVES):
-                new, odds = now._moved(weigher, chances)
-                new_fits = new._fits(weigher, observations)
-                take = np.log(rng.random(count)) < after * (new_fits - fits) + odds
-                now = replace(
-                    now,
-                    rows=np.where(take, new.rows, now.rows),
-                    on=np.where(take[:, None], new.on, now.on),
-                    theta=np.where(take[:, None], new.theta, now.theta),
-                )
-                fits = np.where(take, new_fits, fits)
-        return replace(
-            now,
-            weights=softmax(logs),
-            log_evidence=float(logsumexp(logs)) - math.log(count),
-        )
-
-    def _fits(self, weigher: Weigher, observations: Sequence[Observation]) -> Array:
-        if not observations:
-            return np.zeros(len(self.rows))
-        bodies, scales = self.bodies(weigher), self.scales(weigher)
-        fits: Array = weigher.fits_of(bodies, scales, observations, surely=True).sum(axis=1)
-        return fits
-
-    def _moved(self, weigher: Weigher, chances: Array) -> tuple[Competitor, Array]:
-        """Each chain somewhere else, and the logarithm of how probable that is beside where it was.
-
-        A change is switched, or takes the place of another; an amount or the body is another.
-        """
-        rng, causes = weigher.rng, weigher.causes
-        rows, on, theta = self.rows.copy(), self.on.copy(), self.theta.copy()
-        odds = np.zeros(len(rows))
-        kinds = rng.integers(4, size=len(rows))
-        shares = np.exp([one.log_prior for one in causes])
-        chosen = rng.choice(len(causes), size=(len(rows), 2), p=shares / shares.sum())
-        for chain in range(len(rows)):
-            one, other = chosen[chain].tolist()
-            there = np.flatnonzero(on[chain])
-            if kinds[chain] == 0:
-                on[chain, one] = not on[chain, one]
-                sign = 1 if on[chain, one] else -1
-                odds[chain] = sign * math.log(chances[one] / (1 - chances[one]))
-                if on[chain, one]:
-                    theta[chain, one] = causes[one].drawn(rng.random(1))[0]
-            elif kinds[chain] == 1 and on[chain, one] != on[chain, other]:
-                on[chain, [one, other]] = on[chain, [other, one]]
-                new, old = (one, other) if on[chain, one] else (other, one)
-                theta[chain, new] = causes[new].drawn(rng.random(1))[0]
-                odds[chain] = math.log(chances[new] / (1 - chances[new])) - math.log(
-                    chances[old] / (1 - chances[old])
-                )
-            elif kinds[chain] == 2 and there.size:
-                at = int(rng.choice(there))
-                was = theta[chain, at]
-                theta[chain, at] = was + rng.normal(0, rng.choice([0.3, 0.1, 0.03]))
-                densities = causes[at].log_density(np.array([theta[chain, at], was]))
-                odds[chain] = densities[0] - densities[1]
-            else:
-                rows[chain] = systematic(weigher.known.weights, 1, float(rng.random()))[0]
-        theta = np.clip(theta, -6, 6)
-        return replace(self, rows=rows, on=on, theta=theta), odds
-
-    def bodies(self, weigher: Weigher) -> Bodies:
-        """The bodies."""
-        bodies = weigher.bodies_of(self.rows)
-        order, pieces = [], []
-        for mask in np.unique(self.on, axis=0):
-            own = np.flatnonzero((self.on == mask).all(axis=1))
-            built = bodies[own]
-            for number in np.flatnonzero(mask).tolist():
-                built = weigher.causes[number].changed(built, self.theta[own, number])
-            order.append(own)
-            pieces.append(built)
-        return Bodies.joined(pieces)[np.argsort(np.concatenate(order))]
-
-    def scales(self, weigher: Weigher) -> Array:
-        """Logarithms of their noise factors, shape (n, 2)."""
-        scales: Array = weigher.known.scales[self.rows]
-        return scales
-
-    def drawn(self, count: int) -> Competitor:
-        """So many, equally likely."""
-        rows = systematic(self.weights, count, 0.5)
-        return replace(
-            self,
-            rows=self.rows[rows],
-            on=self.on[rows],
-            theta=self.theta[rows],
-            weights=np.full(count, 1 / count),
-        )
-
-    def suspects(self, weigher: Weigher) -> tuple[tuple[str, float], ...]:
-        """Changes that most bodies have, with their shares."""
-        shares = self.weights @ self.on
-        order = np.argsort(-shares)[:3]
-        return tuple(
-            (weigher.causes[index].name, float(shares[index]))
-            for index in order.tolist()
-            if shares[index] >= 0.3
-        )
 
 
 def _capital(text: str) -> str:

@@ -26,6 +26,7 @@ HYPOTHESES: Final = 160
 _CANDIDATES: Final = 300
 _DRAWS: Final = 160
 _MORE_DRAWS: Final = 640
+_UNSAFE: Final = 10.0  # bits that a movement is worth less if it is safe for none
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -90,8 +91,8 @@ def best_of(
     Args:
         weigher: Predicts.
         hypotheses: The bodies.
-        safe_for: Bodies that must not be near falling elsewhere; by default that is only worth
-            less.
+        safe_for: Bodies that must not be near falling elsewhere, which is where most is told; by
+            default that is only worth less.
     """
     known, rng = weigher.known, weigher.rng
     gain = InformationGain(known.noise, known.clearance_cap, known.modalities)
@@ -105,8 +106,8 @@ def best_of(
             near = near_forks(known, hypotheses.bodies, programs)
             predictions.no_prediction[near] = True
         told = gain.of(predictions, hypotheses.scales, hypotheses.groups, rng, draws=draws)
-        if margins and safe_for is not None:
-            told = told - 10.0 * near_forks(known, safe_for, programs).mean(axis=1)
+        if safe_for is not None:
+            told = told - _UNSAFE * near_forks(known, safe_for, programs).mean(axis=1)
         return told
 
     programs, told = best_programs(

@@ -12,6 +12,7 @@ and their sum is the odds that something has changed. Were the models exact, an 
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import replace
 from typing import Final
 
@@ -35,6 +36,7 @@ PATROL: Final = 6
 """Movements of a patrol, by default."""
 
 _PARTICLES: Final = 64  # of a cause
+_LATELY: Final = 30  # movements, in one of which a change that is noticed happened
 _CANDIDATES: Final = 400  # safe programs, among which a patrol chooses
 _WATCHED: Final = 8  # particles of a cause, by which it does
 _SHOWS: Final = 4.0  # standard deviations
@@ -66,6 +68,7 @@ class Watch:
             [one.log_prior - math.log(_PARTICLES) for one in weigher.causes], _PARTICLES
         )
         self._logs = np.full(len(self._log_prior), -np.inf)  # of R
+        self._lately = deque[tuple[Observation, Array]](maxlen=_LATELY)  # and likelihood ratios
 
     @property
     def alarm(self) -> bool:
@@ -80,28 +83,40 @@ class Watch:
         unchanged = logsumexp(weigher.fits(same, [observation])[:, 0]) - math.log(len(same))
         before = np.logaddexp(self._logs, math.log(HAZARD) + self._log_prior)
         self._logs = before + changed - unchanged
+        self._lately.append((observation, changed - unchanged))
         self.odds = float(np.exp(np.minimum(logsumexp(self._logs), 300.0)))
         self.movements += 1
 
     def suspects(self, count: int = 3) -> tuple[tuple[Particles, float], ...]:
-        """What may have changed, with how probable each is if anything has."""
-        logs = self._logs.reshape(len(self._particles), -1)
-        shares = softmax(logsumexp(logs, axis=1))
-        return tuple(
-            (replace(self._particles[at], weights=softmax(logs[at])), float(shares[at]))
-            for at in np.argsort(-shares)[:count].tolist()
-        )
+        """What may have changed, with how probable each is if anything has.
+
+        Weighed as in a diagnosis, by the movements since the one from which on a change explains
+        most.
+        """
+        seen, ratios = zip(*self._lately, strict=True)
+        since = np.cumsum(ratios[::-1], axis=0) + self._log_prior
+        weighed = self.weigher.weigh(seen[-1 - int(np.argmax(logsumexp(since, axis=1))) :])
+        left = max(1.0 - weighed.unchanged, 1e-300)
+        suspects = zip(weighed.particles, weighed.probabilities.tolist(), strict=True)
+        return tuple((one, share / left) for one, share in suspects if one.cause is not None)[
+            :count
+        ]
+
+    def _likely(self) -> list[tuple[Particles, float]]:
+        """All causes by the recursion, with how probable each is if anything has changed."""
+        logs = self._logs if self.movements else self._log_prior
+        each = logs.reshape(len(self._particles), -1)
+        shares = softmax(logsumexp(each, axis=1)).tolist()
+        return [
+            (replace(one, weights=softmax(own)), share)
+            for one, own, share in zip(self._particles, each, shares, strict=True)
+        ]
 
     def next_movement(self) -> Array:
         """The movement that tells best whether something has changed, rad."""
         weigher = self.weigher
-        if self.movements:
-            changed = list(self.suspects(len(self._particles)))
-        else:
-            shares = softmax(np.array([one.log_prior for one in weigher.causes]))
-            changed = list(zip(self._particles, shares.tolist(), strict=True))
         same = weigher.prior(None, len(weigher.known))
-        groups = [(same, 0.5), *((one, share / 2) for one, share in changed)]
+        groups = [(same, 0.5), *((one, share / 2) for one, share in self._likely())]
         hypotheses = Hypotheses.of(weigher, groups)
         either = replace(hypotheses, groups=np.minimum(hypotheses.groups, 1))
         safe_for = hypotheses.bodies[hypotheses.groups == 0]

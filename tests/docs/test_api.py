@@ -11,7 +11,7 @@ from pathlib import Path
 from bench.daemons import simulator
 from tests.docs.pages import blocks, section
 
-QUESTIONS, PROGRAM = blocks(section("extending", "From your own program"), "python")
+QUESTIONS, PROGRAM, _ = blocks(section("extending", "From your own program"), "python")
 
 
 def run(program: Path) -> subprocess.CompletedProcess[str]:

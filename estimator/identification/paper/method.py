@@ -59,6 +59,11 @@ class PaperMethod:
                 "sure belongs to the method posterior, since a population does not know how good "
                 "it is: leave it out, or leave out --method paper"
             )
+        if config.learn != "all":
+            raise EstimatorError(
+                f"--learn {config.learn} belongs to the method posterior: leave it out, or leave "
+                "out --method paper"
+            )
 
     @classmethod
     def open(

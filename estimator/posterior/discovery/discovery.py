@@ -31,12 +31,13 @@ from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
 
 _WATCHED: Final = 3  # levels, from the coldest up
+_WATCHING: Final = 4  # times fewer steps, while a body that all searches agreed on explains all
 _POLISHED: Final = 200  # sets of attachments whose lengths are fitted, in one round
 _POLISHED_BESIDE: Final = 40  # where neighbours are tried, too
 _LEADERS: Final = 4  # in one sweep
-_SWEPT: Final = (math.inf, 16.0, 16.0)  # nats that they may lie below the best, in one and the next
+_SWEPT: Final = (math.inf, 16.0)  # nats that they may lie below the best, in one and the next
 _ELSEWHERE: Final = 800  # random lengths tried with a leader's attachments
-_PROMISING: Final = 60  # of them polished,
+_PROMISING: Final = 20  # of them polished,
 _FINISHED: Final = 3  # and one in so many to the end, the best
 _STARTS: Final = 24  # of these, fitted
 _CLIMBING: Final = 2  # bodies whose neighbours are tried at once
@@ -128,14 +129,14 @@ class Discovery:
         """One round.
 
         Args:
-            steps: Of the chains.
+            steps: Of the chains; of those that only watch a body that all agreed on, a part.
             until_explained: Whether nothing else is tried once a body explains all readings.
 
         Returns:
             All sets of attachments that were found so far.
         """
         population, visited = self.population, self._visited
-        for step in range(steps):
+        for step in range(steps // _WATCHING if self._has_converged() else steps):
             population.step()
             if step % EVERY == EVERY - 1:
                 levels = slice(0, _WATCHED * population.chains_per_level)

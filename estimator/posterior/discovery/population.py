@@ -150,10 +150,6 @@ class Population:
         values, scales = (np.array(state[name], dtype=float) for name in ("values", "scales"))
         return cls(predictor, rng, values, scales, levels=int(state["levels"]))
 
-    def _branches(self, chains: Columns, interactions: Columns) -> Array | None:
-        """Branches (numbers of ``GRAVITY_TILTS``) of the chains, which coarse proposals keep."""
-        return self._misfits[chains, interactions, BRANCH] if self.coarse else None
-
     def _look(self, rows: slice) -> None:
         misfits = self._likelihood.misfits_of(
             self._predictor, self.values[rows], surely=self._surely
@@ -165,51 +161,38 @@ class Population:
         self._fits = self._likelihood.of(self._misfits, self._noise_scales, self.scales)
 
     def _move(self, rows: Columns, still: Columns) -> None:
-        """Proposes for half of the chains, with early and exact rejection.
-
-        The acceptance number is drawn first. Interactions are tried one by one, those that the
-        chain itself fits best before the others, since there a change will hurt most; a proposal
-        is given up once even perfect fits in the rest could not be enough.
-        """
-        rng, count = self._rng, len(self._data)
-        half = self.chains_per_level // 2
+        """Proposes for half of the chains."""
+        rng, half = self._rng, self.chains_per_level // 2
         level = rows // self.chains_per_level
         first = rng.integers(half, size=rows.size)
         second = (first + rng.integers(1, half, size=rows.size)) % half
         partners = np.stack([still[level * half + first], still[level * half + second]], axis=1)
         fresh = propose(self.values, rows, partners, self._predictor.unknowns, rng)
         limits = np.log(rng.random(rows.size)) + self._fits[rows].sum(axis=1)
-        order = np.argsort(-self._fits[rows], axis=1, kind="stable")
-        noise_scales, scales = self._noise_scales[rows], self.scales[rows]
-        misfits = np.zeros((rows.size, count, MISFITS))
-        fits = self._likelihood.best(noise_scales, scales)
-        bodies = self._predictor.unknowns.bodies(fresh)
-        alive = np.flatnonzero(~self._predictor.unknowns.forbidden(fresh))
-        start, simulated = 0, 0
-        while start < count and alive.size:
-            end = min(count, 2 * start + 1)
-            models = np.repeat(alive, end - start)
-            interactions = order[alive, start:end].ravel()
-            simulated += models.size
-            misfits[models, interactions] = self._likelihood.misfits_at(
-                self._predictor,
-                bodies,
-                models,
-                interactions,
-                branches=self._branches(rows[models], interactions),
-            )
-            fits[models, interactions] = self._likelihood.of(
-                misfits[models, interactions][:, None],
-                noise_scales[models],
-                scales[models],
-                interactions[:, None],
-            )[:, 0]
-            alive = alive[fits[alive].sum(axis=1) > limits[alive]]
-            start = end
-        self._predictor.skipped += rows.size * count - simulated
-        taken = rows[alive]
-        self.values[taken], self._misfits[taken] = fresh[alive], misfits[alive]
-        self._fits[taken] = fits[alive]
+        allowed = ~self._predictor.unknowns.forbidden(fresh)
+        rows, fresh = rows[allowed], fresh[allowed]
+        misfits, fits = self._proposed(rows, fresh)
+        accepted = fits.sum(axis=1) > limits[allowed]
+        self._take(rows[accepted], fresh[accepted], misfits[accepted], fits[accepted])
+
+    def _proposed(self, rows: Columns, fresh: Array) -> tuple[Array, Array]:
+        """Misfits of points that some chains may move to, and their log-likelihoods there."""
+        count = len(self._data)
+        which, interactions = (
+            np.repeat(np.arange(len(rows)), count),
+            np.tile(np.arange(count), len(rows)),
+        )
+        misfits = self._likelihood.misfits_at(
+            self._predictor,
+            self._predictor.unknowns.bodies(fresh),
+            which,
+            interactions,
+            branches=self._misfits[rows][..., BRANCH].ravel() if self.coarse else None,
+        ).reshape(len(rows), count, MISFITS)
+        return misfits, self._likelihood.of(misfits, self._noise_scales[rows], self.scales[rows])
+
+    def _take(self, rows: Columns, values: Array, misfits: Array, fits: Array) -> None:
+        self.values[rows], self._misfits[rows], self._fits[rows] = values, misfits, fits
 
     def _cross(self) -> None:
         """Exchanges a part between chains of one level, in pairs that accept together."""
@@ -225,24 +208,10 @@ class Population:
         )
         allowed = ~self._predictor.unknowns.forbidden(fresh).reshape(2, half).any(axis=0)
         pair, fresh = pair[np.tile(allowed, 2)], fresh[np.tile(allowed, 2)]
-        count = len(self._data)
-        which, interactions = (
-            np.repeat(np.arange(len(pair)), count),
-            np.tile(np.arange(count), len(pair)),
-        )
-        misfits = self._likelihood.misfits_at(
-            self._predictor,
-            self._predictor.unknowns.bodies(fresh),
-            which,
-            interactions,
-            branches=self._branches(pair[which], interactions),
-        ).reshape(len(pair), count, MISFITS)
-        fits = self._likelihood.of(misfits, self._noise_scales[pair], self.scales[pair])
+        misfits, fits = self._proposed(pair, fresh)
         gain = (fits - self._fits[pair]).sum(axis=1).reshape(2, -1).sum(axis=0)
         accepted = np.tile(np.log(rng.random(len(gain))) < gain, 2)
-        taken = pair[accepted]
-        self.values[taken], self._misfits[taken] = fresh[accepted], misfits[accepted]
-        self._fits[taken] = fits[accepted]
+        self._take(pair[accepted], fresh[accepted], misfits[accepted], fits[accepted])
 
     def _rescale(self, rows: slice) -> None:
         """Moves the noise factors, which costs no simulation."""

@@ -7,6 +7,7 @@ surely they are no outliers, under noise that narrows from step to step.
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,7 +20,7 @@ from estimator.body.morphology import Array
 from estimator.posterior.model.likelihood import GRAVITY_TILTS, Likelihood
 from estimator.posterior.model.noise import step_weight
 from estimator.posterior.model.sensor_data import BRANCH, MISFITS, SensorData
-from estimator.posterior.model.unknowns import Columns, Predictor
+from estimator.posterior.model.unknowns import Columns, Predictor, Unknowns
 
 ROUGH: Final = 4.0
 """Factor on the noise under which bodies are compared whose lengths are not right yet."""
@@ -77,6 +78,19 @@ class Free:
             columns=np.broadcast_to(columns, shape),
             spreads=np.ones(shape),
             normal=np.zeros(columns.size, dtype=bool),
+        )
+
+    @classmethod
+    def as_built(cls, unknowns: Unknowns, count: int) -> Free:
+        """Lengths, and all that robots have otherwise as people build them, of so many points."""
+        rows = [row for row, one in enumerate(unknowns.table) if one.narrow]
+        columns = np.array([*unknowns.continuous, *(unknowns.genes_size + row for row in rows)])
+        spreads = np.ones(len(columns))
+        spreads[unknowns.continuous.size :] = [unknowns.table[row].narrow for row in rows]
+        return cls(
+            columns=np.broadcast_to(columns.astype(np.intp), (count, columns.size)),
+            spreads=np.broadcast_to(spreads, (count, columns.size)),
+            normal=np.arange(columns.size) >= unknowns.continuous.size,
         )
 
     def __getitem__(self, rows: Columns) -> Free:
@@ -255,6 +269,14 @@ class GaussNewton:
         climb -= np.where(free.normal, own, 0.0)
         prior = np.diag(np.where(free.normal, 1.0, PRIOR))
         return Slopes(misfits=misfits, precision=precision + prior, climb=climb)
+
+    def half_volumes(self, values: Array, free: Free | None = None) -> Array:
+        """What Laplace's approximation of the evidence adds to the fits of n points, shape (n,)."""
+        free = self._all(values, free)
+        lengths = np.count_nonzero(~free.normal)
+        log_precision = np.linalg.slogdet(self.slopes(values, free=free).precision)[1]
+        volumes: Array = 0.5 * (lengths * math.log(2 * math.pi) - log_precision)
+        return np.minimum(0.0, volumes)
 
     def _misfits(self, values: Array, branches: Array, *, coarse_step: bool) -> Array:
         """Of n points in k interactions, each under one of ``GRAVITY_TILTS``, shape (n, k)."""

@@ -41,11 +41,6 @@ def expit(logits: Array) -> Array:
     return shares
 
 
-def log_gamma(value: float) -> float:
-    """Logarithm of the gamma function."""
-    return float(_scipy().gammaln(value))
-
-
 def at_least(hits: Array, trials: Array, chance: float) -> Array:
     """Probability of so many hits or more in independent trials with one chance each."""
     tail: Array = _scipy().bdtrc(hits - 1, trials, chance)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from functools import cached_property
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -35,6 +34,7 @@ class Unknowns:
     Args:
         genome: The code between genes and bodies.
         table: What may be otherwise; nothing by default.
+        taken: What is otherwise of all points alike, for which they have no columns; and how far.
 
     Attributes:
         table: As above.
@@ -46,15 +46,20 @@ class Unknowns:
         parents: Which columns choose what a part sits on, shape (size,).
         bits: Information that says which of all attachments a body has, were they equally likely.
         many: Whether these are so many that changes of single parts do not lead to the body.
-        parts: Columns that belong to one part, for each part that has any; nuisance parameters
-            belong to the main body.
+        parts: Columns that belong to one part, for each part that has any.
         places: Columns that say where parts sit, of parts that may have each other's mounts and not
             share them: in each array one row a part, and the same columns for each.
         hinges: Columns of these parts' hinges, part by part.
     """
 
-    def __init__(self, genome: Genome, table: Sequence[Parameter] = ()):
+    def __init__(
+        self,
+        genome: Genome,
+        table: Sequence[Parameter] = (),
+        taken: tuple[Sequence[Parameter], Array] = ((), np.empty(0)),
+    ):
         self._genome = genome
+        self._taken = taken
         self.table = tuple(table)
         genes = genome.genes
         self.genes_size = len(genes)
@@ -93,14 +98,15 @@ class Unknowns:
 
     def bodies(self, values: Array) -> Bodies:
         """The bodies of n points, shape (n, size)."""
-        return applied(
-            self.table, self._genome.bodies(self.cube(values)), values[:, self.genes_size :]
-        )
+        table, away = self._taken
+        bodies = self._genome.bodies(self.cube(values))
+        if away.any():
+            bodies = applied(table, bodies, away[None].repeat(len(values), axis=0))
+        return applied(self.table, bodies, values[:, self.genes_size :])
 
-    @cached_property
-    def searched(self) -> Unknowns:
-        """The cube alone: bodies that are as stated."""
-        return Unknowns(self._genome) if self.table else self
+    def searched(self, away: Array) -> Unknowns:
+        """The cube alone: bodies that are all so far from what is stated, shape (rows,)."""
+        return Unknowns(self._genome, taken=(self.table, away)) if self.table else self
 
     def cube(self, values: Array) -> Array:
         """What n points are in the cube, shape (n, genes)."""
@@ -108,7 +114,35 @@ class Unknowns:
 
     def as_stated(self, genes: Array) -> Array:
         """Points of n genomes that are as stated, shape (n, size)."""
-        return np.pad(genes, ((0, 0), (0, len(self.table))))
+        return self.otherwise(genes, np.zeros(len(self.table)))
+
+    def otherwise(self, genes: Array, away: Array) -> Array:
+        """Points of n genomes, shape (n, size), all so far from what is stated, shape (rows,)."""
+        return np.hstack([genes, away[None].repeat(len(genes), axis=0)])
+
+    def log_narrow(self, values: Array, apart: Columns) -> Array:
+        """Logarithm of the narrow components' density of n points beside its peak, shape (n,).
+
+        Args:
+            values: The points.
+            apart: A row of the table that does not count, for each, shape (n,); −1: all do.
+        """
+        narrow = np.array([row.narrow for row in self.table])
+        own = np.where(narrow > 0, values[:, self.genes_size :] / np.where(narrow, narrow, 1), 0.0)
+        own[np.flatnonzero(apart >= 0), apart[apart >= 0]] = 0.0
+        density: Array = -0.5 * np.sum(own**2, axis=1)
+        return density
+
+    def as_built(self, values: Array) -> Array:
+        """The n points, as stated in all that has no narrow component."""
+        narrow = [row.narrow > 0 for row in self.table]
+        return np.where([True] * self.genes_size + narrow, values, 0.0)
+
+    def typical(self, values: Array) -> Array:
+        """How far n points are from what is stated, on average; shape (rows,)."""
+        away: Array = values[:, self.genes_size :].mean(axis=0)
+        switches = np.array([row.switch for row in self.table], dtype=bool)
+        return np.where(switches, np.round(away), away)
 
     def points(self, genes: Array, amounts: Mapping[str, Array]) -> Array:
         """Points of n genomes, shape (n, size), of robots with amounts by the names of the table.
@@ -125,7 +159,7 @@ class Unknowns:
 
     def amounts(self, values: Array) -> dict[str, Array]:
         """What n points have otherwise than stated, by the names of the table; shape (n,) each."""
-        away = values[:, self.genes_size :]
+        away = values[:, self.genes_size : self.genes_size + len(self.table)]
         used = np.flatnonzero(np.any(away != 0, axis=0)).tolist()
         return {self.table[column].name: away[:, column] for column in used}
 
@@ -156,12 +190,10 @@ class Cost(NamedTuple):
     Attributes:
         simulations: Interactions that were simulated.
         steps: Time steps of these.
-        skipped: Simulations that early rejection has made unnecessary.
     """
 
     simulations: int
     steps: int
-    skipped: int
 
     def since(self, before: Cost) -> Cost:
         """The difference to an earlier one."""
@@ -177,12 +209,10 @@ class Predictor:
 
     Attributes:
         unknowns: As above.
-        skipped: Simulations that early rejection has made unnecessary.
     """
 
     def __init__(self, unknowns: Unknowns, physics: ArrayPhysics) -> None:
         self.unknowns = unknowns
-        self.skipped = 0
         self._simulations_elsewhere = 0
         self._steps_elsewhere = 0
         self._physics = physics
@@ -204,13 +234,12 @@ class Predictor:
     @property
     def cost(self) -> Cost:
         """Counts of what was computed so far."""
-        return Cost(self.simulations, self.steps, self.skipped)
+        return Cost(self.simulations, self.steps)
 
     def add_cost(self, cost: Cost) -> None:
         """Counts what a copy has computed in a worker process."""
         self._simulations_elsewhere += cost.simulations
         self._steps_elsewhere += cost.steps
-        self.skipped += cost.skipped
 
     def read(
         self,

@@ -5,32 +5,35 @@ By it those are chosen that are weighed (``weighing``).
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
 import numpy as np
 
 from estimator.body.morphology import Array
-from estimator.posterior.model.gauss_newton import GaussNewton
+from estimator.posterior.model.gauss_newton import Free, GaussNewton
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Predictor
 
 
 class EvidenceEstimator:
-    """Guesses the evidence of sets of attachments on robots that are as stated.
+    """Guesses the evidence of sets of attachments.
 
     Args:
         predictor: Computes readings.
         data: The observations.
         likelihood: Of ``data``.
+
+    Attributes:
+        predictor: As above.
     """
 
     def __init__(self, predictor: Predictor, data: SensorData, likelihood: Likelihood) -> None:
-        self._predictor = predictor
+        self.predictor = predictor
         self._solver = GaussNewton(predictor, data, likelihood)
         self._fits: dict[bytes, float] = {}
         self._half_volumes: dict[bytes, float] = {}
+        self._built: dict[bytes, tuple[Array, float]] = {}
 
     def fits(self, values: Array) -> Array:
         """Log-likelihoods with the noise factors integrated out, shape (n,).
@@ -38,7 +41,7 @@ class EvidenceEstimator:
         Args:
             values: Points, shape (n, size). Those that were asked for before cost nothing.
         """
-        return self._looked_up(self._fits, values, self._fits_of)
+        return self._looked_up(self._fits, values, self._solver.fits)
 
     def guess(self, values: Array) -> Array:
         """Laplace's approximation of the evidence, to tell which sets are worth more; shape (n,).
@@ -46,10 +49,28 @@ class EvidenceEstimator:
         Args:
             values: The best point of each set, shape (n, size); see ``fits``.
         """
-        half_volumes = self._looked_up(self._half_volumes, values, self._half_volumes_of)
-        prior = self._predictor.unknowns.log_prior(values)
-        guesses: Array = self.fits(values) + np.minimum(0.0, half_volumes) + prior
+        half_volumes = self._looked_up(self._half_volumes, values, self._solver.half_volumes)
+        prior = self.predictor.unknowns.log_prior(values)
+        guesses: Array = self.fits(values) + half_volumes + prior
         return guesses
+
+    def as_built(self, values: Array) -> tuple[Array, Array]:
+        """The best points of robots as people build them, shape (n, size), and their guesses.
+
+        Args:
+            values: Of each set, shape (n, size). Those that were asked for before cost nothing.
+        """
+        keys = [value.tobytes() for value in values]
+        fresh = values[[row for row, key in enumerate(keys) if key not in self._built]]
+        if len(fresh):
+            free = Free.as_built(self.predictor.unknowns, len(fresh))
+            points, fits = self._solver.polished(fresh, free=free)
+            guesses = fits + self._solver.half_volumes(points, free)
+            guesses += self.predictor.unknowns.log_prior(points)
+            known = zip(points, guesses.tolist(), strict=True)
+            self._built.update(zip((value.tobytes() for value in fresh), known, strict=True))
+        found = [self._built[key] for key in keys]
+        return np.array([point for point, _ in found]), np.array([guess for _, guess in found])
 
     def _looked_up(
         self, known: dict[bytes, float], values: Array, compute: Callable[[Array], Array]
@@ -60,11 +81,3 @@ class EvidenceEstimator:
             numbers = compute(values[fresh]).tolist()
             known.update(zip((points[row] for row in fresh), numbers, strict=True))
         return np.array([known[point] for point in points])
-
-    def _fits_of(self, values: Array) -> Array:
-        return self._solver.fits(values)
-
-    def _half_volumes_of(self, values: Array) -> Array:
-        precision = self._solver.slopes(values).precision
-        volume = precision.shape[-1] * math.log(2 * math.pi) - np.linalg.slogdet(precision)[1]
-        return np.asarray(0.5 * volume)

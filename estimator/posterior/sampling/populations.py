@@ -25,7 +25,7 @@ from estimator.posterior.discovery.population import EVERY, Population
 from estimator.posterior.model.likelihood import Noise
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.special import softmax
-from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
+from estimator.posterior.model.unknowns import Attachments, Unknowns
 from estimator.posterior.posterior import Mode, Posterior, coverage, found_by_each
 from estimator.posterior.sampling.evidence import EvidenceEstimator
 from estimator.storage.posteriors import OUTLIERS
@@ -36,6 +36,8 @@ CONSIDERED: Final = 16.0
 ENOUGH_TO_ERR: Final = 5
 """Interactions, of which one may be left unexplained."""
 
+_BUILT: Final = 14.0  # more where no robot explains the readings that is as it was taken to be
+_FITTED: Final = 120  # sets of attachments of which it is seen what robots as built explain
 _AS_GOOD: Final = 3.0  # nats that the lengths which a population found may fit worse
 _AS_PROBABLE: Final = 3.0  # nats
 _BAD: Final = 2.33  # excess, as one right body of a hundred has
@@ -69,7 +71,7 @@ class Agreement:
     def of(
         cls,
         bodies: Sequence[BestPoints],
-        predictor: Predictor,
+        away: Array,
         estimator: EvidenceEstimator,
         data: SensorData,
         noise: Noise,
@@ -78,23 +80,40 @@ class Agreement:
 
         Args:
             bodies: What each population has found.
-            predictor: Computes readings.
+            away: How far their robots are from what is stated, shape (rows,).
             estimator: Guesses evidences.
             data: The observations.
             noise: Sensor noise.
         """
-        unknowns = predictor.unknowns
+        unknowns = estimator.predictor.unknowns
         together = BestPoints.joined(bodies, unknowns)
         best = float(together.fits[0])
-        points = together.values[together.fits > best - CONSIDERED]
-        guesses = estimator.guess(points)
+        everyone = unknowns.otherwise(together.values, away)
+        stated = everyone[together.fits > best - CONSIDERED]
+        points, guesses = stated, estimator.guess(stated)
+        fit = fit_of(points[int(np.argmax(guesses))], estimator.predictor, data, noise)
+        if unknowns.table and fit.is_improvable:
+            stated = everyone[together.fits > best - CONSIDERED - _BUILT]
+            points, guesses = stated.copy(), estimator.guess(stated)
+            first = np.argsort(-guesses, kind="stable")[:_FITTED]
+            points[first], guesses[first] = estimator.as_built(stated[first])
+            fit = fit_of(points[int(np.argmax(guesses))], estimator.predictor, data, noise)
+        found = [
+            attachments_found(
+                BestPoints(values=unknowns.otherwise(one.values, away), fits=one.fits),
+                stated,
+                estimator,
+                unknowns,
+            )
+            for one in bodies
+        ]
         return cls(
             points=points,
             keys=unknowns.keys(points),
             best=best,
             guesses=guesses,
-            found=[attachments_found(one, points, estimator, unknowns) for one in bodies],
-            fit=fit_of(points[int(np.argmax(guesses))], predictor, data, noise),
+            found=found,
+            fit=fit,
             may_err=len(data) >= ENOUGH_TO_ERR,
         )
 
@@ -186,13 +205,12 @@ def attachments_found(
 
 _LOST: Final = 12.0  # nats below the best
 _STRAGGLERS: Final = 0.5  # of the chains, that may be lost in the end
-_ROUNDS: Final = 3  # at most, until there are no more of them and all readings are explained
 _LONGER: Final = 5  # times as many steps, where it is not known which part sits on which
 _ANEW: Final = 100  # steps with each number of interactions, where chains begin anew
 
 
 def explored(
-    searches: Sequence[Discovery], workers: Executor, *, steps: int
+    searches: Sequence[Discovery], workers: Executor, *, steps: int, rounds: int
 ) -> tuple[list[Discovery], Posterior, float]:
     """The posterior after the interactions so far.
 
@@ -200,11 +218,12 @@ def explored(
         searches: With each population.
         workers: Move the chains.
         steps: Of each round where limbs are known, and of sampling after them.
+        rounds: At most, until all readings are explained; each but the first begins anew.
 
     Returns:
         The searches as they go on, the posterior, and how much of it both have found.
     """
-    moved = list(workers.map(partial(_explore, steps), searches))
+    moved = list(workers.map(partial(_explore, steps, rounds), searches))
     by_population = [drawn for _, drawn in moved]
     values, scales, fits = (np.concatenate(arrays) for arrays in zip(*by_population, strict=True))
     unknowns = searches[0].predictor.unknowns
@@ -233,7 +252,9 @@ def explored(
     return [search for search, _ in moved], posterior, share
 
 
-def _explore(steps: int, search: Discovery) -> tuple[Discovery, tuple[Array, Array, Array]]:
+def _explore(
+    steps: int, rounds: int, search: Discovery
+) -> tuple[Discovery, tuple[Array, Array, Array]]:
     """Moves the chains of one population; its samples, their noise factors and their fits.
 
     They begin anew where the best body leaves something unexplained: what an interaction has led
@@ -242,7 +263,7 @@ def _explore(steps: int, search: Discovery) -> tuple[Discovery, tuple[Array, Arr
     population, unknowns = search.population, search.predictor.unknowns
     longer = steps * (_LONGER if unknowns.parents.any() else 1)
     explained = True
-    for _ in range(_ROUNDS):
+    for _ in range(rounds):
         if not explained:
             search.start_anew(_ANEW)
         bodies = search.search(longer, until_explained=True)

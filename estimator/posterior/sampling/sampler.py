@@ -11,6 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from estimator.body.morphology import Array
 from estimator.errors import SearchStateError
 from estimator.physics.base import ArrayPhysics
 from estimator.posterior.checks.verdict import fit_of
@@ -64,7 +65,7 @@ class Sampler:
 
     Args:
         unknowns: What the posterior is over. What may be otherwise than stated is open once bodies
-            are weighed: searches look for bodies that are as stated.
+            are weighed: searches look for bodies that have it as it was found to be up to then.
         make_physics: Makes a back-end for each population.
         noise: Sensor noise.
         effort: How much to do.
@@ -94,11 +95,11 @@ class Sampler:
         self._explores = unknowns.many
         self._telling = math.ceil(unknowns.bits / _BITS_LEARNT) if self._explores else _TELLING
         self.predictor = Predictor(unknowns, physics or make_physics())
-        self._as_stated = self.predictor.of(unknowns.searched)
+        self._away = np.zeros(len(unknowns.table))
         *own, common = seeds
         self._searches = []
         for _, seed in zip(range(effort.populations), own, strict=True):
-            predictor = Predictor(unknowns.searched, make_physics())
+            predictor = Predictor(unknowns.searched(self._away), make_physics())
             of_chains, of_search = map(np.random.default_rng, seed.spawn(2))
             population = Population.of_prior(
                 predictor, of_chains, levels=effort.levels, chains_per_level=effort.chains_per_level
@@ -127,6 +128,7 @@ class Sampler:
             "agreed_on": sorted(self._searches[0].converged),
             "known": sorted(self._known),
             "cleared": sorted(self._cleared),
+            "away": self._away.tolist(),
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -156,11 +158,7 @@ class Sampler:
         self._rng.bit_generator.state = state["random"]
         self._known = {tuple(key) for key in state["known"]}
         self._cleared = {tuple(key) for key in state["cleared"]}
-
-    @property
-    def requested(self) -> int:
-        """Simulations that were asked for so far, those included that early rejection skipped."""
-        return self.simulations + sum(one.skipped for one in self._predictors)
+        self._search_robots(np.array(state["away"], dtype=float))
 
     @property
     def steps(self) -> int:
@@ -184,11 +182,18 @@ class Sampler:
         scales = np.concatenate([one.scales for one in populations])
         return Posterior.equally_likely(self.predictor.unknowns.as_stated(values), scales)
 
+    def _search_robots(self, away: Array) -> None:
+        """Has searches look for bodies that are so far from what is stated, shape (rows,)."""
+        self._away = away
+        for search in self._searches:
+            search.predictor.unknowns = self.predictor.unknowns.searched(away)
+
     def learn(self, data: SensorData) -> Posterior:
         """The posterior after the interactions so far.
 
         As long as they do not inform about all limbs, no attachments are weighed (see
-        ``exploring``), unless the populations agree before.
+        ``explored``), unless the populations agree before. So long bodies that explain all are not
+        searched for again and again either, but for the last time.
 
         Args:
             data: All of them.
@@ -198,7 +203,10 @@ class Sampler:
             search.observe(data, self._noise)
         if self._explores and not self._searches[0].converged:
             self._searches, exploring, share = explored(
-                self._searches, self._workers, steps=self._effort.steps
+                self._searches,
+                self._workers,
+                steps=self._effort.steps,
+                rounds=_FEW_ROUNDS if len(data) >= self._telling - 1 else 1,
             )
             if len(data) < self._telling and share < _EXPLORED:
                 return self._completed(exploring)
@@ -224,7 +232,7 @@ class Sampler:
             search = partial(_searched, effort.steps, number > 0, anew > 0)
             self._searches = list(self._workers.map(search, self._searches))
             bodies = [search.best() for search in self._searches]
-            agreement = Agreement.of(bodies, self._as_stated, estimator, data, self._noise)
+            agreement = Agreement.of(bodies, self._away, estimator, data, self._noise)
             fresh = agreement.share_beyond(known)
             known.update(agreement.keys)
             number += 1
@@ -234,6 +242,7 @@ class Sampler:
             restart = agreement.few and (improvable or apart)
             # That many fit as badly is no excuse.
             restart |= agreement.explains_too_little and improvable
+            restart &= bool(self.predictor.unknowns.choices.size)  # else there is nothing to find
             if restart and not self._explores:
                 anew += 1
             converged = agreement.adequate_fit and agreed and fresh <= _NEGLIGIBLE
@@ -295,9 +304,10 @@ class Sampler:
                 rows_found = [row for row, key in enumerate(keys) if key in found]
                 search.drawn = unknowns.cube(modes.drawn_of(rows_found))
         self._known = set(keys)
-        if unknowns.table:  # the search knows only robots that are as stated
+        if unknowns.table:
             best = modes.points[int(np.argmax(modes.shares))]
             agreement = agreement.with_fit(fit_of(best, predictor, data, self._noise))
+            self._search_robots(unknowns.typical(values))
         found_by = found_by_each(keys, agreement.found).tolist()
         posterior = replace(
             Posterior.equally_likely(values, scales),
@@ -314,7 +324,7 @@ class Sampler:
         return renormalised(posterior, predictor, likelihood)
 
     def _estimator(self, data: SensorData) -> EvidenceEstimator:
-        return EvidenceEstimator(self._as_stated, data, Likelihood(data, self._noise))
+        return EvidenceEstimator(self.predictor, data, Likelihood(data, self._noise))
 
 
 def _read_one(predictor: Predictor) -> None:

@@ -4,11 +4,11 @@ What is integrated over, for each set of attachments by itself, are its lengths,
 and θ, what else may be otherwise than stated, normal beforehand. A reading changes with these
 smoothly between one set of contacts and the next only, and of masses only changes of contacts tell,
 so that no single peak stands for the integral. Particles start from a distribution that is known:
-what a likelihood that counts half would leave, were it as at the best point everywhere, with
-some drawn from the prior. From there they go to the posterior by powers from 0 to 1 of the ratio of
+what a likelihood that counts half would leave, were it as at one of the peaks everywhere, with some
+drawn from the prior. From there they go to the posterior by powers from 0 to 1 of the ratio of
 both, each so much larger that the particles' weights keep a share of their effective size::
 
-    start = 0.9 N(best, (D + F / 2)⁻¹) + 0.1 prior
+    start = 0.9 mean over peaks of N(peak, (D + F / 2)⁻¹) + 0.1 prior
     target(power) = start (likelihood prior / start) ** power
 
 F is the information of the readings, D the precision of the prior.
@@ -69,7 +69,7 @@ class Particles(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class _Start:
-    """The distribution at power 0 for g sets of attachments: means (g, d), and so on."""
+    """The distribution at power 0 for g sets of attachments, each by p peaks in d dimensions."""
 
     lengths: int
     mean: Array
@@ -78,52 +78,59 @@ class _Start:
     log_peak: Array
 
     @classmethod
-    def around(cls, best: Array, precision: Array, normal: Flags) -> _Start:
+    def around(cls, peaks: Array, precision: Array, normal: Flags) -> _Start:
         """Where a likelihood that counts less would leave them, if it were so everywhere.
 
         Args:
-            best: Of each set, shape (g, d).
-            precision: Of lengths and θ there, the prior's included, shape (g, d, d).
+            peaks: Of each set, shape (g, p, d).
+            precision: Of lengths and θ there, the prior's included, shape (g, p, d, d).
             normal: Which are θ, shape (d,).
         """
         prior = np.diag(np.where(normal, 1.0, PRIOR))
         flatter = prior + _COUNTS * (precision - prior)
         covariance = np.asarray(np.linalg.inv(flatter))
         covariance += np.diag(np.where(normal, 0.0, _AT_LEAST**2))
-        theta = np.where(normal, best, 0.0)  # the prior's middle draws it, and no length
-        climb = _COUNTS * (precision @ theta[..., None])[..., 0]
-        mean = np.where(normal, 0.0, best)
-        mean = mean + np.linalg.solve(flatter, climb[..., None])[..., 0]
+        theta = np.where(normal, peaks, 0.0)  # the prior's middle draws it, and no length
+        climb = _COUNTS * (precision @ theta[..., None])
+        mean = np.where(normal, 0.0, peaks) + np.linalg.solve(flatter, climb)[..., 0]
         root = np.asarray(np.linalg.cholesky(covariance))
-        log_root = np.log(np.diagonal(root, axis1=1, axis2=2)).sum(axis=1)
+        log_root = np.log(np.diagonal(root, axis1=2, axis2=3)).sum(axis=2)
         return cls(
             lengths=int(np.count_nonzero(~normal)),
             mean=mean,
             root=root,
             inverse=np.asarray(np.linalg.inv(root)),
-            log_peak=-_LOG_ROOT * best.shape[1] - log_root,
+            log_peak=-_LOG_ROOT * peaks.shape[2] - log_root,
         )
 
     def draw(self, count: int, rng: np.random.Generator) -> Array:
-        groups, size = self.mean.shape
+        groups, peaks, size = self.mean.shape
         normal = rng.standard_normal((groups, count, size))
-        near = self.mean[:, None] + normal @ np.swapaxes(self.root, 1, 2)
-        anywhere = normal
-        anywhere[..., : self.lengths] = rng.random((groups, count, self.lengths))
-        return np.where(rng.random((groups, count, 1)) < _NEAR, near, anywhere)
+        drawn = np.concatenate(
+            [rng.random((groups, count, self.lengths)), normal[..., self.lengths :]], axis=2
+        )
+        peak = np.where(
+            rng.random((groups, count)) < _NEAR, rng.integers(peaks, size=(groups, count)), -1
+        )
+        for one in range(peaks):
+            near = self.mean[:, one, None] + normal @ np.swapaxes(self.root[:, one], 1, 2)
+            drawn = np.where((peak == one)[..., None], near, drawn)
+        return drawn
 
     def log_density(self, x: Array, groups: Columns) -> Array:
         """Of points of the groups, shape (g, n, d) in; as if lengths were inside their ranges."""
-        away = x - self.mean[groups, None]
-        distance = np.sum((away @ np.swapaxes(self.inverse[groups], 1, 2)) ** 2, axis=2)
-        near = math.log(_NEAR) + self.log_peak[groups, None] - 0.5 * distance
-        anywhere = math.log(1 - _NEAR) + _log_normal(x[..., self.lengths :])
-        density: Array = np.logaddexp(near, anywhere)
+        density = math.log(1 - _NEAR) + _log_normal(x[..., self.lengths :])
+        peaks = self.mean.shape[1]
+        for one in range(peaks):
+            away = x - self.mean[groups, one, None]
+            inverse = np.swapaxes(self.inverse[groups, one], 1, 2)
+            near = self.log_peak[groups, one, None] - 0.5 * np.sum((away @ inverse) ** 2, axis=2)
+            density = np.logaddexp(density, math.log(_NEAR / peaks) + near)
         return density
 
 
 def tempered(
-    points: Array,
+    peaks: Array,
     free: Free,
     precision: Array,
     *,
@@ -131,28 +138,31 @@ def tempered(
     likelihood: Likelihood,
     rng: np.random.Generator,
     particles: int,
+    settles: bool = True,
 ) -> list[Particles]:
     """Evidence and particles of several sets of attachments.
 
     Args:
-        points: The best of each, shape (g, size).
-        free: What is integrated over, lengths before parameters.
-        precision: Of these there, shape (g, d, d).
+        peaks: Points of each that explain readings well, the best first, shape (g, p, size).
+        free: What is integrated over, lengths before parameters, of each.
+        precision: Of these there, shape (g, p, d, d).
         predictor: Computes readings.
         likelihood: Of the observations.
         rng: Draws the particles.
         particles: For each; even.
+        settles: Whether they are moved on where they have arrived. Evidences gain nothing by it.
     """
-    start = _Start.around(free.of(points), precision, free.normal)
+    own = np.take_along_axis(peaks, free.columns[:, None], axis=2) / free.spreads[:, None]
+    start = _Start.around(own, precision, free.normal)
     return _Run(
-        points,
+        peaks[:, 0],
         free,
         start,
         predictor=predictor,
         likelihood=likelihood,
         rng=rng,
         count=particles,
-    ).finished()
+    ).finished(settles=settles)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -218,7 +228,7 @@ class _Run:
         self._base = start.log_density(self._x, np.arange(groups))
         self._powers, self._log_evidence = np.zeros(groups), np.zeros(groups)
 
-    def finished(self) -> list[Particles]:
+    def finished(self, *, settles: bool) -> list[Particles]:
         """Goes to the posterior."""
         everyone = np.arange(len(self._points))
         self._drawn_anew(everyone, np.where(self._fits > _NOWHERE, 0.0, _NOWHERE))
@@ -229,7 +239,7 @@ class _Run:
             self._go_on(going)
             for _ in range(_MOVES):
                 self._move(going)
-        for _ in range(_LAST):
+        for _ in range(_LAST if settles else 0):
             self._move(everyone)
         return [self._particles(group) for group in everyone.tolist()]
 

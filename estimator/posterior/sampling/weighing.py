@@ -20,14 +20,14 @@ import numpy as np
 
 from estimator.body.morphology import Array
 from estimator.parameters.table import DEVIATES, log_priors
-from estimator.posterior.model.gauss_newton import Free, GaussNewton
 from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.noise import MEAN_LOSS
 from estimator.posterior.model.sensor_data import SCALED, SensorData
 from estimator.posterior.model.special import logsumexp, softmax
-from estimator.posterior.model.unknowns import Columns, Cost, Predictor
+from estimator.posterior.model.unknowns import Columns, Predictor
 from estimator.posterior.posterior import CauseShare, Posterior, systematic
-from estimator.posterior.sampling.tempering import Particles, tempered
+from estimator.posterior.sampling.integrals import Hypothesis, Integrals
+from estimator.posterior.sampling.tempering import Particles
 
 _MOST: Final = 120  # sets of attachments that are weighed, drawn if there are more
 _AT_ONCE: Final = 8  # of them, by one worker
@@ -38,33 +38,14 @@ _SHARED: Final = 2  # where so many times as many as one may have are shared amo
 _SCALES: Final = {2.0: 0.4, 1.0: 0.4, 0.5: 0.2}  # of the spreads, and their probabilities
 _CLOSE: Final = 5.0  # nats below the best, sets that are weighed again under each,
 _FEW: Final = 6  # if no more are so close
-_LEADERS: Final = 3  # of these, some for which wide components are looked at
-_STRAYS: Final = 3.0  # nats that a fit lacks beyond what noise takes, to open wide components
-_WORTH: Final = 3.0  # nats below the narrow fit, a wide one that is sampled
-_WIDE: Final = 6  # of them
-_OFF: Final = 1.5  # standard deviations from which fits start
-_STRETCHED: Final = ("thickness", "mass")  # groups of the parameters that these starts have
+_STRAYS: Final = 3.0  # nats that a fit lacks beyond what noise takes
+_LEADERS: Final = 3  # sets that are looked at with wide components where the best lacks so much
+_GUESSED: Final = 15.0  # nats below the best guess, wide components that are weighed roughly:
+_WIDE: Final = 8  # so many of a set;
+_WORTH: Final = 5.0  # below the best weight, those that are weighed like the narrow ones
 _DRAWN: Final = 32  # points of a set, for the next interaction,
 _DRAWN_OF: Final = 32  # of so many sets
 _INTERVAL: Final = (0.05, 0.5, 0.95)
-
-
-class Hypothesis(NamedTuple):
-    """What is open beside the lengths of one set of attachments.
-
-    Attributes:
-        mode: Number of the set.
-        point: To start from, shape (size,).
-        wide: Row of the table whose wide component is open; −1: none is.
-        scale: Factor on the narrow spreads; 0: the robot is as stated.
-        log_prior: Among the hypotheses of the set.
-    """
-
-    mode: int
-    point: Array
-    wide: int = -1
-    scale: float = 1.0
-    log_prior: float = 0.0
 
 
 class _Weight(NamedTuple):
@@ -127,18 +108,18 @@ class Weigher:
         self._predictor, self._data, self._rng = predictor, data, rng
         self._workers, self._particles = workers, particles
         self._likelihood = Likelihood(data, noise)
-        self._integrals = _Integrals(predictor, data, self._likelihood)
+        self._integrals = Integrals(predictor, data, self._likelihood)
 
-    def weighed(self, genes: Array, guesses: Array, samples: int) -> WeighedModes:
+    def weighed(self, points: Array, guesses: Array, samples: int) -> WeighedModes:
         """The posterior over sets of attachments, and over what else is open.
 
         Args:
-            genes: The best of each set as if it were as stated, shape (n, genes).
+            points: The best of each set, shape (n, size).
             guesses: Of their evidences, shape (n,).
             samples: How many points are drawn of the posterior.
         """
         rows, log_chances = drawn(guesses, self._rng)
-        points = self._predictor.unknowns.as_stated(genes[rows])
+        points = self._predictor.unknowns.as_built(points[rows])
         hoped = guesses[rows] - log_chances
         near = int(np.count_nonzero(hoped >= hoped.max() - _WEIGHED))
         each = min(_SHARED * self._particles // near, self._particles // _FIRST)
@@ -147,7 +128,7 @@ class Weigher:
         while len(weights) < len(rows) and hoped[len(weights)] >= best - _WEIGHED:
             few = range(len(weights), min(len(weights) + 2 * _AT_ONCE, len(rows)))
             first = [Hypothesis(row, points[row]) for row in few]
-            weights += self._of(first, max(each, _FEWEST), log_chances)
+            weights += self._of(first, max(each, _FEWEST), log_chances, settles=False)
             best = max(one.log for one in weights)
         points = np.array([one.hypothesis.point for one in weights])
         close = _close(weights)
@@ -171,7 +152,8 @@ class Weigher:
                 weights[row] = one
             return None
         mode, point, *_ = weights[close[0]].hypothesis
-        exact = Hypothesis(mode, point, scale=0.0)
+        unknowns = self._predictor.unknowns
+        exact = Hypothesis(mode, unknowns.as_stated(unknowns.cube(point[None]))[0], scale=0.0)
         (stated,) = self._of([exact], self._particles // 2, log_chances)
         narrow = [
             weights[row].hypothesis._replace(
@@ -181,37 +163,54 @@ class Weigher:
             for scale, share in _SCALES.items()
         ]
         again = self._of(narrow, self._particles, log_chances)
-        for number, row in enumerate(close):
+        first = [close[0], 0]  # the best, also as first guessed
+        if self._strays(max(float(one.particles.fits.max()) for one in again)):
+            first += [*close[:_LEADERS], *range(min(_LEADERS, len(weights)))]
+        screened = [
+            self._screened([one for one in again if one.hypothesis.mode == row] or [weights[row]])
+            for row in dict.fromkeys(first)
+        ]
+        least = max(guess for guess, _ in screened) - _GUESSED
+        wide = [one for _, several in screened for guess, one in several if guess > least]
+        rough = self._of(wide, _FEWEST, log_chances, settles=False)
+        least = max(one.log for one in [*again, *rough]) - _WORTH
+        wide = [one.hypothesis for one in rough if one.log > least]
+        again += self._of(wide, self._particles, log_chances)
+        for row in close:
             weights[row] = weights[row]._replace(log=-math.inf)
-            if number < _LEADERS:
-                own = [one for one in again if one.hypothesis.mode == row]
-                again += self._of(self._wide(own), self._particles, log_chances)
         weights += again
         return stated.particles.values
 
-    def _wide(self, narrow: Sequence[_Weight]) -> list[Hypothesis]:
-        """Wide components that may explain readings about as well as the narrow ones of a set."""
-        table = self._predictor.unknowns.table
+    def _strays(self, fit: float) -> bool:
+        """Whether the best fit lacks more than noise takes."""
+        read = sum(self._data.observed[name].known.count.sum() for name in SCALED)
+        best = float(self._likelihood.best().sum())
+        return best - fit - MEAN_LOSS * float(read) >= _STRAYS
+
+    def _screened(
+        self, narrow: Sequence[_Weight]
+    ) -> tuple[float, Sequence[tuple[float, Hypothesis]]]:
+        """Guessed evidences of a set: of its narrow components, and of the best with wide ones."""
         leader = max(narrow, key=lambda one: one.log)
         mode, point, *_ = leader.hypothesis
-        fits = self._integrals.densities(leader.particles.values)
-        known = leader.particles.values[int(np.argmax(fits))]
-        read = sum(self._data.observed[name].known.count.sum() for name in SCALED)
-        lacks = float(self._likelihood.best().sum() - fits.max()) - MEAN_LOSS * float(read)
-        if lacks < _STRAYS:
-            return []
+        known = leader.particles.values[int(np.argmax(leader.particles.fits))]
+        table = self._predictor.unknowns.table
         priors = log_priors(table)
-        found = []
-        for row, stated in self._integrals.fitted_wide(np.vstack([known, point])):
+        guess, fitted = self._integrals.fitted_wide(np.vstack([known, point]), self._rng)
+        wide = []
+        for of_row, row, stated in fitted:
             prior = priors[table[row].name]
-            fit = float(self._integrals.densities(stated[None], wide=row)[0])
-            found.append((fit + prior, Hypothesis(mode, stated, wide=row, log_prior=prior)))
-        found.sort(key=lambda one: -one[0])
-        worth = [one for fit, one in found if fit > fits.max() - _WORTH]
-        return worth[:_WIDE]
+            wide.append((of_row + prior, Hypothesis(mode, stated, wide=row, log_prior=prior)))
+        wide.sort(key=lambda one: -one[0])
+        return guess, wide[:_WIDE]
 
     def _of(
-        self, hypotheses: Sequence[Hypothesis], particles: int, log_chances: Array
+        self,
+        hypotheses: Sequence[Hypothesis],
+        particles: int,
+        log_chances: Array,
+        *,
+        settles: bool = True,
     ) -> list[_Weight]:
         """Weights of hypotheses, which begin at better points than they had."""
         groups: dict[int, list[int]] = {}
@@ -224,7 +223,7 @@ class Weigher:
         ]
         seeds = self._rng.integers(2**32, size=len(batches)).tolist()
         tasks = [
-            ([hypotheses[number] for number in batch], _even(particles), seed)
+            ([hypotheses[number] for number in batch], _even(particles), settles, seed)
             for batch, seed in zip(batches, seeds, strict=True)
         ]
         weights: dict[int, _Weight] = {}
@@ -287,127 +286,6 @@ class Weigher:
             share = min(1.0, float(shares[own].sum()))
             causes.append(CauseShare(row, share, float(low), float(median), float(high)))
         return tuple(sorted(causes, key=lambda cause: -cause.probability))
-
-
-class _Integrals:
-    """Evidence and particles of hypotheses; travels to worker processes.
-
-    Args:
-        predictor: Computes readings.
-        data: The observations.
-        likelihood: Of these.
-    """
-
-    def __init__(self, predictor: Predictor, data: SensorData, likelihood: Likelihood) -> None:
-        self._predictor, self._likelihood = predictor, likelihood
-        self._solver = GaussNewton(predictor, data, likelihood)
-        self._lengths = predictor.unknowns.continuous
-        table = predictor.unknowns.table
-        self._first = predictor.unknowns.genes_size
-        self._narrow = [row for row, one in enumerate(table) if one.narrow]
-
-    def with_cost(
-        self, task: tuple[Sequence[Hypothesis], int, int]
-    ) -> tuple[list[tuple[Hypothesis, Particles]], Cost]:
-        """Hypotheses that have as many columns, at the points that fit best, and what that cost.
-
-        Args:
-            task: These, how many particles of each, and a seed.
-        """
-        hypotheses, particles, seed = task
-        before = self._predictor.cost
-        free, points = self._free(hypotheses), np.array([one.point for one in hypotheses])
-        points = self._polished(points, hypotheses, free)
-        results = tempered(
-            points,
-            free,
-            self._solver.slopes(points, free=free).precision,
-            predictor=self._predictor,
-            likelihood=self._likelihood,
-            rng=np.random.default_rng(seed),
-            particles=particles,
-        )
-        better = (one._replace(point=point) for one, point in zip(hypotheses, points, strict=True))
-        return list(zip(better, results, strict=True)), self._predictor.cost.since(before)
-
-    def columns(self, one: Hypothesis) -> list[int]:
-        """Columns of what is open, lengths first."""
-        rows = self._narrow if one.scale else []
-        table = self._predictor.unknowns.table
-        if one.wide >= 0 and not table[one.wide].switch and one.wide not in rows:
-            rows = [*rows, one.wide]
-        return [*self._lengths.tolist(), *(self._first + row for row in rows)]
-
-    def _free(self, hypotheses: Sequence[Hypothesis]) -> Free:
-        columns = np.array([self.columns(one) for one in hypotheses], dtype=np.intp)
-        spreads = [
-            [
-                1.0 if column < self._first else self._spread(one, column - self._first)
-                for column in own
-            ]
-            for one, own in zip(hypotheses, columns.tolist(), strict=True)
-        ]
-        normal = columns[0] >= self._first
-        return Free(columns=columns, spreads=np.array(spreads), normal=normal)
-
-    def _spread(self, one: Hypothesis, row: int) -> float:
-        parameter = self._predictor.unknowns.table[row]
-        return parameter.wide if row == one.wide else one.scale * parameter.narrow
-
-    def _polished(self, points: Array, hypotheses: Sequence[Hypothesis], free: Free) -> Array:
-        """The best points from there, and from robots that are thicker, thinner, and so on."""
-        starts = [points]
-        if len(points) <= _FEW and free.normal.any():
-            for row, parameter in enumerate(self._predictor.unknowns.table):
-                if parameter.group in _STRETCHED and parameter.narrow:
-                    for sign in (-_OFF, _OFF):
-                        moved = points.copy()
-                        moved[:, self._first + row] += sign * parameter.narrow
-                        starts.append(moved)
-        which = np.tile(np.arange(len(points)), len(starts))
-        found, fits = self._solver.polished(np.vstack(starts), free=free[which])
-        best = np.argmax(fits.reshape(len(starts), -1), axis=0)
-        chosen: Array = found[best * len(points) + np.arange(len(points))]
-        return chosen
-
-    def fitted_wide(self, starts: Array) -> list[tuple[int, Array]]:
-        """For each wide component the point that fits best with it, the rest as it is but lengths.
-
-        Args:
-            starts: Of one set of attachments, shape (n, size).
-        """
-        table, lengths = self._predictor.unknowns.table, self._lengths
-        switches = [row for row, one in enumerate(table) if one.switch]
-        others = [row for row, one in enumerate(table) if one.wide and not one.switch]
-        fitted = []
-        for rows, signs in ((switches, (1.0,)), (others, (-_OFF, _OFF))):
-            if not rows:
-                continue
-            which = np.tile(np.repeat(rows, len(signs)), len(starts))
-            points = np.repeat(starts, len(rows) * len(signs), axis=0)
-            sizes = np.array([table[row].wide or 1.0 for row in which.tolist()])
-            points[np.arange(len(points)), self._first + which] = sizes * np.resize(
-                signs, len(which)
-            )
-            free = Free.lengths(lengths, len(points))
-            if rows is others:
-                free = Free(
-                    columns=np.column_stack([free.columns, self._first + which]),
-                    spreads=np.column_stack([free.spreads, sizes]),
-                    normal=np.append(free.normal, True),
-                )
-            found, fits = self._solver.polished(points, free=free)
-            for row in rows:
-                own = np.flatnonzero(which == row)
-                fitted.append((row, found[own[np.argmax(fits[own])]]))
-        return fitted
-
-    def densities(self, values: Array, wide: int = -1) -> Array:
-        """Log-likelihoods of points, with the prior of what is open beside its peak, shape (n,)."""
-        one = Hypothesis(0, values[0], wide=wide)
-        free = self._free([one])[np.zeros(len(values), dtype=np.intp)]
-        density: Array = self._solver.fits(values) + free.log_prior(values)
-        return density
 
 
 def _close(weights: Sequence[_Weight]) -> list[int]:

@@ -5,15 +5,20 @@ from importlib.resources import files
 import numpy as np
 import pytest
 
-from estimator.body.morphology import Base
-from estimator.exploration.information import Chooser
+from estimator.body.morphology import Array, Base
+from estimator.exploration.information import Chooser, InformativeProgram
 from estimator.exploration.information_gain import InformationGain
 from estimator.physics.statics import StaticsPhysics
-from estimator.posterior.model.likelihood import apart
+from estimator.posterior.model.likelihood import Likelihood, apart
+from estimator.posterior.model.sensor_data import SensorData
+from estimator.posterior.model.special import softmax
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.posterior import Posterior
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
+from estimator.readings.observation import Observation
+from estimator.storage.run_config import Learn
+from tests.estimator.model_robot import PROBLEM, TRUE_LENGTHS, make_capabilities
 from tests.estimator.two_unknown_rows import CAP, MODALITIES, NOISE
 
 ENDS = np.radians([[-30.0, 30.0]] * 4)
@@ -108,3 +113,56 @@ def test_the_same_generator_chooses_the_same_program(predictor: Predictor) -> No
     )
     assert np.array_equal(one.program, two.program)
     assert one.bits == two.bits
+
+
+def test_a_movement_for_masses_leaves_them_narrower_than_one_for_lengths() -> None:
+    problem = Problem.parse(PROBLEM.replace("density = 1000", "density = 4000"), "heavy legs")
+    (mass,) = (row for row in problem.table if row.group == "mass")
+    unknowns = Unknowns(Genome(problem, problem.base(make_capabilities())), [mass])
+    predictor, rng = Predictor(unknowns, StaticsPhysics()), np.random.default_rng(1)
+
+    def drawn(count: int) -> Array:
+        lengths = rng.normal((np.array(TRUE_LENGTHS) - 0.05) / 0.2, 0.005, (count, 4))
+        return np.column_stack([lengths, rng.normal(0, 0.7, count)])
+
+    samples, many, robots = Posterior.equally_likely(drawn(200)), drawn(2000), drawn(12)
+
+    def chosen(learn: Learn) -> InformativeProgram:
+        own = np.random.default_rng(1)
+        return chooser(predictor).choose(samples, 4, own, learn=learn)
+
+    def width(program: Array) -> float:
+        """Of the masses' 90 % interval, on average over robots that perform the program."""
+        felt, widths = predictor.read_all(robots, np.tile(program, (len(robots), 1))), []
+        for robot in range(len(robots)):
+            observed = Observation(
+                angles=tuple(program.tolist()),
+                touch=tuple(felt.touch[robot].tolist()),
+                tilt=tuple((felt.tilt[robot] + rng.normal(0, NOISE.tilt, 2)).tolist()),
+                clearance=float(felt.clearance[robot] + rng.normal(0, NOISE.clearance)),
+            )
+            likelihood = Likelihood(SensorData.of([observed], MODALITIES, CAP), NOISE)
+            fits = likelihood.normalised(predictor, many, np.zeros((len(many), 2)))[:, 0]
+            low, high = np.quantile(
+                many[:, 4], (0.05, 0.95), weights=softmax(fits), method="inverted_cdf"
+            )
+            widths.append(high - low)
+        return float(np.mean(widths))
+
+    of_mass, of_lengths = chosen("mass"), chosen("lengths")
+    one, other = width(of_mass.program), width(of_lengths.program)
+    assert of_mass.narrowed is not None
+    assert of_lengths.narrowed is not None
+    assert one < 0.95 * other
+
+
+def test_what_is_asked_waits_until_attachments_are_settled(predictor: Predictor) -> None:
+    points = np.tile(RIGHT, (40, 1))
+    points[::2, 5] = 0.1  # hinge of the second leg: yaw instead of up
+    samples = Posterior.equally_likely(points)
+    one, two = (
+        chooser(predictor).choose(samples, 0, np.random.default_rng(1), learn=learn)
+        for learn in ("all", "lengths")
+    )
+    assert np.array_equal(one.program, two.program)
+    assert two.narrowed is None

@@ -174,10 +174,11 @@ def test_what_is_left_open_comes_with_the_movement_that_would_decide(tmp_path: P
 def test_what_is_only_roughly_known_is_found_along(tmp_path: Path) -> None:
     listener = Interrupting()
     with serving(ModelRobot(askew=np.radians(1.5))) as uri:
-        asked = order(tmp_path, uri)
+        asked = changed(order(tmp_path, uri), learn="lengths")
         (tmp_path / "legs.toml").write_text(PROBLEM + "[uncertain]\naccelerometer_deg = 2.0\n")
         result = identify(tmp_path / "run", asked, IN_THIS_PROCESS, listener, report=without_plots)
     assert "accelerometer's own tilt" in listener.reasons[0]
+    assert listener.reasons[1].startswith("narrows the lengths by ")
     assert result.posterior is not None
     of = {item.name: item for item in result.posterior.parameters}
     tilt = of["accelerometer's own tilt, left/right"]
@@ -284,6 +285,8 @@ def test_noise_that_is_not_announced_is_no_other_body(tmp_path: Path) -> None:
         ({"population": 4}, "belong to the method paper"),
         ({"search": "deterministic-crowding"}, "belong to the method paper"),
         ({"method": "paper", "sure": 0.9}, "sure belongs to the method posterior"),
+        ({"method": "paper", "learn": "mass"}, "learn mass belongs to the method posterior"),
+        ({"explore": "random", "learn": "mass"}, "is for the rule information"),
         ({"physics": "pybullet"}, "needs a physics that takes arrays"),
     ],
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -11,13 +12,14 @@ import pytest
 from estimator.body.arrays import ACCELEROMETER, Bodies
 from estimator.body.morphology import Array, Base
 from estimator.parameters.instruments import as_sensed
-from estimator.parameters.rows import SOURCES, table_of
+from estimator.parameters.rows import packages, table_of
 from estimator.parameters.table import DEVIATES, Parameter, applied, log_priors
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.readings.observation import PredictedReadings
+from tests.docs.pages import page
 from tests.estimator.outside_package import install, put_on_path
 from tests.estimator.two_unknown_rows import programs
 
@@ -27,17 +29,10 @@ LENGTHS = np.array([[0.5, 0.62, 0.41, 0.55, 0.71, 0.48, 0.66, 0.59]])
 MOVED = np.pad(programs(40, seed=3), ((0, 0), (0, 4)))
 SEVERAL = np.random.default_rng(5).uniform(0.1, 0.9, (8, 8))
 EVERYWHERE = (np.repeat(np.arange(8), 40), np.tile(MOVED, (8, 1)))
-A_ROW = """
-from functools import partial
-from estimator.parameters.table import Parameter
-def of_cables(parts, sensors):
-    for index, part in enumerate(parts):
-        yield Parameter(name=f"cable of {part.name}", group="cable", belongs_to="part",
-            change=partial(pull, index), sentence=f"a cable that turns {part.name} by {{}}°",
-            check="look at cables", unit=57.3, wide=0.1)
-def pull(index, draft, amounts):
-    draft.measures("zero")[:, index] += amounts
-"""
+((A_ROW, ITS_TABLE),) = re.findall(
+    r"```python\n([^`]*?of_cables[^`]*)```.*?```toml\n(.*?)```", page("extending"), re.DOTALL
+)
+"""The package that ``docs/extending.md`` shows."""
 
 
 @pytest.fixture(scope="module")
@@ -214,11 +209,12 @@ def test_sentences_have_an_amount_and_its_interval() -> None:
 def test_a_package_adds_a_row(
     predictor: Predictor, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    points = "[bodyschema.parameters]\ncables = bodyschema_cables:of_cables\n"
-    folder = install(tmp_path / "outside", points, name="bodyschema-cables", code=A_ROW)
-    put_on_path(folder, monkeypatch)
-    assert "cables" in SOURCES.names()
-    rows: dict[str, Parameter] = {one.name: one for one in table_of(KNOWN.parts, KNOWN.sensors)}
+    points = re.sub(r'project\.entry-points\.|"', "", ITS_TABLE)
+    put_on_path(install(tmp_path / "my", points, name="my-cables", code=A_ROW), monkeypatch)
+    assert packages() == {"my-cables": "0.3"}
+    problem = Problem.parse(f"{KNOWN.source}\n[uncertain]\ncable_deg = 2.0\n", "mine.toml")
+    rows: dict[str, Parameter] = {one.name: one for one in problem.table}
+    assert rows["cable of left upper"].narrow == pytest.approx(math.radians(2.0), rel=1e-3)
     bodies = predictor.unknowns.bodies(LENGTHS)
     pulled = rows["cable of left upper"].applied(bodies, 0.1)
     assert same(read(predictor, pulled), changed(predictor, "zero of left upper", 0.1))

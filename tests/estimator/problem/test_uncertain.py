@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+import re
 
 import pytest
 
 from estimator.errors import ProblemError
 from estimator.problem.problem import Problem
+from tests.docs.pages import section
 
 
 def problem(section: str) -> Problem:
@@ -55,3 +57,27 @@ def test_what_cannot_be_is_a_sentence(line: str, sentence: str) -> None:
     with pytest.raises(ProblemError) as caught:
         problem(line)
     assert sentence in str(caught.value)
+
+
+def test_the_page_has_all_that_may_be_otherwise_and_how_far() -> None:
+    rows = {
+        name: cells
+        for names, *cells in re.findall(
+            r"^\| (`.+) \| .+ \| (.+) \| (.+) \|$",
+            section("problems", "How well the robot is known"),
+            re.MULTILINE,
+        )
+        for name in re.findall(r"`(\w+)`", names)
+    }
+    table = {row.group: row for row in Problem.load("parametric").table}
+    assert rows.keys() == table.keys()
+    for group, (narrow, wide) in rows.items():
+        row = table[group]
+        assert number(narrow) == pytest.approx(row.narrow * row.unit)
+        assert (wide == "yes or no") == row.switch
+        assert row.switch or number(wide) == pytest.approx(row.wide * row.unit)
+
+
+def number(cell: str) -> float:
+    """A standard deviation of the page; – stands for 0."""
+    return 0.0 if cell == "–" else float(cell.removesuffix("°").removesuffix(" mm"))

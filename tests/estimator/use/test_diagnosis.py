@@ -18,15 +18,17 @@ from estimator.body.arrays import Bodies
 from estimator.cli import use
 from estimator.cli.command_line import app
 from estimator.exploration import best_programs
+from estimator.posterior.model.likelihood import FORKS, GRAVITY_TILTS, apart
 from estimator.readings.observation import Observation, Program
-from estimator.use import diagnosis, movements
+from estimator.use import competitor, movements, surprise
 from estimator.use.causes import Weigher
 from estimator.use.changes import Cause, causes_of
 from estimator.use.diagnosis import Diagnosis, Verdict, diagnose
+from estimator.use.movements import Hypotheses
 from estimator.use.watch import HAZARD, Watch
 from tests.estimator.model_robot import TRUE_LENGTHS, ModelRobot, serving, without_plots
 from tests.estimator.posterior_run import make_posterior_run
-from tests.estimator.use.test_pose import SPREAD, TRUTH, sampled
+from tests.estimator.use.test_pose import ASKEW, SPREAD, TRUTH, sampled
 
 
 @pytest.fixture(autouse=True)
@@ -38,9 +40,10 @@ def little_effort(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(movements, "_DRAWS", 96)
     monkeypatch.setattr(best_programs, "_LIKELY", 20)
     monkeypatch.setattr(best_programs, "_FINALISTS", 6)
-    monkeypatch.setattr(diagnosis, "_CHAINS", 24)
+    monkeypatch.setattr(competitor, "_CHAINS", 24)
+    monkeypatch.setattr(surprise, "_REPLICATES", 200)
     monkeypatch.setattr(use, "write_report", without_plots)
-    monkeypatch.setattr(diagnosis, "_TEMPERATURES", np.append(0.0, np.geomspace(5e-3, 1.0, 10)))
+    monkeypatch.setattr(competitor, "_TEMPERATURES", np.append(0.0, np.geomspace(5e-3, 1.0, 10)))
 
 
 TILT, CLEARANCE = math.radians(0.2), 0.8e-3
@@ -94,7 +97,7 @@ FRONT = "the leg of front shortened"
 @pytest.mark.parametrize(
     ("name", "amount", "within"),
     [
-        (FRONT, 0.6, 0.03),
+        (FRONT, -0.6, 0.03),  # it ends in an edge
         ("plugs of left and back exchanged", 1.0, 0.0),
         ("accelerometer's own tilt, left/right", math.radians(4.0), math.radians(0.6)),
     ],
@@ -105,12 +108,15 @@ def test_one_change_is_noticed_and_named(name: str, amount: float, within: float
     while not watch.alarm:
         watch.take(act(tuple(watch.next_movement().tolist()), ""))
         assert watch.movements <= 5
+    suspects = {one.cause.name: share for one, share in watch.suspects() if one.cause is not None}
+    assert suspects[name] > 0.1
+    assert suspects[name] > max(suspects.values()) - 0.1  # what feels the same is as probable
     found = diagnose(weigher(), act)
     assert found.verdict is Verdict.CHANGED
     assert named(found) == [name]
     assert found.probability > 0.95
     middle, low, high = found.causes[0].amount()
-    assert middle == pytest.approx(amount, abs=max(within, 1e-9))
+    assert middle == pytest.approx(abs(amount), abs=max(within, 1e-9))
     assert low <= middle <= high
 
 
@@ -142,6 +148,57 @@ def test_changes_that_cannot_be_told_from_model_error_are_left_out() -> None:
     assert sum(math.exp(one.log_prior) for one in weigher().causes) == pytest.approx(1.0)
 
 
+def test_an_edge_reaches_less_far_than_a_round_end_that_lifts_as_high() -> None:
+    """And what a stump ends in is found with where it does."""
+    known = weigher().known
+    program = np.radians([[0.0, -30.0, 0.0, 0.0]])
+
+    def front_up(share: float) -> float:
+        felt = known.predictor.read(damaged((FRONT, share)), np.zeros(1, dtype=np.intp), program)
+        return math.degrees(felt.tilt[0, 1])
+
+    leans = math.radians(30.0 - front_up(-0.6))
+    ends = (1 - math.tan(leans / 2)) * 0.006 / TRUE_LENGTHS[1]
+    assert front_up(-0.6) == pytest.approx(front_up(0.6 + ends), abs=0.06)
+    assert front_up(0.6) < front_up(-0.6) - 0.15
+    act = robot(damaged((FRONT, -0.6)), seed=4)
+    rng = np.random.default_rng(5)
+    low, high = known.program_range.T
+    seen = [act(tuple(rng.uniform(low, high).tolist()), "") for _ in range(6)]
+    first, again = (weigher().weigh(seen).particles[0] for _ in range(2))
+    assert first.cause is not None
+    assert first.cause.name == FRONT
+    _, low_end, high_end = first.amount()
+    assert low_end <= 0.6 <= high_end
+    assert 1 / np.sum(first.weights**2) > 10  # of 704 particles
+    assert first.log_evidence == pytest.approx(again.log_evidence, abs=1.0)
+
+
+def test_a_robot_that_fell_to_its_other_side_is_no_surprise() -> None:
+    known, bodies = weigher().known, damaged()
+    rng, one = np.random.default_rng(6), np.zeros(1, dtype=np.intp)
+    low, high = known.program_range.T
+    own = Hypotheses(bodies=bodies, scales=np.zeros((1, 2)), groups=one)
+    for program in rng.uniform(low, high, (500, len(low))):
+        here, there = (
+            known.predictor.read(bodies, one, program[None], tilt[None])
+            for tilt in (GRAVITY_TILTS[0], FORKS[0])
+        )
+        if apart(here, there, known.noise)[0]:
+            break
+    for readings, likely in ((here, True), (there, True), (None, False)):
+        tilt = np.array([0.4, 0.4]) if readings is None else readings.tilt[0]
+        felt = here if readings is None else readings
+        seen = Observation(
+            angles=tuple(program.tolist()),
+            touch=tuple(felt.touch[0].tolist()),
+            tilt=tuple(tilt.tolist()),
+            clearance=float(felt.clearance[0]),
+        )
+        drawn, observed = surprise.surprise(weigher(), own, seen)
+        assert (np.mean(drawn >= observed) > 0.02) == likely
+
+
 # --- the commands ---------------------------------------------------------------------------------
 
 
@@ -149,7 +206,7 @@ def test_changes_that_cannot_be_told_from_model_error_are_left_out() -> None:
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     rng = np.random.default_rng(1)
     lengths = [TRUE_LENGTHS, *map(tuple, rng.normal(TRUE_LENGTHS, SPREAD, (40, 4)).tolist())]
-    with make_posterior_run(tmp_path_factory.mktemp("known"), lengths) as store:
+    with make_posterior_run(tmp_path_factory.mktemp("known"), lengths, askew=ASKEW) as store:
         return store.directory
 
 
@@ -158,7 +215,7 @@ def estimator(*words: str | Path) -> Result:
 
 
 def test_a_cut_leg_is_noticed_named_and_stood_on(run: Path, tmp_path: Path) -> None:
-    model = ModelRobot()
+    model = ModelRobot(askew=ASKEW)
     with serving(model) as uri:
         same = estimator("monitor", run, "--robot", uri, "--once", "--yes")
         assert same.exit_code == 0, same.output
@@ -189,6 +246,8 @@ def test_a_cut_leg_is_noticed_named_and_stood_on(run: Path, tmp_path: Path) -> N
     assert "Changed since it was identified: the leg of front shortened" in shown.stdout
     front = load(now)
     assert 1000 * front.leg_lengths[:, 1].mean() == pytest.approx(90, abs=3)
+    (own_tilt,) = front.unknowns.amounts(front.points).values()
+    assert np.allclose(own_tilt, ASKEW)
 
 
 def number_in(pattern: str, text: str) -> int:

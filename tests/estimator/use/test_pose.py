@@ -25,6 +25,8 @@ from tests.estimator.posterior_run import make_posterior_run
 
 TRUTH = (np.array(TRUE_LENGTHS) - 0.05) / 0.2
 SPREAD = 0.001  # m
+ASKEW = math.radians(3.0)
+"""How far the accelerometer of the robot behind the wire is turned, as its run has found."""
 
 
 def sampled(count: int = 40, spread: float = SPREAD) -> FittedPosterior:
@@ -123,7 +125,7 @@ def test_legs_are_named_by_their_joints() -> None:
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     rng = np.random.default_rng(1)
     lengths = [TRUE_LENGTHS, *map(tuple, rng.normal(TRUE_LENGTHS, SPREAD, (20, 4)).tolist())]
-    with make_posterior_run(tmp_path_factory.mktemp("known"), lengths) as store:
+    with make_posterior_run(tmp_path_factory.mktemp("known"), lengths, askew=ASKEW) as store:
         return store.directory
 
 
@@ -132,7 +134,7 @@ def pose(run: Path, robot: str, *options: str) -> Result:
 
 
 def test_the_robot_takes_the_pose_and_says_how_it_stands(run: Path) -> None:
-    robot = ModelRobot()
+    robot = ModelRobot(askew=ASKEW)
     with serving(robot) as uri:
         wanted = ("--tilt-forward", "5", "--tilt-left", "0", "--clearance", "55mm")
         planned = pose(run, uri, *wanted, "--dry-run")

@@ -40,7 +40,7 @@ def test_who_begins_anew_keeps_what_was_met(predictor: Predictor, data: SensorDa
 
 
 @pytest.mark.parametrize("agreed", [True, False])
-def test_other_rows_of_what_all_searches_agreed_on_are_not_tried(
+def test_what_all_searches_agreed_on_is_only_watched_while_it_explains_all(
     predictor: Predictor, monkeypatch: pytest.MonkeyPatch, *, agreed: bool
 ) -> None:
     tried: list[Array] = []
@@ -49,7 +49,15 @@ def test_other_rows_of_what_all_searches_agreed_on_are_not_tried(
         tried.append(leader)
         return leader[None]
 
+    moved: list[Population] = []
+    step = Population.step
+
+    def counted(population: Population) -> None:
+        moved.append(population)
+        step(population)
+
     monkeypatch.setattr(discovery, "other_attachments", other_attachments)
+    monkeypatch.setattr(Population, "step", counted)
     data = draw(predictor, POINT, programs(4), np.random.default_rng(2), outlier=0.0)
     rng = np.random.default_rng(1)
     population = Population.of_prior(predictor, rng, levels=4, chains_per_level=8)
@@ -58,6 +66,7 @@ def test_other_rows_of_what_all_searches_agreed_on_are_not_tried(
     if agreed:
         search.converged = frozenset(predictor.unknowns.keys(search.found))
     search.observe(data, NOISE)
-    search.search(1)
+    search.search(8)
     assert search.explains()
     assert bool(tried) is not agreed
+    assert len(moved) == (2 if agreed else 8)

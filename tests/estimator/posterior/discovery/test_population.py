@@ -3,7 +3,6 @@ from __future__ import annotations
 import json
 
 import numpy as np
-import pytest
 
 from estimator.body.morphology import Array
 from estimator.posterior.discovery.population import HOTTEST, Population
@@ -160,34 +159,6 @@ def weigh_prior(
     assert shares.sum() ** 2 / np.sum(shares**2) > 8
     rows = rng.choice(len(points), len(population.values) - 1, p=shares / shares.sum())
     population.values[1:], population.scales[1:] = points[rows], scales[rows]
-
-
-def test_proposals_that_are_given_up_early_would_have_been_refused(
-    predictor: Predictor, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    data = draw(predictor, np.full(7, 0.4), programs(6), np.random.default_rng(1))
-
-    def after_steps() -> tuple[Population, int]:
-        population = Population.of_prior(
-            predictor, np.random.default_rng(3), levels=4, chains_per_level=8
-        )
-        population.observe(data, NOISE, surely=True)
-        before = predictor.skipped
-        for _ in range(20):
-            population.step()
-        return population, predictor.skipped - before
-
-    def hopeful(likelihood: Likelihood, noise_scale: Array, scales: Array) -> Array:
-        """Gives no proposal up before all of it is known."""
-        del likelihood, scales
-        return np.full((len(noise_scale), len(data)), 1e9)
-
-    early, skipped = after_steps()
-    monkeypatch.setattr(Likelihood, "best", hopeful)
-    patient, none_spared = after_steps()
-    assert np.array_equal(early.values, patient.values)
-    assert np.array_equal(early.scales, patient.scales)
-    assert skipped > none_spared == 0
 
 
 def test_a_population_goes_on_as_if_it_had_not_been_put_away(predictor: Predictor) -> None:

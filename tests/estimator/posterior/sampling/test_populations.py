@@ -131,15 +131,26 @@ def test_one_reading_of_two_legs_is_explained_and_nothing_is_certain(
     assert shares.min() > 0.03  # of a leg that did not move hardly anything is known
 
 
-@pytest.mark.parametrize("explains", [True, False])
-def test_chains_begin_anew_where_no_body_explains_the_readings(
-    many_legs: Predictor, data: SensorData, monkeypatch: pytest.MonkeyPatch, *, explains: bool
+@pytest.mark.parametrize(
+    ("enough_were_read", "explains", "rounds"),
+    [(True, True, 0), (True, False, 2), (False, False, 0)],  # but for the first
+)
+def test_chains_begin_anew_where_no_body_explains_readings_that_ought_to_tell(
+    many_legs: Predictor,
+    data: SensorData,
+    monkeypatch: pytest.MonkeyPatch,
+    *,
+    enough_were_read: bool,
+    explains: bool,
+    rounds: int,
 ) -> None:
     begun: list[Discovery] = []
+    bits = "estimator.posterior.sampling.sampler._BITS_LEARNT"
+    monkeypatch.setattr(bits, many_legs.unknowns.bits / (2 if enough_were_read else 3))
     monkeypatch.setattr(Discovery, "start_anew", lambda search, steps: begun.append(search))
     monkeypatch.setattr(Discovery, "explains", lambda search: explains)
     sampler(many_legs).learn(data)
-    assert len(begun) == (0 if explains else 2 * SMALL.populations)  # but for the first of 3 rounds
+    assert len(begun) == rounds * SMALL.populations
 
 
 def test_chains_wander_no_more_once_the_searches_agree(

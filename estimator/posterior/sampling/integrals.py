@@ -1,0 +1,249 @@
+"""Evidence and particles of hypotheses: sets of attachments, and what is open beside their lengths.
+
+Where they start from is found here: peaks of the posterior of robots as people build them, and the
+best points with each wide component of the table of parameters, from lengths anywhere, since what
+is otherwise than stated bends the lengths that are found without it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from estimator.body.morphology import Array
+from estimator.posterior.model.gauss_newton import Free, GaussNewton
+from estimator.posterior.model.likelihood import Likelihood
+from estimator.posterior.model.sensor_data import SensorData
+from estimator.posterior.model.unknowns import Columns, Cost, Predictor
+from estimator.posterior.sampling.tempering import Particles, tempered
+
+_ANYWHERE: Final = 300  # lengths at random with each wide component: what is wrong bends lengths,
+_STARTS: Final = 4  # of them, where fits start
+_DRAWN: Final = 1000  # robots as people build them, of whom so many are the best too
+_OFF: Final = 1.5  # standard deviations from which fits start
+_PEAKS: Final = 3  # of these fits, where particles start,
+_LOWER: Final = 10.0  # but none so many nats below the best
+_STRETCHED: Final = ("thickness", "mass")  # groups of the parameters that these starts have
+
+
+class Hypothesis(NamedTuple):
+    """What is open beside the lengths of one set of attachments.
+
+    Attributes:
+        mode: Number of the set.
+        point: To start from, shape (size,).
+        wide: Row of the table whose wide component is open; −1: none is.
+        scale: Factor on the narrow spreads; 0: the robot is as stated.
+        log_prior: Among the hypotheses of the set.
+    """
+
+    mode: int
+    point: Array
+    wide: int = -1
+    scale: float = 1.0
+    log_prior: float = 0.0
+
+
+class Integrals:
+    """Evidence and particles of hypotheses; travels to worker processes.
+
+    Args:
+        predictor: Computes readings.
+        data: The observations.
+        likelihood: Of these.
+    """
+
+    def __init__(self, predictor: Predictor, data: SensorData, likelihood: Likelihood) -> None:
+        self._predictor, self._likelihood = predictor, likelihood
+        self._solver = GaussNewton(predictor, data, likelihood)
+        self._lengths = predictor.unknowns.continuous
+        table = predictor.unknowns.table
+        self._first = predictor.unknowns.genes_size
+        self._narrow = [row for row, one in enumerate(table) if one.narrow]
+        self._interactions = np.arange(len(data))
+
+    def with_cost(
+        self, task: tuple[Sequence[Hypothesis], int, bool, int]
+    ) -> tuple[list[tuple[Hypothesis, Particles]], Cost]:
+        """Hypotheses that have as many columns, at the points that fit best, and what that cost.
+
+        Args:
+            task: These, how many particles of each, whether they settle, and a seed.
+        """
+        hypotheses, particles, settles, seed = task
+        before = self._predictor.cost
+        free, points = self._free(hypotheses), np.array([one.point for one in hypotheses])
+        peaks = self._peaks(
+            points, hypotheses, free, np.random.default_rng(seed) if settles else None
+        )
+        count, each, size = peaks.shape
+        which = np.repeat(np.arange(count), each)
+        slopes = self._solver.slopes(peaks.reshape(-1, size), free=free[which])
+        results = tempered(
+            peaks,
+            free,
+            slopes.precision.reshape(count, each, *slopes.precision.shape[1:]),
+            predictor=self._predictor,
+            likelihood=self._likelihood,
+            rng=np.random.default_rng(seed),
+            particles=particles,
+            settles=settles,
+        )
+        better = (one._replace(point=own[0]) for one, own in zip(hypotheses, peaks, strict=True))
+        return list(zip(better, results, strict=True)), self._predictor.cost.since(before)
+
+    def columns(self, one: Hypothesis) -> list[int]:
+        """Columns of what is open, lengths first."""
+        rows = self._narrow if one.scale else []
+        table = self._predictor.unknowns.table
+        if one.wide >= 0 and not table[one.wide].switch and one.wide not in rows:
+            rows = [*rows, one.wide]
+        return [*self._lengths.tolist(), *(self._first + row for row in rows)]
+
+    def _free(self, hypotheses: Sequence[Hypothesis]) -> Free:
+        columns = np.array([self.columns(one) for one in hypotheses], dtype=np.intp)
+        spreads = [
+            [
+                1.0 if column < self._first else self._spread(one, column - self._first)
+                for column in own
+            ]
+            for one, own in zip(hypotheses, columns.tolist(), strict=True)
+        ]
+        normal = columns[0] >= self._first
+        return Free(columns=columns, spreads=np.array(spreads), normal=normal)
+
+    def _spread(self, one: Hypothesis, row: int) -> float:
+        parameter = self._predictor.unknowns.table[row]
+        return parameter.wide if row == one.wide else one.scale * parameter.narrow
+
+    def _peaks(
+        self,
+        points: Array,
+        hypotheses: Sequence[Hypothesis],
+        free: Free,
+        rng: np.random.Generator | None,
+    ) -> Array:
+        """The best point from each, or a few, from robots that are thicker, thinner, and so on.
+
+        Args:
+            points: One of each hypothesis, shape (n, size).
+            hypotheses: These.
+            free: What is open.
+            rng: Draws other robots to start from; ``None``: the best point is wanted alone.
+
+        Returns:
+            Shape (n, peaks, size), the best first.
+        """
+        starts = [points]
+        rows = [
+            row
+            for row, parameter in enumerate(self._predictor.unknowns.table)
+            if parameter.group in _STRETCHED and self._first + row in free.columns[0]
+        ]
+        for row in rows if rng else ():
+            spreads = np.array([self._spread(one, row) for one in hypotheses])
+            for sign in (-_OFF, _OFF):
+                moved = points.copy()
+                moved[:, self._first + row] = sign * spreads
+                starts.append(moved)
+        if rng:
+            starts += self._drawn(points, free, rng)
+        each = np.arange(len(points))
+        polished, fits = self._solver.polished(
+            np.vstack(starts), free=free[np.tile(each, len(starts))]
+        )
+        by_start = polished.reshape(len(starts), len(points), -1)
+        fits = fits.reshape(len(starts), -1)
+        order = np.argsort(-fits, axis=0, kind="stable")[:_PEAKS]
+        order = np.where(fits[order, each] < fits[order[0], each] - _LOWER, order[0], order)
+        return np.swapaxes(by_start[order, each], 0, 1)
+
+    def _drawn(self, points: Array, free: Free, rng: np.random.Generator) -> list[Array]:
+        """The best of many robots drawn from the prior, each of shape (n, size)."""
+        count, each = len(points), np.repeat(np.arange(len(points)), _DRAWN)
+        shape = (len(each), free.columns.shape[1])
+        own = np.where(free.normal, rng.standard_normal(shape), rng.random(shape))
+        drawn = free[each].within(points[each], own)
+        fits = self._solver.rough_fits(drawn, self._interactions).sum(axis=1).reshape(count, -1)
+        first = np.argsort(-fits, axis=1, kind="stable")[:, :_STARTS]
+        best = drawn.reshape(count, _DRAWN, -1)[np.arange(count)[:, None], first]
+        return list(np.swapaxes(best, 0, 1))
+
+    def fitted_wide(
+        self, starts: Array, rng: np.random.Generator
+    ) -> tuple[float, list[tuple[float, int, Array]]]:
+        """Points that fit best with each wide component, where lengths alone are free with it.
+
+        Args:
+            starts: Of one set of attachments, shape (n, size).
+            rng: Draws other lengths to start from.
+
+        Returns:
+            Laplace's approximation of the evidence without any, and for each wide component that,
+            its row of the table, and the point.
+        """
+        table = self._predictor.unknowns.table
+        kinds = (
+            [-1],
+            [row for row, one in enumerate(table) if one.switch],
+            [row for row, one in enumerate(table) if one.wide and not one.switch],
+        )
+        (guess, _, _), *wide = [
+            one for rows in kinds if rows for one in self._fitted_with(rows, starts, rng)
+        ]
+        return guess, wide
+
+    def _fitted_with(
+        self, rows: Sequence[int], starts: Array, rng: np.random.Generator
+    ) -> list[tuple[float, int, Array]]:
+        """The same with wide components of one kind, or −1, none."""
+        table = self._predictor.unknowns.table
+        sizes = np.array([table[row].wide or 1.0 for row in rows])
+        amounts = not (rows[0] < 0 or table[rows[0]].switch)
+        anywhere = np.repeat(starts[-1:], _ANYWHERE, axis=0)
+        anywhere[:, self._lengths] = rng.random((_ANYWHERE, self._lengths.size))
+        offs = rng.standard_normal(_ANYWHERE) if amounts else np.ones(_ANYWHERE)
+        points, which = self._with_wide(anywhere, rows, offs[:, None] * sizes)
+        fits = self._solver.rough_fits(points, self._interactions).sum(axis=1)
+        first = np.argsort(-fits.reshape(_ANYWHERE, -1), axis=0, kind="stable")[:_STARTS]
+        points = points.reshape(_ANYWHERE, len(rows), -1)[first, np.arange(len(rows))]
+        several = [(points.reshape(-1, starts.shape[1]), np.tile(rows, _STARTS))]
+        for sign in (-_OFF, _OFF) if amounts else (1.0,):
+            signs = np.full((len(starts), 1), sign)
+            several.append(self._with_wide(starts, rows, signs * sizes))
+        points, which = (np.concatenate(arrays) for arrays in zip(*several, strict=True))
+        free = Free.lengths(self._lengths, len(points))
+        if amounts:
+            own = np.array([table[row].wide for row in which.tolist()])
+            free = Free(
+                columns=np.column_stack([free.columns, self._first + which]),
+                spreads=np.column_stack([free.spreads, own]),
+                normal=np.append(free.normal, True),
+            )
+        polished, fits = self._solver.polished(points, free=free)
+        fits += self._predictor.unknowns.log_narrow(polished, which)
+        fitted = []
+        for row in rows:
+            own = np.flatnonzero(which == row)
+            fitted.append(int(own[np.argmax(fits[own])]))
+        chosen = np.array(fitted, dtype=np.intp)
+        guesses = fits[chosen] + self._solver.half_volumes(polished[chosen], free[chosen])
+        return list(zip(guesses.tolist(), rows, polished[chosen], strict=True))
+
+    def _with_wide(
+        self, points: Array, rows: Sequence[int], amounts: Array
+    ) -> tuple[Array, Columns]:
+        """Each of n points with each of these wide components alone, and which, shape (n · rows,).
+
+        Args:
+            points: Shape (n, size).
+            rows: Of the table; −1: none.
+            amounts: Of each, shape (n, rows).
+        """
+        which = np.tile(np.array(rows, dtype=np.intp), len(points))
+        several = np.repeat(points, len(rows), axis=0)
+        on = np.flatnonzero(which >= 0)
+        several[on, self._first + which[on]] = amounts.ravel()[on]
+        return several, which

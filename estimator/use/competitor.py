@@ -1,0 +1,173 @@
+"""Bodies to which all changes at once are open: no cause is named that explains much less."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from estimator.body.arrays import Bodies, Flags
+from estimator.body.morphology import Array
+from estimator.posterior.model.special import logsumexp, softmax
+from estimator.posterior.posterior import systematic
+from estimator.readings.observation import Observation
+from estimator.use.causes import Particles, Rows, Weigher
+
+_CHAINS: Final = 64
+_TEMPERATURES: Final = np.concatenate([[0.0], np.geomspace(2e-3, 1.0, 32)])
+_MOVES: Final = 2  # at each
+_SEVERAL: Final = 1.5  # changes, expected before any reading
+
+
+def chances_of(weigher: Weigher) -> Array:
+    """How probably each change is on, before any reading."""
+    return np.minimum(_SEVERAL * np.exp([one.log_prior for one in weigher.causes]), 0.5)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Competitor:
+    """Bodies with any number of changes at once: spike and slab, annealed.
+
+    Attributes:
+        rows: Bodies of the posterior as it was identified, shape (n,).
+        on: Which changes each has, shape (n, causes).
+        theta: Amounts of all changes, shape (n, causes).
+        weights: Adding up to 1, shape (n,).
+        log_evidence: Logarithm of the density of all observations.
+    """
+
+    rows: Rows
+    on: Flags
+    theta: Array
+    weights: Array
+    log_evidence: float = 0.0
+
+    @classmethod
+    def fitted(cls, weigher: Weigher, observations: Sequence[Observation]) -> Competitor:
+        """By annealed importance sampling from the prior (Neal 2001)."""
+        rng, causes = weigher.rng, weigher.causes
+        chances, count = chances_of(weigher), _CHAINS
+        theta = np.column_stack([one.drawn(rng.random(count)) for one in causes])
+        now = cls(
+            rows=systematic(weigher.known.weights, count, 0.5)[rng.permutation(count)],
+            on=rng.random((count, len(causes))) < chances,
+            theta=theta,
+            weights=np.full(count, 1 / count),
+        )
+        logs, fits = np.zeros(count), now._fits(weigher, observations)
+        for before, after in itertools.pairwise(_TEMPERATURES):
+            logs += (after - before) * fits
+            for _ in range(_MOVES):
+                new, odds = now._moved(weigher, chances)
+                new_fits = new._fits(weigher, observations)
+                take = np.log(rng.random(count)) < after * (new_fits - fits) + odds
+                now = replace(
+                    now,
+                    rows=np.where(take, new.rows, now.rows),
+                    on=np.where(take[:, None], new.on, now.on),
+                    theta=np.where(take[:, None], new.theta, now.theta),
+                )
+                fits = np.where(take, new_fits, fits)
+        return replace(
+            now,
+            weights=softmax(logs),
+            log_evidence=float(logsumexp(logs)) - math.log(count),
+        )
+
+    def _fits(self, weigher: Weigher, observations: Sequence[Observation]) -> Array:
+        if not observations:
+            return np.zeros(len(self.rows))
+        bodies, scales = self.bodies(weigher), self.scales(weigher)
+        fits: Array = weigher.fits_of(bodies, scales, observations, surely=True).sum(axis=1)
+        return fits
+
+    def _moved(self, weigher: Weigher, chances: Array) -> tuple[Competitor, Array]:
+        """Each chain somewhere else, and the logarithm of how probable that is beside where it was.
+
+        A change is switched, or takes the place of another; an amount or the body is another.
+        """
+        rng, causes = weigher.rng, weigher.causes
+        rows, on, theta = self.rows.copy(), self.on.copy(), self.theta.copy()
+        odds = np.zeros(len(rows))
+        kinds = rng.integers(4, size=len(rows))
+        shares = np.exp([one.log_prior for one in causes])
+        chosen = rng.choice(len(causes), size=(len(rows), 2), p=shares / shares.sum())
+        for chain in range(len(rows)):
+            one, other = chosen[chain].tolist()
+            there = np.flatnonzero(on[chain])
+            if kinds[chain] == 0:
+                on[chain, one] = not on[chain, one]
+                sign = 1 if on[chain, one] else -1
+                odds[chain] = sign * math.log(chances[one] / (1 - chances[one]))
+                if on[chain, one]:
+                    theta[chain, one] = causes[one].drawn(rng.random(1))[0]
+            elif kinds[chain] == 1 and on[chain, one] != on[chain, other]:
+                on[chain, [one, other]] = on[chain, [other, one]]
+                new, old = (one, other) if on[chain, one] else (other, one)
+                theta[chain, new] = causes[new].drawn(rng.random(1))[0]
+                odds[chain] = math.log(chances[new] / (1 - chances[new])) - math.log(
+                    chances[old] / (1 - chances[old])
+                )
+            elif kinds[chain] == 2 and there.size:
+                at = int(rng.choice(there))
+                was = theta[chain, at]
+                theta[chain, at] = was + rng.normal(0, rng.choice([0.3, 0.1, 0.03]))
+                densities = causes[at].log_density(np.array([theta[chain, at], was]))
+                odds[chain] = densities[0] - densities[1]
+            else:
+                rows[chain] = systematic(weigher.known.weights, 1, float(rng.random()))[0]
+        theta = np.clip(theta, -6, 6)
+        return replace(self, rows=rows, on=on, theta=theta), odds
+
+    def bodies(self, weigher: Weigher) -> Bodies:
+        """The bodies."""
+        bodies = weigher.bodies_of(self.rows)
+        order, pieces = [], []
+        for mask in np.unique(self.on, axis=0):
+            own = np.flatnonzero((self.on == mask).all(axis=1))
+            built = bodies[own]
+            for number in np.flatnonzero(mask).tolist():
+                built = weigher.causes[number].changed(built, self.theta[own, number])
+            order.append(own)
+            pieces.append(built)
+        return Bodies.joined(pieces)[np.argsort(np.concatenate(order))]
+
+    def scales(self, weigher: Weigher) -> Array:
+        """Logarithms of their noise factors, shape (n, 2)."""
+        scales: Array = weigher.known.scales[self.rows]
+        return scales
+
+    def drawn(self, count: int) -> Competitor:
+        """So many, equally likely."""
+        rows = systematic(self.weights, count, 0.5)
+        return replace(
+            self,
+            rows=self.rows[rows],
+            on=self.on[rows],
+            theta=self.theta[rows],
+            weights=np.full(count, 1 / count),
+        )
+
+    def suspects(self, weigher: Weigher) -> tuple[tuple[str, float], ...]:
+        """Changes that most bodies have, with their shares."""
+        shares = self.weights @ self.on
+        order = np.argsort(-shares)[:3]
+        return tuple(
+            (weigher.causes[index].name, float(shares[index]))
+            for index in order.tolist()
+            if shares[index] >= 0.3
+        )
+
+
+def log_alone(weigher: Weigher, one: Particles) -> float:
+    """Logarithm of the competitor's prior of a cause's being on alone."""
+    chances = chances_of(weigher)
+    alone = float(np.sum(np.log1p(-chances)))
+    if one.cause is None:
+        return alone
+    chance = chances[weigher.causes.index(one.cause)]
+    return alone + math.log(chance) - math.log1p(-chance)

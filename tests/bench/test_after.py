@@ -1,0 +1,90 @@
+"""What the study of life after identification counts as right; its runs are the bench."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import pytest
+
+from bench.after import AfterRun, Damaged, Figures, Reached, tables, write_runs
+from estimator.use.diagnosis import Verdict
+
+SHORTER = "the leg of hip_front shortened"
+
+
+def damaged(
+    fault: str,
+    verdict: Verdict,
+    *named: str,
+    share: tuple[float, float] | None = None,
+    as_if: bool = False,
+) -> Damaged:
+    return Damaged(
+        fault=fault,
+        noticed=2 if fault else None,
+        suspected=bool(fault),
+        verdict=verdict.value,
+        named=named,
+        probability=0.99,
+        share=share,
+        as_if=as_if,
+        movements=5,
+        cpu_seconds=7.0,
+    )
+
+
+RIGHT = damaged("body.length=2:70", Verdict.CHANGED, SHORTER, share=(0.69, 0.72))
+WRONG = damaged("servos.dead=1", Verdict.CHANGED, SHORTER)
+NONE = damaged("body.cut=3:70", Verdict.NONE_OF_THESE, SHORTER, share=(0.0, 0.0))
+AS_IF = damaged("body.bent=2:25", Verdict.CHANGED, "zero of hip_front", as_if=True)
+WHOLE = damaged("", Verdict.UNCHANGED)
+
+
+@pytest.mark.parametrize(
+    ("one", "right", "wrong"),
+    [
+        (RIGHT, True, False),
+        (WRONG, False, True),
+        (NONE, False, False),
+        (AS_IF, False, True),
+        (WHOLE, True, False),
+    ],
+)
+def test_what_counts_as_right(one: Damaged, right: bool, wrong: bool) -> None:
+    assert (one.right, one.wrong) == (right, wrong)
+
+
+def test_all_runs_are_listed_and_counted(tmp_path: Path) -> None:
+    run = AfterRun(
+        body="tripod", problem="p", engine="pybullet", seed=3, goals=2, quiet=20, faults=()
+    )
+    figures = Figures(
+        poses=(
+            Reached(share=0.9, margin=0.1, reached=True, elsewhere=False),
+            Reached(share=0.2, margin=0.0, reached=False, elsewhere=True),
+        ),
+        quiet=20,
+        alarms=0,
+        damaged=(WHOLE, RIGHT, WRONG, NONE, AS_IF),
+    )
+    run.file(tmp_path).parent.mkdir(parents=True)
+    run.file(tmp_path).write_text(figures.model_dump_json())
+    assert run.figures(tmp_path) == figures
+    table = tables([run], tmp_path)
+    for row in (
+        "| poses reached | 1 | 2 |",
+        "| right cause, alone or in a set of two | 1 | 3 |",
+        "| wrong cause | 1 | 3 |",
+        "| none of these, of the table | 1 | 3 |",
+        "| share of a leg within its 90 % interval | 1 | 1 |",
+        "| of these, moves as if | 1 | 1 |",
+        "| undamaged robots called so | 1 | 1 |",
+    ):
+        assert row in table
+    write_runs([run], tmp_path, tmp_path)
+    with (tmp_path / "after.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row["right"] for row in rows] == ["True", "True", "False", "False", "False"]
+    assert rows[1]["share"] == "0.69; 0.72"
+    assert (tmp_path / "after-poses.csv").read_text().count("tripod") == 2
