@@ -269,7 +269,8 @@ def test_noise_that_is_not_announced_is_no_other_body(tmp_path: Path) -> None:
     with serving(ModelRobot(noise=3 * MODEL_TILT)) as uri:
         asked = changed(order(tmp_path, uri), interactions=3)
         path = tmp_path / "legs.toml"
-        path.write_text(PROBLEM.replace('hinge = "up"', 'hinge = "unknown"', 1))
+        exact = "[uncertain]\nexact = true\n"
+        path.write_text(PROBLEM.replace('hinge = "up"', 'hinge = "unknown"', 1) + exact)
         result = identify(
             tmp_path / "run", asked, IN_THIS_PROCESS, Listener(), report=without_plots
         )
