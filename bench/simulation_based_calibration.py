@@ -46,6 +46,7 @@ from estimator.posterior.model.sensor_data import DENSITIES, SensorData
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.posterior import Posterior
 from estimator.posterior.sampling.sampler import Effort, Sampler
+from estimator.posterior.sampling.weighing import SCALES
 from estimator.posterior.summary import SAMPLES, information_gained, summarise
 from estimator.readings.modalities import MODALITIES
 from estimator.readings.observation import Observation, PredictedReadings
@@ -54,8 +55,6 @@ from estimator.storage.posteriors import SURE
 from protocol.system.files import replace_text
 
 BEYOND: Final = 0.1
-SCALES: Final = {2.0: 0.4, 1.0: 0.4, 0.5: 0.2}
-"""Prior of the common scale of the narrow components, as sets of attachments are weighed under."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -29,13 +29,15 @@ from estimator.posterior.posterior import CauseShare, Posterior, systematic
 from estimator.posterior.sampling.integrals import Hypothesis, Integrals
 from estimator.posterior.sampling.tempering import Particles
 
+SCALES: Final = {2.0: 0.4, 1.0: 0.4, 0.5: 0.2}
+"""Factors on the spreads of robots as people build them, and their probabilities."""
+
 _MOST: Final = 120  # sets of attachments that are weighed, drawn if there are more
 _AT_ONCE: Final = 8  # of them, by one worker
 _WEIGHED: Final = 9.0  # nats below the best evidence
 _FEWEST: Final = 48  # particles of each at first,
 _FIRST: Final = 4  # or this part of all at most,
 _SHARED: Final = 2  # where so many times as many as one may have are shared among them
-_SCALES: Final = {2.0: 0.4, 1.0: 0.4, 0.5: 0.2}  # of the spreads, and their probabilities
 _CLOSE: Final = 5.0  # nats below the best, sets that are weighed again under each,
 _FEW: Final = 6  # if no more are so close
 _STRAYS: Final = 3.0  # nats that a fit lacks beyond what noise takes
@@ -160,7 +162,7 @@ class Weigher:
                 scale=scale, log_prior=math.log(share * (1 - DEVIATES))
             )
             for row in close
-            for scale, share in _SCALES.items()
+            for scale, share in SCALES.items()
         ]
         again = self._of(narrow, self._particles, log_chances)
         first = [close[0], 0]  # the best, also as first guessed
