@@ -49,6 +49,8 @@ from estimator.storage.records import Counters
 from estimator.storage.run_config import RunConfig
 from estimator.storage.store import RunStore
 
+_NAMED: Final = 0.5  # of the posterior, that causes explain
+
 PRECISE: Final = 0.005
 """A length is known when half of its 90 % interval is no more, m."""
 
@@ -179,7 +181,7 @@ class PosteriorMethod:
         self._posterior = self._sampler.learn(fitted.data)
         fitted = replace(fitted, posterior=self._posterior)
         summary = self._summarised(fitted, before)
-        summary = summary.model_copy(update={"overturned": self._overturned(number)})
+        summary = summary.model_copy(update={"overturned": self._overturned(number, summary)})
         summary = self._doubted(summary, fitted)
         self._store.save_posterior(number, summary, self._cost(), self._sampler.state())
         self._learnt = number + 1
@@ -216,8 +218,15 @@ class PosteriorMethod:
             )
         )
 
-    def _overturned(self, number: int) -> int | None:
-        """The last interaction before after which attachments were sure that are ruled out now."""
+    def _overturned(self, number: int, summary: StoredPosterior) -> int | None:
+        """The last interaction before after which attachments were sure that are ruled out now.
+
+        ``None`` where all readings are explained by a robot that is otherwise than stated: it has
+        not changed, it was taken to be as stated.
+        """
+        named = sum(cause.probability for cause in summary.causes)
+        if named > _NAMED and not summary.unexplained:
+            return None
         stored = [one for one, _ in self._store.posteriors()[:number]]
         sure = [at for at, one in enumerate(stored) if attachments_known(one, SURE, self._store)]
         if not sure:

@@ -17,6 +17,7 @@ from estimator.identification.method import Listener
 from estimator.identification.run import identify, resume
 from estimator.physics.backends import IN_THIS_PROCESS
 from estimator.posterior.model.sensor_data import MODEL_TILT
+from estimator.posterior.sampling.sampler import Effort
 from estimator.report.result import Result
 from estimator.report.run_files import write_report
 from estimator.storage.posteriors import NotKnown
@@ -253,13 +254,20 @@ def test_a_robot_that_changes_on_the_way_is_not_explained(
     )
 
 
-def test_what_a_robot_has_otherwise_is_named_with_its_amount(tmp_path: Path) -> None:
+def test_what_a_robot_has_otherwise_is_named_with_its_amount(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And it has not changed, though other attachments were sure before that was known."""
+    monkeypatch.setattr(posterior_method, "probability_of", lambda *_: 0.01)
+    more = Effort(levels=4, chains_per_level=8, steps=10, rounds=1, particles=256, samples=64)
+    monkeypatch.setattr(posterior_method, "Effort", lambda: more)
     with serving(ModelRobot(travel=1.25)) as uri:
         asked = changed(order(tmp_path, uri), interactions=4)
         result = identify(
             tmp_path / "run", asked, IN_THIS_PROCESS, Listener(), report=without_plots
         )
     assert result.posterior is not None
+    assert result.posterior.explained
     assert result.posterior.causes[0].name == "travel of all servos"
     assert re.search(r"all servos turning 1\.[23]\d* times", result.posterior.verdict)
     assert result.posterior.causes[0].check in result.posterior.verdict
