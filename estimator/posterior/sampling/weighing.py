@@ -42,8 +42,8 @@ _CLOSE: Final = 5.0  # nats below the best, sets that are weighed again under ea
 _FEW: Final = 6  # if no more are so close
 _STRAYS: Final = 3.0  # nats that a fit lacks beyond what noise takes
 _LEADERS: Final = 3  # sets that are looked at with wide components where the best lacks so much
-_GUESSED: Final = 15.0  # nats below the best guess, wide components that are weighed roughly:
-_WIDE: Final = 8  # so many of a set;
+_GUESSED: Final = 25.0  # nats below the best guess, wide components that are weighed roughly:
+_WIDE: Final = 6  # so many switches of a set, and others;
 _WORTH: Final = 5.0  # below the best weight, those that are weighed like the narrow ones
 _DRAWN: Final = 32  # points of a set, for the next interaction,
 _DRAWN_OF: Final = 32  # of so many sets
@@ -204,7 +204,9 @@ class Weigher:
             prior = priors[table[row].name]
             wide.append((of_row + prior, Hypothesis(mode, stated, wide=row, log_prior=prior)))
         wide.sort(key=lambda one: -one[0])
-        return guess, wide[:_WIDE]
+        switches = [one for one in wide if table[one[1].wide].switch]
+        others = [one for one in wide if not table[one[1].wide].switch]
+        return guess, [*switches[:_WIDE], *others[:_WIDE]]
 
     def _of(
         self,
