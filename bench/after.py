@@ -403,6 +403,7 @@ def write_runs(runs: Sequence[AfterRun], root: Path, folder: Path) -> None:
         ("after", Damaged, "damaged"),
         ("after-poses", Reached, "poses"),
     )
+    folder.mkdir(parents=True, exist_ok=True)
     for name, kind, field in kinds:
         with (folder / f"{name}.csv").open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file, lineterminator="\n")

@@ -82,9 +82,9 @@ def test_all_runs_are_listed_and_counted(tmp_path: Path) -> None:
         "| undamaged robots called so | 1 | 1 |",
     ):
         assert row in table
-    write_runs([run], tmp_path, tmp_path)
-    with (tmp_path / "after.csv").open() as file:
+    write_runs([run], tmp_path, tmp_path / "tables")
+    with (tmp_path / "tables" / "after.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert [row["right"] for row in rows] == ["True", "True", "False", "False", "False"]
     assert rows[1]["share"] == "0.69; 0.72"
-    assert (tmp_path / "after-poses.csv").read_text().count("tripod") == 2
+    assert (tmp_path / "tables" / "after-poses.csv").read_text().count("tripod") == 2
