@@ -130,7 +130,6 @@ class PosteriorMethod:
         self._store = store
         self._listener = listener
         self._make_physics = make_physics
-        self._make_reference = make_reference
         self._reference = make_reference()
         effort = Effort()
         self._sampler = Sampler(

@@ -73,11 +73,9 @@ class Integrals:
             task: These, how many particles of each, whether they settle, and a seed.
         """
         hypotheses, particles, settles, seed = task
-        before = self._predictor.cost
+        before, rng = self._predictor.cost, np.random.default_rng(seed)
         free, points = self._free(hypotheses), np.array([one.point for one in hypotheses])
-        peaks = self._peaks(
-            points, hypotheses, free, np.random.default_rng(seed) if settles else None
-        )
+        peaks = self._peaks(points, hypotheses, free, rng if settles else None)
         count, each, size = peaks.shape
         which = np.repeat(np.arange(count), each)
         slopes = self._solver.slopes(peaks.reshape(-1, size), free=free[which])
@@ -87,7 +85,7 @@ class Integrals:
             slopes.precision.reshape(count, each, *slopes.precision.shape[1:]),
             predictor=self._predictor,
             likelihood=self._likelihood,
-            rng=np.random.default_rng(seed),
+            rng=rng,
             particles=particles,
             settles=settles,
         )
@@ -200,7 +198,7 @@ class Integrals:
     ) -> list[tuple[float, int, Array]]:
         """The same with wide components of one kind, or −1, none."""
         table = self._predictor.unknowns.table
-        sizes = np.array([table[row].wide or 1.0 for row in rows])
+        sizes = np.array([table[row].wide or 1.0 for row in rows])  # of −1 it is not used
         amounts = not (rows[0] < 0 or table[rows[0]].switch)
         anywhere = np.repeat(starts[-1:], _ANYWHERE, axis=0)
         anywhere[:, self._lengths] = rng.random((_ANYWHERE, self._lengths.size))

@@ -4,8 +4,8 @@ What is weighed are *hypotheses*: a set of attachments on a robot as people buil
 components of the table of parameters, all spreads times a common factor), or with one wide
 component, which makes it otherwise than stated. Each has an evidence (``tempering``); those of one
 set of attachments add up, times their priors. The common factor is averaged over: how carefully a
-robot was built is not known. Where few readings leave many sets of attachments, the narrow
-components alone are open, with as many particles for each set as there are for all.
+robot was built is not known. Where few readings leave many sets of attachments, these are weighed
+with few particles each, as people build robots: neither other factors nor wide components are open.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _WEIGHED: Final = 9.0  # nats below the best evidence
 _FEWEST: Final = 48  # particles of each at first,
 _FIRST: Final = 4  # or this part of all at most,
 _SHARED: Final = 2  # where so many times as many as one may have are shared among them
-_CLOSE: Final = 5.0  # nats below the best, sets that are weighed again under each,
+_CLOSE: Final = 5.0  # nats below the best, sets that are weighed again under each factor,
 _FEW: Final = 6  # if no more are so close
 _STRAYS: Final = 3.0  # nats that a fit lacks beyond what noise takes
 _LEADERS: Final = 3  # sets that are looked at with wide components where the best lacks so much
