@@ -80,4 +80,4 @@ def test_a_body_that_was_probable_is_held_against_the_next_reading_at_all_its_le
         for count in (3, 6, 7):
             posterior = sampler.learn(SensorData.of(observations[:count], MODALITIES, CAP))
     shares = {mode.attachments: mode.probability for mode in posterior.modes}
-    assert 0.05 < shares[RIGHT] < 0.2  # 0.10 by importance sampling of 160,000 draws
+    assert 0.05 < shares[RIGHT] < 0.2  # 0.10 with 4,096 particles
