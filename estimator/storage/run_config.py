@@ -57,10 +57,11 @@ class RunConfig(BaseModel):
         default="largest",
         description="What that minimises: largest, robust-mean, or a plug-in.",
     )
-    sure: Annotated[float, Field(ge=0.5, le=0.999)] | None = Field(
+    sure: Annotated[float, Field(ge=0.5, le=0.98)] | None = Field(
         default=None,
         description="Of the method posterior: end as soon as the attachments are so probable, "
-        "lengths known to 5 mm, and one more movement has left them so.",
+        "lengths known to 5 mm, and one more movement has left them so. No more than 0.98: some "
+        "of what a robot may have otherwise feels like another robot.",
     )
     modalities: tuple[str, ...] | None = Field(
         default=None,

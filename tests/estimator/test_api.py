@@ -70,7 +70,7 @@ def test_an_interrupted_run_goes_on_from_a_program(tmp_path: Path) -> None:
     [
         ({"population": 7}, "population\n.*must be even, not 7: members mate in pairs"),
         ({"method": "guessing"}, "method\n.*should be 'posterior' or 'paper'"),
-        ({"sure": 2.0}, "sure\n.*less than or equal to 0.999"),
+        ({"sure": 2.0}, "sure\n.*less than or equal to 0.98"),
         ({"colour": "red"}, "colour\n.*not permitted"),
     ],
 )

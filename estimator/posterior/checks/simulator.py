@@ -120,8 +120,9 @@ def recheck(
 
 
 _OTHERWISE: Final = 1 / 30  # of robots are otherwise in a way that nobody looks for
+_TAKEN_IN: Final = 0.3  # of these feel all like another robot: 5 of 17 odd ones that were tried
 _OUTLIER_RATE: Final = 0.004  # unexplained interactions of robots as stated: 2 of 615 recorded
-_STRANGE_RATE: Final = 0.3  # of robots that are otherwise
+_STRANGE_RATE: Final = 0.3  # of robots that are otherwise and show it
 _TRIED: Final = 32  # samples
 _MORE_LIKELY: Final = 0.5  # than not
 _POORLY: Final = 3.0  # nats less than what explains an interaction best
@@ -130,8 +131,9 @@ _POORLY: Final = 3.0  # nats less than what explains an interaction best
 def probability_unlisted(outliers: Array, noise: Noise) -> float:
     """Probability that the robot is otherwise as nobody looks for, or changed on the way.
 
-    As servos do that fail: it shows by interactions that nothing explains, of which robots that are
-    as stated hardly have any.
+    It shows by interactions that nothing explains, of which robots that are as stated hardly have
+    any; or not at all: what a servo that is too weak lifts is what another robot would lift. So no
+    probability that is stated comes closer to 1 than a hundredth.
 
     Args:
         outliers: Probability of each interaction that it says nothing about the body, shape (k,).
@@ -144,7 +146,10 @@ def probability_unlisted(outliers: Array, noise: Noise) -> float:
     def log_density(rate: float) -> float:
         return float(np.log(rate * strange + (1 - rate) * plain).sum())
 
-    gained = log_density(_STRANGE_RATE) - log_density(_OUTLIER_RATE)
+    gained = np.logaddexp(
+        math.log1p(-_TAKEN_IN) + log_density(_STRANGE_RATE),
+        math.log(_TAKEN_IN) + log_density(_OUTLIER_RATE),
+    ) - log_density(_OUTLIER_RATE)
     return float(expit(np.array(math.log(_OTHERWISE / (1 - _OTHERWISE)) + gained)))
 
 

@@ -25,7 +25,7 @@ _DRAWN: Final = 1000  # robots as people build them, of whom so many are the bes
 _OFF: Final = 1.5  # standard deviations from which fits start
 _PEAKS: Final = 3  # of these fits, where particles start,
 _LOWER: Final = 10.0  # but none so many nats below the best
-_STRETCHED: Final = ("thickness", "mass")  # groups of the parameters that these starts have
+_STATED: Final = ("thickness", "mass")  # of all parts: no matter of care, so of no scale
 
 
 class Hypothesis(NamedTuple):
@@ -35,7 +35,7 @@ class Hypothesis(NamedTuple):
         mode: Number of the set.
         point: To start from, shape (size,).
         wide: Row of the table whose wide component is open; −1: none is.
-        scale: Factor on the narrow spreads; 0: the robot is as stated.
+        scale: Factor on the narrow spreads of what care decides; 0: the robot is as stated.
         log_prior: Among the hypotheses of the set.
     """
 
@@ -114,7 +114,9 @@ class Integrals:
 
     def _spread(self, one: Hypothesis, row: int) -> float:
         parameter = self._predictor.unknowns.table[row]
-        return parameter.wide if row == one.wide else one.scale * parameter.narrow
+        if row == one.wide:
+            return parameter.wide
+        return parameter.narrow if parameter.group in _STATED else one.scale * parameter.narrow
 
     def _peaks(
         self,
@@ -138,7 +140,7 @@ class Integrals:
         rows = [
             row
             for row, parameter in enumerate(self._predictor.unknowns.table)
-            if parameter.group in _STRETCHED and self._first + row in free.columns[0]
+            if parameter.group in _STATED and self._first + row in free.columns[0]
         ]
         for row in rows if rng else ():
             spreads = np.array([self._spread(one, row) for one in hypotheses])

@@ -44,6 +44,7 @@ _STRAYS: Final = 3.0  # nats that a fit lacks beyond what noise takes
 _LEADERS: Final = 3  # sets that are looked at with wide components where the best lacks so much
 _GUESSED: Final = 25.0  # nats below the best guess, wide components that are weighed roughly:
 _WIDE: Final = 6  # so many switches of a set, and others;
+_OTHERS: Final = 24  # sets that are weighed with what leads on those that were looked at
 _WORTH: Final = 5.0  # below the best weight, those that are weighed like the narrow ones
 _DRAWN: Final = 32  # points of a set, for the next interaction,
 _DRAWN_OF: Final = 32  # of so many sets
@@ -133,40 +134,46 @@ class Weigher:
             weights += self._of(first, max(each, _FEWEST), log_chances, settles=False)
             best = max(one.log for one in weights)
         points = np.array([one.hypothesis.point for one in weights])
-        close = _close(weights)
-        as_stated: Array | None = None
-        if len(close) <= _FEW:
-            as_stated = self._weighed_again(weights, close, log_chances)
+        as_stated = self._weighed_again(weights, _close(weights), log_chances)
         return self._summed(points, weights, as_stated, samples)
 
     def _weighed_again(
         self, weights: list[_Weight], close: Sequence[int], log_chances: Array
     ) -> Array | None:
-        """Replaces weights of some sets by those under each scale, and of wide components.
+        """Replaces weights of the best sets by better ones, and adds those of wide components.
+
+        Where many sets are as good nothing is done, but for what no robot as people build them
+        explains.
 
         Returns:
             Points of the first one if the robot is just as stated, where it may be otherwise.
         """
-        if not self._predictor.unknowns.table:
-            hypotheses = [weights[row].hypothesis for row in close]
-            again = self._of(hypotheses, self._particles, log_chances)
-            for row, one in zip(close, again, strict=True):
-                weights[row] = one
+        again: list[_Weight] = []
+        few, table = len(close) <= _FEW, self._predictor.unknowns.table
+        if not few and not (table and self._strays([weights[row] for row in close])):
+            return None
+        if few:
+            scales = SCALES if table else {1.0: 1.0}
+            deviates = DEVIATES if table else 0.0
+            narrow = [
+                weights[row].hypothesis._replace(
+                    scale=scale, log_prior=math.log(share * (1 - deviates))
+                )
+                for row in close
+                for scale, share in scales.items()
+            ]
+            again = self._of(narrow, self._particles, log_chances)
+            for row in close:
+                weights[row] = weights[row]._replace(log=-math.inf)
+        if not table:
+            weights += again
             return None
         mode, point, *_ = weights[close[0]].hypothesis
         unknowns = self._predictor.unknowns
         exact = Hypothesis(mode, unknowns.as_stated(unknowns.cube(point[None]))[0], scale=0.0)
         (stated,) = self._of([exact], self._particles // 2, log_chances)
-        narrow = [
-            weights[row].hypothesis._replace(
-                scale=scale, log_prior=math.log(share * (1 - DEVIATES))
-            )
-            for row in close
-            for scale, share in SCALES.items()
-        ]
-        again = self._of(narrow, self._particles, log_chances)
         first = [close[0], 0]  # the best, also as first guessed
-        if self._strays(max(float(one.particles.fits.max()) for one in again)):
+        if self._strays(again or weights):
             first += [*close[:_LEADERS], *range(min(_LEADERS, len(weights)))]
         screened = [
             self._screened([one for one in again if one.hypothesis.mode == row] or [weights[row]])
@@ -175,18 +182,42 @@ class Weigher:
         least = max(guess for guess, _ in screened) - _GUESSED
         wide = [one for _, several in screened for guess, one in several if guess > least]
         rough = self._of(wide, _FEWEST, log_chances, settles=False)
-        least = max(one.log for one in [*again, *rough]) - _WORTH
-        wide = [one.hypothesis for one in rough if one.log > least]
-        again += self._of(wide, self._particles, log_chances)
-        for row in close:
-            weights[row] = weights[row]._replace(log=-math.inf)
-        weights += again
+        rough += self._of(
+            self._others_with(rough, [*weights, *again]), _FEWEST, log_chances, settles=False
+        )
+        rough.sort(key=lambda one: -one.log)
+        least = max(one.log for one in [*again, *rough, *weights]) - _WORTH
+        rough = [one for one in rough if one.log > least]
+        wide = [one.hypothesis for one in rough[:_FEW]]
+        weights += [*again, *self._of(wide, self._particles, log_chances), *rough[len(wide) :]]
         return stated.particles.values
 
-    def _strays(self, fit: float) -> bool:
-        """Whether the best fit lacks more than noise takes."""
+    def _others_with(self, rough: Sequence[_Weight], narrow: Sequence[_Weight]) -> list[Hypothesis]:
+        """Sets that were not looked at, with the wide component that leads, if one does.
+
+        A robot that is otherwise may leave more of them open than one as stated.
+        """
+        leader = max(rough, key=lambda one: one.log, default=None)
+        if leader is None or leader.log <= max(one.log for one in narrow):
+            return []
+        known = {
+            one.hypothesis.mode for one in rough if one.hypothesis.wide == leader.hypothesis.wide
+        }
+        choices = self._predictor.unknowns.choices
+        others: list[Hypothesis] = []
+        for one in sorted(narrow, key=lambda one: -one.log):
+            if one.hypothesis.mode not in known and len(others) < _OTHERS:
+                known.add(one.hypothesis.mode)
+                point = leader.hypothesis.point.copy()
+                point[choices] = one.hypothesis.point[choices]
+                others.append(leader.hypothesis._replace(mode=one.hypothesis.mode, point=point))
+        return others
+
+    def _strays(self, weights: Sequence[_Weight]) -> bool:
+        """Whether the best fit of these lacks more than noise takes."""
         read = sum(self._data.observed[name].known.count.sum() for name in SCALED)
         best = float(self._likelihood.best().sum())
+        fit = max(float(one.particles.fits.max()) for one in weights)
         return best - fit - MEAN_LOSS * float(read) >= _STRAYS
 
     def _screened(

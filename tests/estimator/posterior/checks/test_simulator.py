@@ -11,7 +11,12 @@ from estimator.physics.base import Pair, WorldSettings
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.checks import simulator
-from estimator.posterior.checks.simulator import fine, leave_one_out_check, recheck
+from estimator.posterior.checks.simulator import (
+    fine,
+    leave_one_out_check,
+    probability_unlisted,
+    recheck,
+)
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Predictor
@@ -27,6 +32,21 @@ def test_the_fine_world_lasts_as_long() -> None:
     world = WorldSettings()
     assert fine(world).step == 1 / 240
     assert fine(world).steps * fine(world).step == pytest.approx(world.steps * world.step)
+
+
+def test_robots_that_are_otherwise_in_ways_that_nobody_looks_for() -> None:
+    """They show by outliers, and some by nothing: no number of movements rules these out."""
+    share = NOISE.outlier / 100  # an inlier's, after the readings
+    by_movements = [
+        probability_unlisted(np.full(count, share), NOISE) for count in (0, 1, 4, 16, 64)
+    ]
+    assert by_movements == sorted(by_movements, reverse=True)
+    assert by_movements[0] == pytest.approx(1 / 30)
+    assert 0.0099 < by_movements[-1] < by_movements[-2] < 0.0105
+    one, two = (
+        probability_unlisted(np.where(np.arange(8) < count, 1.0, share), NOISE) for count in (1, 2)
+    )
+    assert one < 0.5 < 0.9 < two
 
 
 def test_a_body_that_the_simulator_contradicts_loses_its_weight(predictor: Predictor) -> None:
