@@ -54,7 +54,7 @@ PACE: Final = 0.03  # s between counts besides the serial line's own: about 13°
 _STEP: Final = math.radians(0.7)
 _MIN_APART: Final = 10  # steps between two measured angles
 _ZERO_TOLERANCE: Final = 1.5  # degrees; two steps
-_READING: Final = 0.3  # degrees: of a protractor that is read to 0.5° either way
+_READING: Final = 0.3  # degrees: a protractor that is read to 0.5° either way
 _WELL_BEYOND: Final = 30  # steps that a scale may be extrapolated by without a word: 21°
 
 
@@ -240,7 +240,7 @@ class _Measuring:
             self._dialogue.say("It turns the other way than was thought; that is put right.")
         self._say_what_is_guessed(joint)
         self._dialogue.attempt(lambda: self._mover.go(scale.count(0.0)))
-        zero = self._zero_angle()
+        zero, expected = self._zero_angle(), math.degrees(scale.angle(scale.count(0.0)))
         if zero is not None and abs(zero) > _ZERO_TOLERANCE:
             self._dialogue.say(
                 f"It should be 0° and is {zero:g}°: one of the angles is wrong, or there are too "
@@ -251,7 +251,7 @@ class _Measuring:
             lower_limit=joint.lower_limit,
             upper_limit=joint.upper_limit,
             scale=scale,
-            uncertainty=known_to(self._points, 0.0 if zero is None else zero),
+            uncertainty=known_to(self._points, 0.0 if zero is None else zero - expected),
         )
 
     def _move(self, direction: int, steps: int) -> None:
@@ -316,16 +316,17 @@ class _Measuring:
             )
 
 
-def known_to(points: Sequence[tuple[int, float]], at_zero: float) -> Uncertainty:
+def known_to(points: Sequence[tuple[int, float]], off: float) -> Uncertainty:
     """How well a table is known.
 
     A reading errs as a protractor does, or by as much as the readings scatter about a straight
-    line, or as the new 0° is off, whichever is most. The table goes through the readings, so that
-    at each of them it errs as that does: what many readings average out is not taken off.
+    line, whichever is more; the zero also by as much as the table is off at its new 0°. The table
+    goes through the readings, so that at each of them it errs as that does: what many readings
+    average out is not taken off.
 
     Args:
         points: Count and angle, degrees; at least two.
-        at_zero: The angle that was measured at the new 0°, degrees.
+        off: By how much the table is off at its new 0°, degrees.
     """
     angles = [angle for _, angle in points]
     error = _READING
@@ -334,7 +335,7 @@ def known_to(points: Sequence[tuple[int, float]], at_zero: float) -> Uncertainty
         squares = sum((angle - start - slope * count) ** 2 for count, angle in points)
         error = max(error, math.sqrt(squares / (len(points) - 2)))
     return Uncertainty(
-        zero=math.radians(max(error, abs(at_zero))),
+        zero=math.radians(max(error, abs(off))),
         gain=math.sqrt(2) * error / (max(angles) - min(angles)),
     )
 

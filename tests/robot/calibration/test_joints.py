@@ -135,6 +135,7 @@ def test_a_wrong_table_shows_at_its_zero() -> None:
     [
         ((*GOOD, "done", ""), 0.3, 0.3),  # on a line, as a protractor is read
         ((*GOOD, "done", "-1.2"), 1.2, 0.3),  # and the new 0° is off
+        (("-14.7", "u 20", "-29.7", "done", "-0.6"), 0.9, 0.3),  # by what its count is 0.3° for
         ((*GOOD, "u 20", "-3", "done", ""), 1.757, 1.757),  # 3° off the line of others
         (("-15", "u 20", "-30", "done", ""), 0.3, 0.3),  # two are always on a line
     ],
