@@ -19,6 +19,7 @@ from estimator.exploration.prospects import (
     supposed_robot,
     with_sensors,
 )
+from estimator.parameters.announced import tightens
 from estimator.physics.backends import open_arrays
 from estimator.problem.problem import Problem
 from estimator.readings.modalities import MODALITIES
@@ -68,6 +69,8 @@ def examine_problem(
         )
     for sentence in differences:
         yield ExaminedItem("problem", Fitness.NOTE, f"{sentence[0].upper()}{sentence[1:]}.")
+    if tighter := tightens(problem.table, problem.supposed.announced):
+        yield ExaminedItem("calibration", Fitness.FINE, f"The robot announces its own: {tighter}.")
     foreseen = _prospects(problem, known, has)
     yield _bodies(foreseen)
     yield _movements(problem, foreseen, has)

@@ -87,6 +87,7 @@ class Parameter:
         narrow: Standard deviation of robots as people build them; 0: as stated.
         wide: Standard deviation of a robot that is not as stated; 0: there is none.
         limit: No amount goes farther.
+        motor: Of the joint whose calibration says how narrow it is; ``None``: no joint's does.
     """
 
     name: str
@@ -101,6 +102,7 @@ class Parameter:
     narrow: float = 0.0
     wide: float = 0.0
     limit: float = math.inf
+    motor: int | None = None
 
     def amounts(self, spread: float, theta: Array) -> Array:
         """Amounts that are ``theta`` times ``spread`` off what is stated.

@@ -20,6 +20,7 @@ from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
 from estimator.body.morphology import Array, Base
 from estimator.errors import ProblemError
+from estimator.parameters.announced import announced, tightened
 from estimator.parameters.rows import table_of
 from estimator.parameters.table import Parameter
 from estimator.physics.base import WorldSettings
@@ -158,6 +159,7 @@ class Problem(Strict):
             joints=len(capabilities.joints),
             touch_sensors=touch.count if touch else 0,
             names=tuple(joint.name for joint in capabilities.joints) if self._robot.names else (),
+            announced=announced(capabilities),
         )
         return self if robot == self._robot else self.parse(self._source, self._origin, robot)
 
@@ -226,12 +228,17 @@ class Problem(Strict):
 
     @cached_property
     def table(self) -> tuple[Parameter, ...]:
-        """What may be otherwise than all this says, tightened or closed by ``[uncertain]``."""
+        """What may be otherwise than all this says.
+
+        ``[uncertain]`` tightens, widens or closes rows; the robot's calibration tightens others.
+        """
         rows, spreads = table_of(self.parts, self.sensors), self.uncertain.spreads
         if self.uncertain.exact:
             return ()
         return tuple(
-            replace(row, narrow=spreads[row.group] / row.unit) if row.group in spreads else row
+            replace(row, narrow=spreads[row.group] / row.unit)
+            if row.group in spreads
+            else tightened(row, self._robot.announced)
             for row in rows
             if spreads.get(row.group, 1.0) > 0
         )

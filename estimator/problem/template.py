@@ -14,9 +14,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
+from estimator.parameters.announced import Announced
 from protocol.wire.field_checks import MAX_ITEMS
 
 
@@ -28,11 +29,13 @@ class Inventory:
         joints: How many joints it has.
         touch_sensors: How many touch sensors.
         names: Of its joints, where the file goes by them.
+        announced: How well it was calibrated.
     """
 
     joints: int
     touch_sensors: int
     names: tuple[str, ...] = ()
+    announced: Announced = field(default_factory=dict)
 
 
 PAPERS_ROBOT: Final = Inventory(joints=8, touch_sensors=4)

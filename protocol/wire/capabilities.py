@@ -30,6 +30,9 @@ class Joint(Record):
 
     ``measured_noise`` is the root mean square error of its measured angle in one observation, rad;
     ``None``: nothing measures it.
+
+    ``zero_sigma`` and ``travel_sigma`` are standard deviations of its calibration: of its 0, rad,
+    and of how far it turns, as a fraction; ``None``: nobody states them.
     """
 
     name: str = checked(_name)
@@ -38,6 +41,8 @@ class Joint(Record):
     speed: float = checked(_positive)
     resolution: float = checked(_not_negative)
     measured_noise: float | None = checked_optional(_not_negative)
+    zero_sigma: float | None = checked_optional(_positive)
+    travel_sigma: float | None = checked_optional(_positive)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -58,6 +63,9 @@ class Sensor(Record):
         noise: Root mean square error of one observation, in ``unit``.
         rate: Samples per second while settling.
         upper: Largest value that can be read, where there is one (clearance: the cap, m).
+        zero_sigma: Standard deviation of its calibration's zero, in ``unit``: of what is level for
+            the main body, of the belly on the ground; ``None``: nobody states it.
+        gain_sigma: Of its gain, as a fraction, likewise.
     """
 
     modality: str = checked(partial(field_checks.one_of, choices=MODALITIES))
@@ -66,6 +74,8 @@ class Sensor(Record):
     noise: float = checked(_not_negative)
     rate: float = checked(_positive)
     upper: float | None = checked_optional(field_checks.number)
+    zero_sigma: float | None = checked_optional(_positive)
+    gain_sigma: float | None = checked_optional(_positive)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -29,6 +29,7 @@ from robot.drivers.sensors.contracts import DistanceSensor
 from robot.drivers.servos.servo_bus import ServoBus
 from robot.errors import AbandonedError, CommandError, ConfigError
 from robot.host.clock import Clock
+from robot.uncertainty import Uncertainty
 
 WELCOME: Final = """\
 Calibrates {robot}. Each part is written when it was measured. 'q' leaves at any question: the robot
@@ -217,7 +218,8 @@ class GuidedSession:
                 limits = math.degrees(new.lower_limit), math.degrees(new.upper_limit)
                 yield (
                     f"{joint.name}: 0° at count {counts[0]} (was {counts[1]}), {slopes[0]:.2f}° a "
-                    f"count (was {slopes[1]:.2f}°), {limits[0]:.1f}° to {limits[1]:.1f}°"
+                    f"count (was {slopes[1]:.2f}°), {limits[0]:.1f}° to {limits[1]:.1f}°; "
+                    f"{_how_well(new.uncertainty, math.degrees(1), '°')}"
                 )
         axes, old = after.accelerometer, self._config.axes
         if axes != before.accelerometer and axes is not None and old is not None:
@@ -227,6 +229,7 @@ class GuidedSession:
                     f"{old.zero[index]:.3f}), {axes.per_g[index]:.3f} {axes.unit}/g (was "
                     f"{old.per_g[index]:.3f})"
                 )
+            yield f"accelerometer: {_how_well(axes.uncertainty, math.degrees(1), '°')}"
         for name, gauge in self._config.gauges.items():
             bridge = after.gauges.get(name)
             if bridge != before.gauges.get(name) and bridge is not None:
@@ -240,5 +243,11 @@ class GuidedSession:
             yield (
                 f"distance: {ruler.zero * 1000:.1f} mm on the ground (was "
                 f"{belly.sensor.zero * 1000:.1f}), scale {ruler.scale:.3f} (was "
-                f"{belly.sensor.scale:.3f})"
+                f"{belly.sensor.scale:.3f}); {_how_well(ruler.uncertainty, 1000, ' mm')}"
             )
+
+
+def _how_well(known: Uncertainty, scale: float, unit: str) -> str:
+    words = [] if known.zero is None else [f"its zero to {known.zero * scale:.2f}{unit}"]
+    words += [] if known.gain is None else [f"its gain to {100 * known.gain:.1f} %"]
+    return f"known, as announced to clients: {' and '.join(words) or 'nothing'}"

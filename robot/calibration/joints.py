@@ -17,6 +17,7 @@ import re
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 from itertools import pairwise
+from statistics import linear_regression
 from typing import Final
 
 from robot.calibration.questions import Questions, number
@@ -33,6 +34,7 @@ from robot.drivers.servos.pca9685_board import OUTPUTS
 from robot.drivers.servos.servo_bus import ServoBus, ServoSettings, answering
 from robot.errors import AbandonedError, DeviceDataError
 from robot.host.clock import Clock
+from robot.uncertainty import Uncertainty
 
 HELP: Final = """
   u 5, d 5      five steps up or down; at most 20, and 5 without a number; a step is one count, or
@@ -52,6 +54,7 @@ PACE: Final = 0.03  # s between counts besides the serial line's own: about 13°
 _STEP: Final = math.radians(0.7)
 _MIN_APART: Final = 10  # steps between two measured angles
 _ZERO_TOLERANCE: Final = 1.5  # degrees; two steps
+_READING: Final = 0.3  # degrees: a protractor that is read to 0.5° either way
 _WELL_BEYOND: Final = 30  # steps that a scale may be extrapolated by without a word: 21°
 
 
@@ -237,7 +240,7 @@ class _Measuring:
             self._dialogue.say("It turns the other way than was thought; that is put right.")
         self._say_what_is_guessed(joint)
         self._dialogue.attempt(lambda: self._mover.go(scale.count(0.0)))
-        zero = self._zero_angle()
+        zero, expected = self._zero_angle(), math.degrees(scale.angle(scale.count(0.0)))
         if zero is not None and abs(zero) > _ZERO_TOLERANCE:
             self._dialogue.say(
                 f"It should be 0° and is {zero:g}°: one of the angles is wrong, or there are too "
@@ -245,7 +248,10 @@ class _Measuring:
             )
             return None
         return JointCalibration(
-            lower_limit=joint.lower_limit, upper_limit=joint.upper_limit, scale=scale
+            lower_limit=joint.lower_limit,
+            upper_limit=joint.upper_limit,
+            scale=scale,
+            uncertainty=known_to(self._points, 0.0 if zero is None else zero - expected),
         )
 
     def _move(self, direction: int, steps: int) -> None:
@@ -308,6 +314,30 @@ class _Measuring:
                 f"Measured from count {min(counts)} to {max(counts)}; it may go from {min(ends)} "
                 f"to {max(ends)}, where its angle is a guess."
             )
+
+
+def known_to(points: Sequence[tuple[int, float]], off: float) -> Uncertainty:
+    """How well a table is known.
+
+    A reading errs as a protractor does, or by as much as the readings scatter about a straight
+    line, whichever is more; the zero also by as much as the table is off at its new 0°. The table
+    goes through the readings, so that at each of them it errs as that does: what many readings
+    average out is not taken off.
+
+    Args:
+        points: Count and angle, degrees; at least two.
+        off: By how much the table is off at its new 0°, degrees.
+    """
+    angles = [angle for _, angle in points]
+    error = _READING
+    if len(points) > 2:
+        slope, start = linear_regression(*zip(*points, strict=True))
+        squares = sum((angle - start - slope * count) ** 2 for count, angle in points)
+        error = max(error, math.sqrt(squares / (len(points) - 2)))
+    return Uncertainty(
+        zero=math.radians(max(error, abs(off))),
+        gain=math.sqrt(2) * error / (max(angles) - min(angles)),
+    )
 
 
 def _objection(points: Sequence[tuple[int, float]], counts: range, apart: int) -> str | None:

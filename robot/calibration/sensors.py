@@ -13,7 +13,8 @@ makes it worth.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import Final, Protocol
 
 from robot.calibration.questions import Questions, number
@@ -28,6 +29,7 @@ from robot.errors import DeviceDataError
 from robot.host.clock import Clock
 from robot.sensing.samples import Spread, sample_channel, sample_distance, spread
 from robot.sensing.sensors import BellySensor, TouchPoint
+from robot.uncertainty import Uncertainty
 
 POSITIONS: Final = (
     ("nose up", 0, 1),
@@ -40,6 +42,8 @@ POSITIONS: Final = (
 QUARTERS: Final = 4
 SAMPLES: Final = 100  # their mean has a tenth of the noise
 _MOVING: Final = 0.02  # V or g rms: far above the noise of any such sensor
+_CURVED: Final = 0.005  # of the gain: the MPU-6050's nonlinearity by its data sheet
+_SEATED: Final = math.radians(0.1)  # how a main body lies: 0.25 mm of unevenness below 140 mm
 _LEAN: Final = math.sin(math.radians(8))  # a placement that leans by more costs 1 % of the gain
 _MIN_GAIN: Final = 0.05  # V or g per g: far below any sensor's, so the axis did not turn over
 
@@ -123,7 +127,12 @@ class AccelerometerSession:
             gains = tuple(swing[axis] for axis, swing in enumerate(swings))
             leaning = self._leaning(seen, zero, gains)
             if leaning is None:
-                return AxesCalibration(unit=self._sensor.unit, zero=zero, per_g=gains)
+                return AxesCalibration(
+                    unit=self._sensor.unit,
+                    zero=zero,
+                    per_g=gains,
+                    uncertainty=Uncertainty(gain=_gain_error(seen.values(), zero, gains)),
+                )
             self._dialogue.say(f"It leaned too much in the position '{leaning}': that once more.")
             seen[leaning] = self._measure(leaning)
 
@@ -177,7 +186,12 @@ class AccelerometerSession:
                 "points the other way. Take the six positions."
             )
             return None
-        return AxesCalibration(unit=self._sensor.unit, zero=zero, per_g=gains)
+        return AxesCalibration(
+            unit=self._sensor.unit,
+            zero=zero,
+            per_g=gains,
+            uncertainty=replace(self._sensor.uncertainty, zero=_level_error(quarters, gains)),
+        )
 
     def _measure(self, position: str) -> Axes:
         """What the three axes read, once the robot is still."""
@@ -194,6 +208,34 @@ class AccelerometerSession:
         if max(one.deviation for one in axes) > _MOVING:
             raise DeviceDataError("The robot was not still.", "Put it against something solid.")
         return tuple(one.mean for one in axes)
+
+
+def _gain_error(seen: Iterable[Axes], zero: Axes, gains: Axes) -> float:
+    """Of the gains, as a fraction: in each position gravity should come out as 1 g.
+
+    Axes that lean feel less of it, by as much as all three together then feel too much. Where the
+    board sits askew on the main body does not show: the zeros are the axes' own, not its level.
+    """
+    lengths = [
+        math.hypot(*((one - at) / gain for one, at, gain in zip(axes, zero, gains, strict=True)))
+        for axes in seen
+    ]
+    rms = math.sqrt(sum((length - 1.0) ** 2 for length in lengths) / len(lengths))
+    return math.hypot(_CURVED, rms)
+
+
+def _level_error(quarters: Sequence[Axes], gains: Axes) -> float:
+    """Of what is level, rad.
+
+    Opposite quarters cancel how the table leans, so both pairs should find the same. Two axes are
+    two degrees of freedom.
+    """
+    first, second, third, fourth = quarters
+    apart = [
+        (first[axis] + third[axis] - second[axis] - fourth[axis]) / (2 * gains[axis])
+        for axis in (0, 1)
+    ]
+    return math.hypot(_SEATED, math.hypot(*apart) / math.sqrt(8))
 
 
 GRAVITY: Final = 9.81
@@ -292,6 +334,8 @@ DISTANCE_SAMPLES: Final = 10  # of one placement
 AIM: Final = 0.25e-3  # m: how well the mean of all placements shall be known
 PLACEMENTS: Final = (3, 25)  # at least, and at most
 SCALES: Final = (0.7, 1.4)  # beyond these somebody erred
+_ROUNDED: Final = 1e-3 / math.sqrt(12)  # m: sensors tell whole millimetres
+_RULER: Final = 0.5e-3  # m: how well a person measures a height
 
 
 class DistanceSession:
@@ -309,6 +353,7 @@ class DistanceSession:
     ):
         self._sensor = sensor
         self._finder = finder
+        self._noise = noise
         self._dialogue = dialogue
         self.placements = min(max(math.ceil((noise / AIM) ** 2), PLACEMENTS[0]), PLACEMENTS[1])
 
@@ -345,9 +390,21 @@ class DistanceSession:
             deviation = 1000 * means.deviation
             self._dialogue.say(
                 f"{what}: {1000 * means.mean:.1f} mm, {deviation:.1f} mm rms from placement to "
-                f"placement, known to {deviation / math.sqrt(means.count):.2f} mm"
+                f"placement, known to {1000 * self._known_to(means):.2f} mm"
             )
-        return DistanceCalibration(zero=ground.mean, scale=height / rise)
+        risen = math.hypot(self._known_to(ground), self._known_to(raised))
+        return DistanceCalibration(
+            zero=ground.mean,
+            scale=height / rise,
+            uncertainty=Uncertainty(
+                zero=self._known_to(ground),
+                gain=math.hypot(1000 * risen / rise, 1000 * _RULER / height),
+            ),
+        )
+
+    def _known_to(self, means: Spread) -> float:
+        """The error of their mean, m; a few that agree by chance err as is announced."""
+        return math.hypot(_ROUNDED, max(means.deviation, self._noise) / math.sqrt(means.count))
 
     def _placements(self, what: str) -> Spread:
         means: list[float] = []

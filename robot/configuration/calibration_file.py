@@ -16,6 +16,9 @@ from typing import Final
 
 from protocol.system.files import replace_file
 from robot.configuration.device_tables import (
+    AXES_SIGMAS,
+    DISTANCE_SIGMAS,
+    JOINT_SIGMAS,
     read_distance_calibration,
     read_limits,
     read_scale,
@@ -26,6 +29,7 @@ from robot.drivers.sensors.analogue import read_bridge
 from robot.drivers.sensors.contracts import AXIS_KEYS, read_axes
 from robot.errors import ConfigError
 from robot.toml_sections import Section, read_toml, toml_section
+from robot.uncertainty import Uncertainty
 
 SCHEMA: Final = 1
 _DIGITS: Final = 5  # behind the point: 0.00001° and 10 µV are beyond any sensor here
@@ -41,11 +45,12 @@ _FOOT: Final = """
 
 @dataclass(frozen=True, kw_only=True)
 class JointCalibration:
-    """Mechanical limits of a joint, rad, and its counts."""
+    """Mechanical limits of a joint, rad, its counts, and how well these are known."""
 
     lower_limit: float
     upper_limit: float
     scale: JointScale
+    uncertainty: Uncertainty = Uncertainty()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,6 +60,7 @@ class AxesCalibration:
     unit: str
     zero: tuple[float, ...]
     per_g: tuple[float, ...]
+    uncertainty: Uncertainty = Uncertainty()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,6 +79,7 @@ class DistanceCalibration:
 
     zero: float
     scale: float
+    uncertainty: Uncertainty = Uncertainty()
 
 
 Part = JointCalibration | AxesCalibration | GaugeCalibration | DistanceCalibration
@@ -191,15 +198,19 @@ def _named(root: Section, key: str) -> Iterator[Section]:
 def _joint(section: Section, counts: range) -> tuple[str, JointCalibration]:
     lower, upper = read_limits(section)
     scale = read_scale(section, counts)
+    known = Uncertainty.read(section, *JOINT_SIGMAS)
     section.done()
-    return section.text("name"), JointCalibration(lower_limit=lower, upper_limit=upper, scale=scale)
+    return section.text("name"), JointCalibration(
+        lower_limit=lower, upper_limit=upper, scale=scale, uncertainty=known
+    )
 
 
 def _axes(section: Section) -> AxesCalibration:
     unit = "g" if section.has(AXIS_KEYS["g"][0]) else "V"
     zero, gains = read_axes(section, unit)
+    known = Uncertainty.read(section, *AXES_SIGMAS)
     section.done()
-    return AxesCalibration(unit=unit, zero=zero, per_g=gains)
+    return AxesCalibration(unit=unit, zero=zero, per_g=gains, uncertainty=known)
 
 
 def _gauge(section: Section) -> tuple[str, GaugeCalibration]:
@@ -211,8 +222,9 @@ def _gauge(section: Section) -> tuple[str, GaugeCalibration]:
 
 def _distance(section: Section) -> DistanceCalibration:
     zero, scale = read_distance_calibration(section)
+    known = Uncertainty.read(section, *DISTANCE_SIGMAS)
     section.done()
-    return DistanceCalibration(zero=zero, scale=scale)
+    return DistanceCalibration(zero=zero, scale=scale, uncertainty=known)
 
 
 def to_toml(calibration: Calibration) -> str:
@@ -231,12 +243,14 @@ def to_toml(calibration: Calibration) -> str:
             "\n[accelerometer]",
             f"{zero} = {_numbers(axes.zero)}",
             f"{gain} = {_numbers(axes.per_g)}",
+            *_sigmas(axes.uncertainty, AXES_SIGMAS),
         ]
     if calibration.distance is not None:
         lines += [
             "\n[distance]",
             f"zero_mm = {_number(calibration.distance.zero * 1000)}",
             f"scale = {_number(calibration.distance.scale)}",
+            *_sigmas(calibration.distance.uncertainty, DISTANCE_SIGMAS),
         ]
     for name, joint in calibration.joints.items():
         limits = math.degrees(joint.lower_limit), math.degrees(joint.upper_limit)
@@ -246,6 +260,7 @@ def to_toml(calibration: Calibration) -> str:
             f"name = {_text(name)}",
             f"limits_deg = {_numbers(limits)}",
             f"calibration = [{', '.join(points)}]",
+            *_sigmas(joint.uncertainty, JOINT_SIGMAS),
         ]
     for name, gauge in calibration.gauges.items():
         lines += [
@@ -307,6 +322,10 @@ def _number(value: float) -> str:
 
 def _numbers(values: Sequence[float]) -> str:
     return f"[{', '.join(_number(value) for value in values)}]"
+
+
+def _sigmas(known: Uncertainty, keys: tuple[str, str]) -> list[str]:
+    return [f"{key} = {_number(value)}" for key, value in known.written(*keys)]
 
 
 def _text(value: str) -> str:

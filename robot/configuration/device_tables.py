@@ -8,17 +8,23 @@ objects.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Final
+from typing import Final, cast
 
 from robot.configuration.joint_calibration import DrivenJoint, JointScale, slopes
 from robot.drivers.registry import SENSORS, read_settings
-from robot.drivers.sensors.contracts import BoardSettings, DistanceSettings, SensorSettings
+from robot.drivers.sensors.contracts import (
+    BoardSettings,
+    CalibratedAxes,
+    DistanceSettings,
+    SensorSettings,
+)
 from robot.drivers.servos.servo_bus import ServoSettings
 from robot.sensing.samples import RestCriterion
 from robot.sensing.sensors import BellySensor, TouchPoint
 from robot.toml_sections import Section
+from robot.uncertainty import Uncertainty
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,6 +34,11 @@ class DistanceConfig:
     driver: DistanceSettings
     sensor: BellySensor
 
+
+JOINT_SIGMAS: Final = ("zero_sigma_deg", "travel_sigma")
+AXES_SIGMAS: Final = ("zero_sigma_deg", "gain_sigma")
+DISTANCE_SIGMAS: Final = ("zero_sigma_mm", "scale_sigma")
+"""By table, the keys of how well it was calibrated: of the zero, and of the gain, as a fraction."""
 
 _SHORTEST_RANGE: Final = 10.0
 """Degrees from the lower limit to the upper one; a joint typed in radians spans six at most."""
@@ -60,6 +71,7 @@ def read_joint(section: Section, servos: ServoSettings) -> DrivenJoint:
         upper_limit=upper,
         part_radius=section.number("part_radius_mm", 1, 200) / 1000,
         scale=read_scale(section, servos.counts),
+        uncertainty=Uncertainty.read(section, *JOINT_SIGMAS),
     )
     try:
         joint.check_zero()
@@ -112,6 +124,9 @@ def read_board(section: Section) -> BoardSettings:
 def read_accelerometer(section: Section) -> SensorSettings:
     """The ``[accelerometer]`` table."""
     driver: SensorSettings = read_settings(section, SENSORS, "analogue", kind="accelerometer")
+    if isinstance(driver, CalibratedAxes):
+        known = replace(driver, uncertainty=Uncertainty.read(section, *AXES_SIGMAS))
+        driver = cast(SensorSettings, known)
     section.done()
     return driver
 
@@ -145,8 +160,10 @@ def read_distance(section: Section) -> DistanceConfig:
     driver: DistanceSettings = read_settings(section, SENSORS, "vl6180x", kind="distance")
     zero, scale = read_distance_calibration(section)
     reach = section.number("range_mm", 20, driver.reach * 1000) / 1000
+    uncertainty = Uncertainty.read(section, *DISTANCE_SIGMAS)
     section.done()
-    return DistanceConfig(driver=driver, sensor=BellySensor(zero=zero, scale=scale, reach=reach))
+    belly = BellySensor(zero=zero, scale=scale, reach=reach, uncertainty=uncertainty)
+    return DistanceConfig(driver=driver, sensor=belly)
 
 
 def read_distance_calibration(section: Section) -> tuple[float, float]:

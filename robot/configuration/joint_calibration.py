@@ -14,6 +14,8 @@ from functools import cached_property
 from itertools import pairwise
 from typing import Final
 
+from robot.uncertainty import Uncertainty
+
 _SPANS: Final = (63.5, 508.0)
 """Degrees from a driver's first count to its last that any servo could turn."""
 
@@ -96,7 +98,8 @@ def _interpolate(table: Sequence[tuple[float, float]], x: float) -> float:
 class DrivenJoint:
     """A joint, the output that drives it, its mechanical limits (rad) and its calibration.
 
-    ``part_radius``, m, is that of the part it moves, ``None`` where nobody knows.
+    ``part_radius``, m, is that of the part it moves, ``None`` where nobody knows; ``uncertainty``
+    that of its 0 and of how far it turns.
     """
 
     name: str
@@ -105,6 +108,7 @@ class DrivenJoint:
     upper_limit: float
     part_radius: float | None
     scale: JointScale
+    uncertainty: Uncertainty = Uncertainty()
 
     @cached_property
     def reachable(self) -> tuple[float, float]:

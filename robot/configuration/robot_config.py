@@ -274,7 +274,12 @@ def apply_calibration(config: RobotConfig, calibration: Calibration, *, file: st
                 file=file,
                 key="accelerometer",
             )
-        calibrated = replace(config.axes, zero=measured.zero, per_g=measured.per_g)
+        calibrated = replace(
+            config.axes,
+            zero=measured.zero,
+            per_g=measured.per_g,
+            uncertainty=measured.uncertainty,
+        )
         accelerometer = cast(SensorSettings, calibrated)
     if calibration.distance is not None:
         if distance is None:

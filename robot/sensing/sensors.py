@@ -22,6 +22,7 @@ from robot.drivers.sensors.contracts import (
 )
 from robot.errors import DeviceDataError
 from robot.host.clock import Clock
+from robot.uncertainty import Uncertainty
 
 OnProgress: TypeAlias = Callable[[float], None]
 PLAUSIBLE_G: Final = (0.9, 1.1)
@@ -36,11 +37,13 @@ class BellySensor:
         zero: What it reads with the belly on the ground, m.
         reach: The largest clearance that it tells, m.
         scale: Metres of clearance per metre that it reads; 1 for a sensor that reads true.
+        uncertainty: Of zero and scale.
     """
 
     zero: float
     reach: float
     scale: float = 1.0
+    uncertainty: Uncertainty = Uncertainty()
 
     def clearance(self, distance: float) -> float:
         """The clearance that a reading stands for, m."""

@@ -23,6 +23,7 @@ from robot.host.clock import Clock, SteadyClock
 from robot.host.service_manager import ServiceManager
 from robot.sensing.sensors import RobotSensors, SensorReader
 from robot.service.devices import Devices, revive
+from robot.uncertainty import Uncertainty
 
 HOUSEKEEPING = 3.0  # s between checks that the servo board was not reset
 TURN = 0.0005  # s that one thread may keep the other waiting
@@ -117,6 +118,7 @@ def describe(config: RobotConfig, *, measured: bool = False) -> Capabilities:
         measured: Whether the servos say where they are.
     """
     rate = config.settling.rate
+    level = config.axes.uncertainty if config.axes else Uncertainty()
     sensors = []
     if config.touch:
         sensors.append(
@@ -124,7 +126,15 @@ def describe(config: RobotConfig, *, measured: bool = False) -> Capabilities:
         )
     if config.accelerometer is not None:
         sensors.append(
-            Sensor(modality="tilt", unit="rad", count=2, noise=config.noise.tilt, rate=rate)
+            Sensor(
+                modality="tilt",
+                unit="rad",
+                count=2,
+                noise=config.noise.tilt,
+                rate=rate,
+                zero_sigma=level.zero,
+                gain_sigma=level.gain,
+            )
         )
     if config.distance is not None:
         sensors.append(
@@ -135,6 +145,8 @@ def describe(config: RobotConfig, *, measured: bool = False) -> Capabilities:
                 noise=config.noise.clearance,
                 rate=rate,
                 upper=config.distance.sensor.reach,
+                zero_sigma=config.distance.sensor.uncertainty.zero,
+                gain_sigma=config.distance.sensor.uncertainty.gain,
             )
         )
     radii = [joint.part_radius for joint in config.joints if joint.part_radius is not None]
@@ -154,6 +166,8 @@ def describe(config: RobotConfig, *, measured: bool = False) -> Capabilities:
                 speed=config.speed,
                 resolution=joint.scale.resolution,
                 measured_noise=config.noise.joint if measured else None,
+                zero_sigma=joint.uncertainty.zero,
+                travel_sigma=joint.uncertainty.gain,
             )
             for joint in config.joints
         ),

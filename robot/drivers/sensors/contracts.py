@@ -15,6 +15,7 @@ from robot.drivers.buses import Buses
 from robot.drivers.guard import open_driver
 from robot.drivers.links.analogue_inputs import AnalogueBoard, AnalogueInputs
 from robot.toml_sections import Section
+from robot.uncertainty import Uncertainty
 
 
 class SensorDriver(Protocol):
@@ -203,11 +204,13 @@ class CalibratedAxes(ABC):
         unit: What ``raw`` gives: ``V`` or ``g``.
         zero: What it gives at 0 g along x (forward), y (left), z (up).
         per_g: How much more it gives at 1 g; negative where an axis points the other way.
+        uncertainty: Of what is level for the main body, and of what is felt of gravity.
     """
 
     unit: ClassVar[str]
     zero: tuple[float, ...]
     per_g: tuple[float, ...]
+    uncertainty: Uncertainty = Uncertainty()
 
     def acceleration(self, raw: Sequence[float]) -> tuple[float, float, float]:
         """Acceleration along x, y, z in g."""

@@ -136,3 +136,19 @@ def test_a_problem_that_does_not_fit_the_robot_is_bad() -> None:
     items = examined("parametric", robot)
     assert [item.verdict for item in items] == [Fitness.BAD]
     assert "has only 2 joints" in items[0].sentence
+
+
+def test_what_the_robots_calibration_tightens_is_told(tmp_path: Path) -> None:
+    robot = make_capabilities()
+    first, *others = robot.joints
+    known = replace(
+        robot,
+        joints=(replace(first, zero_sigma=0.003, travel_sigma=0.5), *others),
+        sensors=tuple(replace(one, zero_sigma=0.001, gain_sigma=0.004) for one in robot.sensors),
+    )
+    items = examined(written(tmp_path, f"{PROBLEM}\n[uncertain]\ndistance_gain = 0.1\n"), known)
+    assert said(items, "calibration") == (
+        "The robot announces its own: accelerometer_deg to 0.21 (2 rows), accelerometer_gain to "
+        "0.004, distance_mm to 1, zero_deg to 0.17."
+    )
+    assert not said(examined(written(tmp_path, PROBLEM), robot), "calibration")

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from estimator.errors import ProblemError
 from estimator.problem.problem import Problem
+from protocol.wire.capabilities import Capabilities
 from tests.docs.pages import section
+from tests.estimator.problem.test_problem import NAMES, robot
 
 
 def problem(section: str) -> Problem:
@@ -36,6 +41,70 @@ def test_a_group_is_widened_or_closed_in_the_unit_of_its_sentence() -> None:
     assert "thickness of all parts" not in rows
     assert not any(name.endswith("dead") and "servo" in name for name in rows)
     assert not problem("exact = true").table
+
+
+def calibrated(joints: dict[int, tuple[float, float]], tilt: float, gain: float) -> Capabilities:
+    """A robot that announces zero and travel of some joints, and zero and gain of sensors."""
+    known = [
+        replace(joint, zero_sigma=joints[index][0], travel_sigma=joints[index][1])
+        if index in joints
+        else joint
+        for index, joint in enumerate(robot().joints)
+    ]
+    sensors = [replace(one, zero_sigma=tilt, gain_sigma=gain) for one in robot().sensors]
+    return replace(robot(), joints=tuple(known), sensors=tuple(sensors))
+
+
+spreads = st.floats(1e-9, 1e300)
+
+
+@settings(max_examples=50)
+@given(st.dictionaries(st.integers(0, 7), st.tuples(spreads, spreads)), spreads, spreads)
+def test_a_calibration_tightens_the_rows_that_it_is_of_and_widens_none(
+    joints: dict[int, tuple[float, float]], zero: float, gain: float
+) -> None:
+    asked = Problem.load("parametric")
+    known = asked.for_robot(calibrated(joints, zero, gain)).table
+    expected = {}
+    for motor, part in enumerate(("left", "front", "right", "back")):
+        if motor in joints:
+            at_zero, travel = joints[motor]
+            expected[f"zero of {part} upper"] = min(at_zero, math.radians(0.4))
+            expected[f"travel of {part} upper"] = min(travel, 0.01)
+    level = min(math.hypot(zero, math.radians(0.2)), math.radians(0.4))  # the ground is not level
+    for way in ("left/right", "forward/back"):
+        expected[f"accelerometer's own tilt, {way}"] = level
+    expected["accelerometer's gain"] = expected["distance sensor's gain"] = min(gain, 0.01)
+    expected["distance sensor's offset"] = min(zero, 0.002)
+    for before, row in zip(asked.table, known, strict=True):
+        assert row.narrow == expected.get(row.name, before.narrow)
+        assert (row.name, row.wide, row.limit) == (before.name, before.wide, before.limit)
+
+
+def test_what_a_person_writes_comes_before_what_a_robot_announces() -> None:
+    asked = problem("zero_deg = 1.0\ntravel_of_each = 0\naccelerometer_deg = 0.1")
+    known = calibrated({0: (0.001, 0.001)}, 0.001, 0.001)
+    rows = {row.name: row.narrow for row in asked.for_robot(known).table}
+    assert rows["zero of left upper"] == pytest.approx(math.radians(1.0))
+    assert "travel of left upper" not in rows
+    assert rows["accelerometer's own tilt, left/right"] == pytest.approx(math.radians(0.1))
+    assert rows["accelerometer's gain"] == 0.001
+    assert not problem("exact = true").for_robot(known).table
+
+
+def test_a_joint_keeps_its_calibration_wherever_the_robot_has_it() -> None:
+    text = Problem.load("parametric").source
+    for number, name in enumerate(NAMES[:4], 1):
+        text = re.sub(rf"(?m)^motor = {number}$", f'motor = "{name}"', text)
+    driven = ", ".join(f'"{name}"' for name in NAMES[:4])
+    text = re.sub(r"(?m)^driven = \[.*\]", f"driven = [{driven}]", text)
+    known = calibrated({1: (0.001, 0.001)}, 1.0, 1.0)
+    known = replace(known, joints=known.joints[::-1])
+    rows = Problem.parse(text, "named").for_robot(known).table
+    assert [row.name for row in rows if row.narrow == 0.001] == [
+        "zero of front upper",
+        "travel of front upper",
+    ]
 
 
 def test_only_a_doubtful_accelerometer_is_read_lying_flat() -> None:

@@ -9,6 +9,7 @@ import sqlite3
 import subprocess
 import sys
 from contextlib import closing
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from random import Random
@@ -16,7 +17,7 @@ from random import Random
 import pytest
 
 from estimator.errors import ProblemError, RunDirectoryError
-from estimator.posterior.fitted import FittedPosterior
+from estimator.posterior.fitted import FittedPosterior, unknowns_of
 from estimator.readings.observation import Observation
 from estimator.storage.database import DATABASE, is_locked
 from estimator.storage.records import (
@@ -67,6 +68,16 @@ def make_generation(number: int) -> Generation:
 def directory(tmp_path: Path) -> Path:
     RunStore.create(tmp_path / "run", SETTINGS, make_capabilities(), "me").close()
     return tmp_path / "run"
+
+
+def test_a_run_keeps_how_well_its_robot_was_calibrated(tmp_path: Path) -> None:
+    robot = make_capabilities()
+    known = replace(robot, joints=tuple(replace(one, zero_sigma=0.002) for one in robot.joints))
+    asked = SETTINGS.model_copy(update={"method": "posterior"})
+    RunStore.create(tmp_path / "run", asked, known, "me").close()
+    with RunStore.open(tmp_path / "run") as store:
+        rows = unknowns_of(store).table
+    assert {row.narrow for row in rows if row.group == "zero_deg"} == {0.002}
 
 
 def test_what_was_stored_comes_back_exactly(directory: Path) -> None:

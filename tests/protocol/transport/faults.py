@@ -60,6 +60,11 @@ def _off(message: Map) -> Map:
     return message | {"angles": {name: angle + 0.2 for name, angle in message["angles"].items()}}
 
 
+def _calibrated(capabilities: Map) -> Map:
+    first, *others = capabilities["joints"]
+    return capabilities | {"joints": [first | {"zero_sigma": -0.01}, *others]}
+
+
 _SILENT = {"aborted_stop": "aborted_silent"}
 
 FAULTS: dict[str, tuple[str, Fault]] = {
@@ -206,6 +211,10 @@ FAULTS: dict[str, tuple[str, Fault]] = {
         replies(
             "welcome", lambda f: f | {"capabilities": f["capabilities"] | {"base_radius": 0.5}}
         ),
+    ),
+    "is calibrated to less than nothing": (
+        "7.1",
+        replies("welcome", lambda f: f | {"capabilities": _calibrated(f["capabilities"])}),
     ),
     "has a touch too few": ("7.7", replies("observation", lambda f: f | {"touch": f["touch"][1:]})),
     "forgets an angle": (

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from protocol.errors import LocalProtocolError, RemoteProtocolError
 from protocol.rules.control import MAY, Role
 from protocol.wire.capabilities import Capabilities, Joint
+from protocol.wire.codec import decode, encode
 from protocol.wire.messages import REQUESTS, Welcome, parse_reply, parse_request
 from tests.protocol.conftest import make_capabilities
 
@@ -24,6 +28,22 @@ Map = dict[str, Any]
         (
             lambda said: said["joints"][1].update(speed=0),
             "welcome: capabilities: joints 2: 'speed' must be at least 1e-09, not 0",
+        ),
+        (
+            lambda said: said["joints"][0].update(zero_sigma=-0.1),
+            "welcome: capabilities: joints 1: 'zero_sigma' must be at least 1e-09, not -0.1",
+        ),
+        (
+            lambda said: said["joints"][0].update(travel_sigma=0),
+            "welcome: capabilities: joints 1: 'travel_sigma' must be at least 1e-09, not 0",
+        ),
+        (
+            lambda said: said["sensors"][1].update(zero_sigma=float("nan")),
+            "welcome: capabilities: sensors 2: 'zero_sigma' must be finite, not nan",
+        ),
+        (
+            lambda said: said["sensors"][2].update(gain_sigma=10**400),
+            "welcome: capabilities: sensors 3: 'gain_sigma' must be a number that a float can hold",
         ),
         (
             lambda said: said["joints"].append(5),
@@ -60,6 +80,21 @@ def test_items_of_a_request_count_from_1() -> None:
     hello = {"type": "hello", "id": 1, "client": "c", "versions": [1, "2"]}
     with pytest.raises(RemoteProtocolError, match=r"^hello: 'versions 2' must be an integer"):
         parse_request(hello)
+
+
+sigmas = st.none() | st.floats(1e-9, 1e300)
+
+
+@given(sigmas, sigmas)
+def test_how_well_a_robot_is_calibrated_comes_over_the_wire(
+    zero: float | None, gain: float | None
+) -> None:
+    usual = make_capabilities()
+    joint = replace(usual.joints[0], zero_sigma=zero, travel_sigma=gain)
+    sensors = [replace(one, zero_sigma=zero, gain_sigma=gain) for one in usual.sensors]
+    known = replace(usual, joints=(joint, usual.joints[1]), sensors=tuple(sensors))
+    assert Capabilities.from_map(decode(encode(known.to_map()))) == known
+    assert ("zero_sigma" in joint.to_map()) == (zero is not None)
 
 
 def test_a_map_becomes_the_record_that_it_came_from() -> None:

@@ -130,6 +130,27 @@ def test_a_wrong_table_shows_at_its_zero() -> None:
     assert len(calibration.scale.points) == 2
 
 
+@pytest.mark.parametrize(
+    ("answers", "zero", "error"),
+    [
+        ((*GOOD, "done", ""), 0.3, 0.3),  # on a line, as a protractor is read
+        ((*GOOD, "done", "-1.2"), 1.2, 0.3),  # and the new 0° is off
+        (("-14.7", "u 20", "-29.7", "done", "-0.6"), 0.9, 0.3),  # by what its count is 0.3° for
+        ((*GOOD, "u 20", "-3", "done", ""), 1.757, 1.757),  # 3° off the line of others
+        (("-15", "u 20", "-30", "done", ""), 0.3, 0.3),  # two are always on a line
+    ],
+)
+def test_how_well_it_is_known_is_what_the_readings_scatter(
+    answers: tuple[str, ...], zero: float, error: float
+) -> None:
+    calibration = run(Board(), Script(*answers))
+    assert calibration is not None
+    angles = [math.degrees(angle) for _, angle in calibration.scale.points]
+    known = calibration.uncertainty
+    assert known.zero == pytest.approx(math.radians(zero), rel=1e-2)
+    assert known.gain == pytest.approx(math.sqrt(2) * error / (max(angles) - min(angles)), rel=1e-2)
+
+
 def test_marked_limits_are_taken_over() -> None:
     script = Script(*GOOD, "upper", "u 20", "u 20", "u 20", "lower", "done", "")
     calibration = run(Board(), script)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 
@@ -18,6 +19,7 @@ from robot.configuration.calibration_file import (
 from robot.drivers.sensors.analogue import AnalogueAccelerometer, AnalogueAxes, StrainGauge
 from robot.errors import AbandonedError
 from robot.sensing.sensors import BellySensor, TouchPoint
+from robot.uncertainty import Uncertainty
 from tests.robot.calibration.desk import Answer, Inputs, Script
 from tests.robot.clocks import InstantClock
 
@@ -47,10 +49,10 @@ class Body:
         return [(self.into(axis, sign, lean), "") for _, axis, sign in POSITIONS]
 
 
-def calibrate_axes(body: Body, script: Script) -> AxesCalibration | None:
+def calibrate_axes(body: Body, script: Script, axes: AnalogueAxes = AXES) -> AxesCalibration | None:
     return AccelerometerSession(
-        AXES,
-        AnalogueAccelerometer(AXES, body.inputs.connected(dict(enumerate("xyz", 1)))),
+        axes,
+        AnalogueAccelerometer(axes, body.inputs.connected(dict(enumerate("xyz", 1)))),
         rate=50,
         clock=InstantClock(),
         dialogue=Questions(script),
@@ -80,6 +82,8 @@ def test_leaning_by_3_degrees_costs_little() -> None:
     assert calibration is not None
     # cos 3° twice (two axes lean): 0.3 % of the gain, 0.1° at 30°.
     assert calibration.per_g == pytest.approx(GAIN, rel=4e-3)
+    assert calibration.uncertainty.gain == pytest.approx(math.hypot(0.005, 0.0028), rel=0.02)
+    assert calibration.uncertainty.zero is None  # where the board sits askew does not show
 
 
 def test_a_position_that_leans_too_much_is_asked_for_again() -> None:
@@ -128,10 +132,19 @@ def test_level_finds_the_zeros_whatever_the_table_leans() -> None:
         (lambda x=x, y=y: body.put(x, y, 1), "")  # type: ignore[misc]
         for x, y in ((lean, 0.0), (0.0, lean), (-lean, 0.0), (0.0, -lean))
     ]
-    calibration = calibrate_axes(body, Script("level", *quarters))
+    known = replace(AXES, uncertainty=Uncertainty(zero=1.0, gain=0.007))
+    calibration = calibrate_axes(body, Script("level", *quarters), known)
     assert calibration is not None
     assert calibration.zero[:2] == pytest.approx(ZERO[:2], abs=1e-3)
     assert calibration.per_g == AXES.per_g
+    assert calibration.uncertainty.gain == 0.007  # as it was
+    assert calibration.uncertainty.zero == pytest.approx(math.radians(0.1), rel=0.05)
+    rocked = [*quarters[:3], (lambda: body.put(0.0, -lean + 0.02, 1), "")]
+    calibration = calibrate_axes(body, Script("level", *rocked), known)
+    assert calibration is not None
+    # half of 0.02 between the pairs, in one axis of two, whose gain is 1.2 times the one believed
+    expected = math.hypot(math.radians(0.1), 1.2 * 0.01 / math.sqrt(8))
+    assert calibration.uncertainty.zero == pytest.approx(expected, rel=0.05)
 
 
 def test_level_refuses_what_it_cannot_know() -> None:
@@ -293,6 +306,9 @@ def test_many_placements_find_zero_and_scale() -> None:
         assert sensor.clearance((14.2 + height / 0.97) / 1000) == pytest.approx(
             height / 1000, abs=1e-3
         )
+    zero, gain = calibration.uncertainty.zero, calibration.uncertainty.gain
+    assert zero == pytest.approx(math.hypot(0.29e-3, 0.25e-3), rel=0.2)
+    assert gain == pytest.approx(math.hypot(math.sqrt(2) * 0.38, 0.5) / 150, rel=0.2)
 
 
 @pytest.mark.parametrize(("noise", "placements"), [(0.1e-3, 3), (1e-3, 16), (1.0, 25)])
@@ -312,6 +328,10 @@ def test_three_placements_are_the_least() -> None:
     assert script.left == 0
     assert calibration is not None
     assert calibration.scale == pytest.approx(0.97, abs=0.01)
+    known = calibration.uncertainty.zero
+    assert known == pytest.approx(
+        math.hypot(0.29e-3, 1e-3 / math.sqrt(4)), rel=0.01
+    )  # as announced
 
 
 def test_a_plate_at_another_height_than_said_is_noticed() -> None:

@@ -28,23 +28,33 @@ from robot.configuration.joint_calibration import JointScale
 from robot.configuration.robot_config import load_config
 from robot.drivers.servos.sv203 import COUNTS
 from robot.errors import ConfigError
+from robot.service.daemon import describe
+from robot.uncertainty import Uncertainty
 
 EXAMPLE = Path(str(resources.files("robot") / "robot.toml"))
 HIP = JointCalibration(
     lower_limit=math.radians(-90),
     upper_limit=math.radians(70),
     scale=JointScale(((10, math.radians(72)), (131, 0.0), (250, math.radians(-85))), COUNTS),
+    uncertainty=Uncertainty(zero=math.radians(0.3), gain=0.003),
 )
 WHOLE = Calibration(
     robot="quadruped",
     revision=3,
     made="2026-11-20T03:57:20Z",
     joints={"hip_left": HIP},
-    accelerometer=AxesCalibration(unit="V", zero=(2.4, 2.5, 2.6), per_g=(-1.0, 1.1, 0.9)),
+    accelerometer=AxesCalibration(
+        unit="V",
+        zero=(2.4, 2.5, 2.6),
+        per_g=(-1.0, 1.1, 0.9),
+        uncertainty=Uncertainty(zero=math.radians(0.1)),
+    ),
     gauges={
         "lower_left": GaugeCalibration(tare=-0.1, volts_per_newton=-0.3, on=0.12, off=0.06),
     },
-    distance=DistanceCalibration(zero=0.0125, scale=0.98),
+    distance=DistanceCalibration(
+        zero=0.0125, scale=0.98, uncertainty=Uncertainty(zero=0.0005, gain=0.006)
+    ),
 )
 
 
@@ -78,6 +88,37 @@ def test_its_values_take_the_place_of_those_in_robot_toml(tmp_path: Path) -> Non
     assert after.hash != before.hash
 
 
+def test_how_well_it_is_known_is_announced_where_it_is_stated(tmp_path: Path) -> None:
+    said = describe(load_config(written(tmp_path, to_toml(WHOLE))))
+    hip, *others = said.joints
+    assert (hip.zero_sigma, hip.travel_sigma) == pytest.approx((math.radians(0.3), 0.003))
+    assert {(one.zero_sigma, one.travel_sigma) for one in others} == {(None, None)}
+    touch, tilt, clearance = said.sensors
+    assert tilt.zero_sigma == pytest.approx(math.radians(0.1))
+    assert touch.zero_sigma is touch.gain_sigma is tilt.gain_sigma is None
+    assert (clearance.zero_sigma, clearance.gain_sigma) == pytest.approx((0.0005, 0.006))
+
+
+def test_what_robot_toml_states_of_its_values_does_not_hold_for_others(tmp_path: Path) -> None:
+    unstated = replace(WHOLE, distance=DistanceCalibration(zero=0.0125, scale=0.98))
+    file = written(tmp_path, to_toml(unstated))
+    text = file.read_text(encoding="utf-8")
+    stated = "zero_sigma_deg = 0.2\ntravel_sigma = 0.001\n"
+    text = text.replace("\nscale = 1.0 ", "\nzero_sigma_mm = 0.4\nscale = 1.0 ")
+    text = text.replace("[[joint]]\n", f"[[joint]]\n{stated}")
+    text = text.replace("[accelerometer]", "[accelerometer]\ngain_sigma = 0.002\n#")
+    file.write_text(text, encoding="utf-8")
+    said = describe(load_config(file))
+    assert [one.zero_sigma for one in said.joints[:2]] == pytest.approx(
+        [math.radians(0.3), math.radians(0.2)]
+    )
+    assert [one.gain_sigma for one in said.sensors] == [None] * 3
+    (tmp_path / "calibration.toml").unlink()
+    said = describe(load_config(file, uncalibrated=True))
+    assert [one.gain_sigma for one in said.sensors] == [None, 0.002, None]
+    assert said.sensors[2].zero_sigma == pytest.approx(0.0004)
+
+
 numbers = st.floats(-9, 9).map(lambda value: round(value, 5))
 gains = st.floats(0.02, 5).map(lambda value: round(value, 5))
 positive = st.floats(0.01, 9).map(lambda value: round(value, 5))
@@ -93,6 +134,11 @@ def scales(draw: st.DrawFn) -> JointScale:
     )
 
 
+uncertainties = st.builds(
+    Uncertainty,
+    zero=st.none() | st.floats(1e-5, 0.02),  # rad or m
+    gain=st.none() | st.floats(1e-4, 0.5),
+)
 calibrations = st.builds(
     Calibration,
     robot=names,
@@ -105,6 +151,7 @@ calibrations = st.builds(
             lower_limit=st.just(math.radians(-60)),
             upper_limit=st.just(math.radians(60)),
             scale=scales(),
+            uncertainty=uncertainties,
         ),
         max_size=3,
     ),
@@ -114,6 +161,7 @@ calibrations = st.builds(
         unit=st.just("V"),
         zero=st.tuples(numbers, numbers, numbers),
         per_g=st.tuples(gains, gains, gains),
+        uncertainty=uncertainties,
     ),
     gauges=st.dictionaries(
         names,
@@ -123,7 +171,12 @@ calibrations = st.builds(
         max_size=3,
     ),
     distance=st.none()
-    | st.builds(DistanceCalibration, zero=st.just(0.012), scale=st.floats(0.7, 1.4)),
+    | st.builds(
+        DistanceCalibration,
+        zero=st.just(0.012),
+        scale=st.floats(0.7, 1.4),
+        uncertainty=uncertainties,
+    ),
 )
 
 
@@ -138,7 +191,10 @@ def test_what_is_written_comes_back(tmp_path: Path, calibration: Calibration) ->
         calibration.revision,
         calibration.made,
     )
-    assert read.accelerometer == calibration.accelerometer
+    if (axes := calibration.accelerometer) is not None:
+        assert read.accelerometer is not None
+        assert (read.accelerometer.zero, read.accelerometer.per_g) == (axes.zero, axes.per_g)
+        same(read.accelerometer.uncertainty, axes.uncertainty)
     assert read.gauges == calibration.gauges
     assert read.joints.keys() == calibration.joints.keys()
     for name, joint in calibration.joints.items():
@@ -146,9 +202,18 @@ def test_what_is_written_comes_back(tmp_path: Path, calibration: Calibration) ->
             assert read.joints[name].scale.angle(count) == pytest.approx(
                 joint.scale.angle(count), abs=1e-4
             )
+        same(read.joints[name].uncertainty, joint.uncertainty)
     if calibration.distance is not None:
         assert read.distance is not None
         assert read.distance.scale == pytest.approx(calibration.distance.scale, abs=1e-5)
+        same(read.distance.uncertainty, calibration.distance.uncertainty)
+
+
+def same(read: Uncertainty, written: Uncertainty) -> None:
+    """As well as five digits behind the point tell, of degrees or millimetres."""
+    for one, other in ((read.zero, written.zero), (read.gain, written.gain)):
+        assert (one is None) == (other is None)
+        assert one is None or one == pytest.approx(other, rel=0.06, abs=2e-5)
 
 
 @pytest.mark.parametrize(
@@ -168,6 +233,19 @@ def test_what_is_written_comes_back(tmp_path: Path, calibration: Calibration) ->
         ('name = "lower_left"', 'name = "foot"', ["touch", "'foot'"]),
         ("scale = 0.98", "scale = 0", ["distance.scale", "0.5 to 2"]),
         ("scale = 0.98", "scales = 0.98", ["distance.scales", "Did you mean 'scale'"]),
+        (
+            "zero_sigma_deg = 0.3",
+            "zero_sigma_deg = -0.3",
+            ["(hip_left).zero_sigma_deg", "0.001 to"],
+        ),
+        ("travel_sigma = 0.003", "travel_sigma = nan", ["(hip_left).travel_sigma", "not nan"]),
+        (
+            "zero_sigma_mm = 0.5",
+            "zero_sigma_mm = 1e300",
+            ["distance.zero_sigma_mm", "20 millimetres"],
+        ),
+        ("scale_sigma = 0.006", "scale_sigma = 0", ["distance.scale_sigma", "0.0001 to 0.5"]),
+        ("zero_sigma_deg = 0.1", "gain_sigma = true", ["accelerometer.gain_sigma", "not True"]),
         ("zero_v = [2.4, ", "zero_v = [nan, ", ["accelerometer.zero_v"]),
         ("limits_deg = [-90, 70]", "limits_deg = [10, 70]", ["joint.calibration", "zero pose"]),
         ("[10, 72], ", "[10, -72], ", ["joint 1 (hip_left).calibration", "rise or fall"]),

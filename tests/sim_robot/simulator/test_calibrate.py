@@ -150,6 +150,29 @@ def test_a_wrong_calibration_is_put_right(
     assert after.tilt < 1
     assert after.clearance < 1
     assert after.force < 0.02  # a fifth of what counts as touching
+    off = errors_in_sigmas(apply_calibration(believed, read, file=str(file)), truth)
+    assert max(off) < 3.5
+    assert sum(one < 1 for one in off) >= 0.5 * len(off)
+
+
+def errors_in_sigmas(config: RobotConfig, truth: RobotConfig) -> list[float]:
+    """What is off, in the standard deviations that the calibration states."""
+    off = []
+    for ours, true in zip(config.joints, truth.joints, strict=True):
+        at, ends = ours.scale.count(0.0), [ours.scale.count(end) for end in ours.reachable]
+        spans = [scale.angle(ends[1]) - scale.angle(ends[0]) for scale in (ours.scale, true.scale)]
+        off.append((ours.scale.angle(at) - true.scale.angle(at)) / (ours.uncertainty.zero or 0))
+        off.append(math.log(spans[0] / spans[1]) / (ours.uncertainty.gain or 0))
+    assert config.axes is not None
+    assert truth.axes is not None
+    gains = zip(config.axes.per_g, truth.axes.per_g, strict=True)
+    off += [math.log(ours / true) / (config.axes.uncertainty.gain or 0) for ours, true in gains]
+    assert config.distance is not None
+    assert truth.distance is not None
+    sensor, real = config.distance.sensor, truth.distance.sensor
+    off.append((sensor.zero - real.zero) / (sensor.uncertainty.zero or 0))
+    off.append(math.log(sensor.scale / real.scale) / (sensor.uncertainty.gain or 0))
+    return [abs(one) for one in off]
 
 
 @pytest.fixture(scope="module")

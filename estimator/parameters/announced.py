@@ -1,0 +1,54 @@
+"""How well a robot says that it was calibrated, and what of the table that tightens.
+
+Only narrow spreads: that a calibration is wrong altogether stays as possible as it was.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from typing import Final, TypeAlias
+
+from estimator.parameters.table import Parameter
+from protocol.wire.capabilities import Capabilities
+
+_GROUND: Final = math.radians(0.2)
+"""How the ground slopes where a robot lies, which no calibration of the robot knows and which feels
+like its accelerometer's own tilt. Floors may be 4 mm in 1 m uneven, 0.23° (DIN 18202)."""
+
+Announced: TypeAlias = Mapping[tuple[str, int | None], float]
+"""Standard deviations, SI or of a logarithm, by group and, of a joint, its motor."""
+
+
+def announced(capabilities: Capabilities) -> Announced:
+    """What a robot announces of its calibration, as far as it does."""
+    stated: dict[tuple[str, int | None], float | None] = {}
+    if tilt := capabilities.sensor("tilt"):
+        level = tilt.zero_sigma and math.hypot(tilt.zero_sigma, _GROUND)
+        stated["accelerometer_deg", None] = level
+        stated["accelerometer_gain", None] = tilt.gain_sigma
+    if clearance := capabilities.sensor("clearance"):
+        stated["distance_mm", None] = clearance.zero_sigma
+        stated["distance_gain", None] = clearance.gain_sigma
+    for motor, joint in enumerate(capabilities.joints):
+        stated["zero_deg", motor] = joint.zero_sigma
+        stated["travel_of_each", motor] = joint.travel_sigma
+    return {key: sigma for key, sigma in stated.items() if sigma is not None}
+
+
+def tightened(row: Parameter, stated: Announced) -> Parameter:
+    """The row, with a narrow spread of no more than is announced."""
+    return replace(row, narrow=min(row.narrow, stated.get((row.group, row.motor), math.inf)))
+
+
+def tightens(table: Iterable[Parameter], stated: Announced) -> str:
+    """Which rows of a table are as narrow as is announced, for people; empty: none are."""
+    groups: dict[str, list[float]] = {}
+    for row in table:
+        if row.narrow == stated.get((row.group, row.motor)):
+            groups.setdefault(row.group, []).append(row.narrow * row.unit)
+    return ", ".join(
+        f"{group} to {max(spreads):.2g}{f' ({len(spreads)} rows)' if spreads[1:] else ''}"
+        for group, spreads in groups.items()
+    )

@@ -1,0 +1,54 @@
+"""How well something was calibrated: the standard deviations that a calibration states of itself.
+
+A value that nobody states is left out, in a file, in ``hello`` and here; it is not taken for 0.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+from robot.toml_sections import Section
+
+_LEAST: Final = 1e-3  # degrees, mm: below what anybody measures such things by
+_MOST: Final = 20.0  # degrees, mm: rather no calibration
+_GAINS: Final = (1e-4, 0.5)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Uncertainty:
+    """Standard deviations of a calibration.
+
+    Attributes:
+        zero: Of the zero, rad or m; ``None``: nobody states it.
+        gain: Of the gain, as a fraction of it; ``None``: nobody states it.
+    """
+
+    zero: float | None = None
+    gain: float | None = None
+
+    @classmethod
+    def read(cls, section: Section, zero: str, gain: str) -> Uncertainty:
+        """Reads two keys, each of which may be absent; that of the zero ends in _deg or _mm.
+
+        Raises:
+            ConfigError: Names file, key and reason.
+        """
+        stated = section.number(zero, _LEAST, _MOST) * _unit(zero) if section.has(zero) else None
+        return cls(zero=stated, gain=section.number(gain, *_GAINS) if section.has(gain) else None)
+
+    def written(self, zero: str, gain: str) -> Iterator[tuple[str, float]]:
+        """What ``read`` reads, key by key; what is beyond it is written as the nearest it takes."""
+        for key, value, least, most in (
+            (zero, self.zero and self.zero / _unit(zero), _LEAST, _MOST),
+            (gain, self.gain, *_GAINS),
+        ):
+            if value is not None:
+                yield key, min(max(value, least), most)
+
+
+def _unit(key: str) -> float:
+    """What one of a key's unit is in rad or m."""
+    return math.radians(1.0) if key.endswith("_deg") else 1e-3
