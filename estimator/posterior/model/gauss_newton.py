@@ -178,30 +178,42 @@ class GaussNewton:
         return free or Free.lengths(self._predictor.unknowns.continuous, len(values))
 
     def polished(
-        self,
-        values: Array,
-        most: int | None = None,
-        groups: Array | None = None,
-        free: Free | None = None,
+        self, values: Array, most: int | None = None, free: Free | None = None
     ) -> tuple[Array, Array]:
         """Points that fit better, and their log-likelihoods, with the prior of parameters.
+
+        Args:
+            values: Shape (n, size).
+            most: So many at most, those that fit best while the noise is wide, best first; by
+                default all, in their order.
+            free: What is fitted; lengths by default.
+        """
+        one = np.zeros(len(values), dtype=np.intp)
+        _, points, fits = self.polished_of(values, None if most is None else one, most or 0, free)
+        return points, fits
+
+    def polished_of(
+        self, values: Array, groups: Columns | None, most: int, free: Free | None = None
+    ) -> tuple[Columns, Array, Array]:
+        """Points of groups that fit better, from where the most promising of each are.
 
         Each goes on from where wide noise has led it, and from where it is: where wide noise leads
         astray what already fitted would be lost.
 
         Args:
             values: Shape (n, size).
-            most: So many of each group at most, those that fit best while the noise is wide, best
-                first; by default all, in their order.
-            groups: Numbers of groups, shape (n,); one by default.
+            groups: Of each, shape (n,); ``None``: all are polished, in their order.
+            most: So many of each group, those that fit best while the noise is wide.
             free: What is fitted; lengths by default.
+
+        Returns:
+            Which points these are, best first, and what became of them: shapes (m,), (m, size),
+            and (m,), log-likelihoods with the prior of parameters.
         """
         led, free = values, self._all(values, free)
         for noise_scale in _WIDE:
             led, fits = self._narrower(led, free, noise_scale)
-        kept = np.arange(len(fits))
-        if most is not None:
-            kept = _best_of_groups(fits, np.zeros(len(fits)) if groups is None else groups, most)
+        kept = np.arange(len(fits)) if groups is None else _best_of_groups(fits, groups, most)
         both, free = np.concatenate([led[kept], values[kept]]), free[np.tile(kept, 2)]
         going_on = np.arange(len(both))  # who does not get better once never will
         for noise_scale in _NARROW:
@@ -212,9 +224,9 @@ class GaussNewton:
             if not going_on.size:
                 break
         fits = self.fits(both) + free.log_prior(both)
-        found, fits = both.reshape(2, len(kept), -1), fits.reshape(2, -1)
+        points, fits = both.reshape(2, len(kept), -1), fits.reshape(2, -1)
         better = np.argmax(fits, axis=0), np.arange(len(kept))
-        return found[better], fits[better]
+        return kept, points[better], fits[better]
 
     def _narrower(self, values: Array, free: Free, noise_scale: float) -> tuple[Array, Array]:
         """One step, where it leads to something better; and its log-likelihood under that noise."""
@@ -301,9 +313,9 @@ class GaussNewton:
         return fits
 
 
-def _best_of_groups(fits: Array, groups: Array, most: int) -> Columns:
+def _best_of_groups(fits: Array, groups: Columns, most: int) -> Columns:
     """Of each group the ``most`` points that fit best; indices, best first."""
-    counted: Counter[float] = Counter()
+    counted: Counter[int] = Counter()
     kept = []
     for row in np.argsort(-fits, kind="stable").tolist():
         counted[groups[row]] += 1

@@ -21,6 +21,7 @@ from estimator.posterior.sampling.tempering import Particles, tempered
 
 _ANYWHERE: Final = 300  # lengths at random with each wide component: what is wrong bends lengths,
 _STARTS: Final = 4  # of them, where fits start
+_PROMISING: Final = 3  # of all these and the known ones, fits that are finished
 _DRAWN: Final = 1000  # robots as people build them, of whom so many are the best too
 _OFF: Final = 1.5  # standard deviations from which fits start
 _PEAKS: Final = 3  # of these fits, where particles start,
@@ -222,7 +223,8 @@ class Integrals:
                 spreads=np.column_stack([free.spreads, own]),
                 normal=np.append(free.normal, True),
             )
-        polished, fits = self._solver.polished(points, free=free)
+        kept, polished, fits = self._solver.polished_of(points, which, _PROMISING, free)
+        free, which = free[kept], which[kept]
         fits += self._predictor.unknowns.log_narrow(polished, which)
         fitted = []
         for row in rows:

@@ -42,7 +42,8 @@ _CLOSE: Final = 5.0  # nats below the best, sets that are weighed again under ea
 _FEW: Final = 6  # if no more are so close
 _STRAYS: Final = 3.0  # nats that a fit lacks beyond what noise takes
 _LEADERS: Final = 3  # sets that are looked at with wide components where the best lacks so much
-_GUESSED: Final = 25.0  # nats below the best guess, wide components that are weighed roughly:
+_GUESSED: Final = 25.0  # nats below the best guess, wide components that are weighed roughly
+_RIVALS: Final = 12.0  # where the readings are explained without any:
 _WIDE: Final = 6  # so many switches of a set, and others;
 _OTHERS: Final = 24  # sets that are weighed with what leads on those that were looked at
 _WORTH: Final = 5.0  # below the best weight, those that are weighed like the narrow ones
@@ -173,13 +174,14 @@ class Weigher:
         exact = Hypothesis(mode, unknowns.as_stated(unknowns.cube(point[None]))[0], scale=0.0)
         (stated,) = self._of([exact], self._particles // 2, log_chances)
         first = [close[0], 0]  # the best, also as first guessed
-        if self._strays(again or weights):
+        strays = self._strays(again or weights)
+        if strays:
             first += [*close[:_LEADERS], *range(min(_LEADERS, len(weights)))]
         screened = [
             self._screened([one for one in again if one.hypothesis.mode == row] or [weights[row]])
             for row in dict.fromkeys(first)
         ]
-        least = max(guess for guess, _ in screened) - _GUESSED
+        least = max(guess for guess, _ in screened) - (_GUESSED if strays else _RIVALS)
         wide = [one for _, several in screened for guess, one in several if guess > least]
         rough = self._of(wide, _FEWEST, log_chances, settles=False)
         rough += self._of(
