@@ -176,7 +176,7 @@ def trial(run: BodyRun) -> list[dict[str, Any]]:
     body[unknowns.continuous] = evenly(seed, unknowns.continuous.size)
     scale = float(rng.choice([*SCALES], p=[*SCALES.values()])) if run.built else 0.0
     if run.built:
-        spreads = scale * np.array([row.narrow for row in unknowns.table])
+        spreads = np.array([row.narrow_times(scale) for row in unknowns.table])
         body[unknowns.genes_size :] = spreads * rng.standard_normal(spreads.size)
     robot = StaticsRobot(
         predictor=predictor,

@@ -23,6 +23,9 @@ DEVIATES: Final = 0.05
 """Probability, before any reading, that a robot has one of the wide components."""
 
 
+_STATED: Final = frozenset({"thickness", "mass"})  # what robots are built of: no matter of care
+
+
 class Draft:
     """Bodies that are being changed: each array is copied when first asked for.
 
@@ -103,6 +106,14 @@ class Parameter:
     wide: float = 0.0
     limit: float = math.inf
     motor: int | None = None
+
+    def narrow_times(self, scale: float) -> float:
+        """Its narrow standard deviation where robots are built with less care, or with more.
+
+        Args:
+            scale: By which factor the spreads of all that care decides are larger.
+        """
+        return self.narrow if self.group in _STATED else scale * self.narrow
 
     def amounts(self, spread: float, theta: Array) -> Array:
         """Amounts that are ``theta`` times ``spread`` off what is stated.

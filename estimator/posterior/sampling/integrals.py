@@ -26,7 +26,7 @@ _DRAWN: Final = 1000  # robots as people build them, of whom so many are the bes
 _OFF: Final = 1.5  # standard deviations from which fits start
 _PEAKS: Final = 3  # of these fits, where particles start,
 _LOWER: Final = 10.0  # but none so many nats below the best
-_STATED: Final = ("thickness", "mass")  # of all parts: no matter of care, so of no scale
+_STRETCHED: Final = ("thickness", "mass")  # groups of the parameters that these starts have
 
 
 class Hypothesis(NamedTuple):
@@ -115,9 +115,7 @@ class Integrals:
 
     def _spread(self, one: Hypothesis, row: int) -> float:
         parameter = self._predictor.unknowns.table[row]
-        if row == one.wide:
-            return parameter.wide
-        return parameter.narrow if parameter.group in _STATED else one.scale * parameter.narrow
+        return parameter.wide if row == one.wide else parameter.narrow_times(one.scale)
 
     def _peaks(
         self,
@@ -141,7 +139,7 @@ class Integrals:
         rows = [
             row
             for row, parameter in enumerate(self._predictor.unknowns.table)
-            if parameter.group in _STATED and self._first + row in free.columns[0]
+            if parameter.group in _STRETCHED and self._first + row in free.columns[0]
         ]
         for row in rows if rng else ():
             spreads = np.array([self._spread(one, row) for one in hypotheses])
