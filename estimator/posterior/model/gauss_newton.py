@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -81,16 +81,22 @@ class Free:
         )
 
     @classmethod
-    def as_built(cls, unknowns: Unknowns, count: int) -> Free:
-        """Lengths, and all that robots have otherwise as people build them, of so many points."""
-        rows = [row for row, one in enumerate(unknowns.table) if one.narrow]
-        columns = np.array([*unknowns.continuous, *(unknowns.genes_size + row for row in rows)])
-        spreads = np.ones(len(columns))
-        spreads[unknowns.continuous.size :] = [unknowns.table[row].narrow for row in rows]
+    def with_parameters(cls, unknowns: Unknowns, spreads: Sequence[Mapping[int, float]]) -> Free:
+        """Lengths, and parameters by their rows of the table, as many of each point.
+
+        Args:
+            unknowns: Whose columns these are.
+            spreads: The parameters' standard deviations, of each point.
+        """
+        lengths = unknowns.continuous
+        rows = np.array([list(own) for own in spreads], dtype=np.intp)
+        beside = np.array([list(own.values()) for own in spreads], dtype=float)
+        alone = cls.lengths(lengths, len(spreads))
+        columns = np.hstack([alone.columns, unknowns.genes_size + rows])
         return cls(
-            columns=np.broadcast_to(columns.astype(np.intp), (count, columns.size)),
-            spreads=np.broadcast_to(spreads, (count, columns.size)),
-            normal=np.arange(columns.size) >= unknowns.continuous.size,
+            columns=columns,
+            spreads=np.hstack([alone.spreads, beside]),
+            normal=np.arange(columns.shape[1]) >= lengths.size,
         )
 
     def __getitem__(self, rows: Columns) -> Free:

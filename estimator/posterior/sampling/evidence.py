@@ -63,7 +63,9 @@ class EvidenceEstimator:
         keys = [value.tobytes() for value in values]
         fresh = values[[row for row, key in enumerate(keys) if key not in self._built]]
         if len(fresh):
-            free = Free.as_built(self.predictor.unknowns, len(fresh))
+            table = self.predictor.unknowns.table
+            narrow = {row: one.narrow for row, one in enumerate(table) if one.narrow}
+            free = Free.with_parameters(self.predictor.unknowns, [narrow] * len(fresh))
             points, fits = self._solver.polished(fresh, free=free)
             guesses = fits + self._solver.half_volumes(points, free)
             guesses += self.predictor.unknowns.log_prior(points)

@@ -75,7 +75,9 @@ class Integrals:
         """
         hypotheses, particles, settles, seed = task
         before, rng = self._predictor.cost, np.random.default_rng(seed)
-        free, points = self._free(hypotheses), np.array([one.point for one in hypotheses])
+        opened = [self.opened(one) for one in hypotheses]
+        free = Free.with_parameters(self._predictor.unknowns, opened)
+        points = np.array([one.point for one in hypotheses])
         peaks = self._peaks(points, hypotheses, free, rng if settles else None)
         count, each, size = peaks.shape
         which = np.repeat(np.arange(count), each)
@@ -93,29 +95,13 @@ class Integrals:
         better = (one._replace(point=own[0]) for one, own in zip(hypotheses, peaks, strict=True))
         return list(zip(better, results, strict=True)), self._predictor.cost.since(before)
 
-    def columns(self, one: Hypothesis) -> list[int]:
-        """Columns of what is open, lengths first."""
-        rows = self._narrow if one.scale else []
+    def opened(self, one: Hypothesis) -> dict[int, float]:
+        """Rows of the table that are open beside the lengths, with their standard deviations."""
         table = self._predictor.unknowns.table
-        if one.wide >= 0 and not table[one.wide].switch and one.wide not in rows:
-            rows = [*rows, one.wide]
-        return [*self._lengths.tolist(), *(self._first + row for row in rows)]
-
-    def _free(self, hypotheses: Sequence[Hypothesis]) -> Free:
-        columns = np.array([self.columns(one) for one in hypotheses], dtype=np.intp)
-        spreads = [
-            [
-                1.0 if column < self._first else self._spread(one, column - self._first)
-                for column in own
-            ]
-            for one, own in zip(hypotheses, columns.tolist(), strict=True)
-        ]
-        normal = columns[0] >= self._first
-        return Free(columns=columns, spreads=np.array(spreads), normal=normal)
-
-    def _spread(self, one: Hypothesis, row: int) -> float:
-        parameter = self._predictor.unknowns.table[row]
-        return parameter.wide if row == one.wide else parameter.narrow_times(one.scale)
+        rows = {row: table[row].narrow_times(one.scale) for row in self._narrow if one.scale}
+        if one.wide >= 0 and not table[one.wide].switch:
+            rows[one.wide] = table[one.wide].wide
+        return rows
 
     def _peaks(
         self,
@@ -142,7 +128,7 @@ class Integrals:
             if parameter.group in _STRETCHED and self._first + row in free.columns[0]
         ]
         for row in rows if rng else ():
-            spreads = np.array([self._spread(one, row) for one in hypotheses])
+            spreads = free.spreads[free.columns == self._first + row]
             for sign in (-_OFF, _OFF):
                 moved = points.copy()
                 moved[:, self._first + row] = sign * spreads
@@ -213,14 +199,8 @@ class Integrals:
             signs = np.full((len(starts), 1), sign)
             several.append(self._with_wide(starts, rows, signs * sizes))
         points, which = (np.concatenate(arrays) for arrays in zip(*several, strict=True))
-        free = Free.lengths(self._lengths, len(points))
-        if amounts:
-            own = np.array([table[row].wide for row in which.tolist()])
-            free = Free(
-                columns=np.column_stack([free.columns, self._first + which]),
-                spreads=np.column_stack([free.spreads, own]),
-                normal=np.append(free.normal, True),
-            )
+        wide = [{row: table[row].wide} if amounts else {} for row in which.tolist()]
+        free = Free.with_parameters(self._predictor.unknowns, wide)
         kept, polished, fits = self._solver.polished_of(points, which, _PROMISING, free)
         free, which = free[kept], which[kept]
         fits += self._predictor.unknowns.log_narrow(polished, which)

@@ -252,7 +252,7 @@ class Weigher:
         """Weights of hypotheses, which begin at better points than they had."""
         groups: dict[int, list[int]] = {}
         for number, one in enumerate(hypotheses):
-            groups.setdefault(len(self._integrals.columns(one)), []).append(number)
+            groups.setdefault(len(self._integrals.opened(one)), []).append(number)
         batches = [
             numbers[start : start + _AT_ONCE]
             for numbers in groups.values()
