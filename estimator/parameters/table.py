@@ -2,8 +2,8 @@
 
 Its *narrow* component is how far robots stray unnoticed, and is always open: a normal distribution
 around what the problem states. Its *wide* one is a robot that is not as stated at all, and has a
-probability (``DEVIATES`` for all parameters together, and as much again for wiring), or one that has
-changed in use. ``rows`` has the table.
+probability (``MISWIRED`` for wiring, ``DEVIATES`` for all other parameters together), or one that
+has changed in use. ``rows`` has the table.
 """
 
 from __future__ import annotations
