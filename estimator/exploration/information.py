@@ -52,6 +52,7 @@ def most_informative_program(situation: Situation) -> Choice:
         program=tuple(chosen.program.tolist()),
         reason=reason,
         bits=chosen.bits,
+        bits_about_causes=chosen.about_causes,
     )
 
 
@@ -62,8 +63,9 @@ def _reason(models: FittedPosterior, chosen: InformativeProgram) -> str:
     named = [column for column in order.tolist() if about[column] >= _WORTH_SAYING][:_SAID]
     parts = [_possible_values(models, column) for column in named]
     if chosen.about_causes >= _WORTH_SAYING:
-        causes = (models.problem.table[row].name for row in chosen.causes if row >= 0)
-        parts.insert(0, f"whether the robot is as stated ({' or '.join(causes)})")
+        table = models.problem.table
+        causes = ("nothing" if row < 0 else table[row].name for row in chosen.causes[:2])
+        parts.insert(0, f"what is otherwise than stated ({' or '.join(causes)})")
     return f"tells apart: {'; '.join(parts)}" if parts else "narrows what is known already"
 
 

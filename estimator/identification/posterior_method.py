@@ -305,7 +305,12 @@ class PosteriorMethod:
         with closing(self._make_physics()) as physics:
             resources = ChoiceResources(physics=physics)
             choice = next_program(self._store, "information", fitted, resources)
-        return NextMovement(program=choice.program, reason=choice.reason, bits=choice.bits or 0.0)
+        return NextMovement(
+            program=choice.program,
+            reason=choice.reason,
+            bits=choice.bits or 0.0,
+            bits_about_causes=choice.bits_about_causes,
+        )
 
     def _summarised(
         self, fitted: FittedPosterior, before: Posterior | None = None

@@ -19,6 +19,7 @@ from estimator.storage.records import BestFit
 
 _WORTH_SAYING: Final = 1 - SURE
 _NAMED: Final = 3  # causes
+_TELLS: Final = 0.25  # bits about causes
 
 
 def verdict_on_best_model(fit: BestFit, contradictions: Sequence[str] = ()) -> str:
@@ -113,6 +114,8 @@ def _what_tells(summary: PosteriorSummary, joints: Sequence[str]) -> str:
     movement = summary.next_movement
     if movement is None or summary.knows_cause(SURE):
         return ""
+    if movement.bits_about_causes < _TELLS:
+        return " No movement was found that tells them apart."
     return f" A movement that tells them apart: {program_in_words(movement.program, joints)}."
 
 

@@ -151,11 +151,13 @@ class NextMovement(_Record):
         program: rad, in motor order.
         reason: Which bodies it discriminates between, in words.
         bits: Information that it is expected to give.
+        bits_about_causes: About which of the causes that compete it is, were these nearly even.
     """
 
     program: Program
     reason: str
     bits: Reading
+    bits_about_causes: Reading = 0.0
 
 
 class PosteriorSummary(FitVerdict):

@@ -170,7 +170,9 @@ def test_causes_that_compete_come_with_the_movement_that_tells_them_apart(
     tmp_path: Path, probability: float, said: str
 ) -> None:
     """Also where it is more probable that the robot is as stated, and all lengths look known."""
-    movement = NextMovement(program=(0.5, 0.0, 0.1, -0.5), reason="", bits=0.8)
+    movement = NextMovement(
+        program=(0.5, 0.0, 0.1, -0.5), reason="", bits=0.8, bits_about_causes=0.6
+    )
     cause = COULD_BE_SHORT.model_copy(update={"probability": probability})
     with make_posterior_run(
         tmp_path, [TRUE_LENGTHS] * 3, causes=[cause], next_movement=movement
@@ -188,6 +190,10 @@ def test_causes_that_compete_come_with_the_movement_that_tells_them_apart(
     print_result(Console(file=text, width=2000), result)
     assert "whether the robot is as the problem says is not known yet" in text.getvalue()
     assert verdict in text.getvalue()
+    alike = movement.model_copy(update={"bits_about_causes": 0.01})
+    assert verdict_on_posterior(
+        result.posterior.model_copy(update={"next_movement": alike}), joints=["a", "b", "c", "d"]
+    ).endswith("No movement was found that tells them apart.")
 
 
 @pytest.mark.parametrize(
@@ -196,7 +202,9 @@ def test_causes_that_compete_come_with_the_movement_that_tells_them_apart(
 def test_of_a_cause_that_is_sure_or_improbable_no_movement_is_told(
     tmp_path: Path, probability: float, said: str
 ) -> None:
-    movement = NextMovement(program=(0.5, 0.0, 0.1, -0.5), reason="", bits=0.8)
+    movement = NextMovement(
+        program=(0.5, 0.0, 0.1, -0.5), reason="", bits=0.8, bits_about_causes=0.6
+    )
     cause = COULD_BE_SHORT.model_copy(update={"probability": probability})
     with make_posterior_run(
         tmp_path, [TRUE_LENGTHS] * 3, causes=[cause], next_movement=movement
