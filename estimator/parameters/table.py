@@ -29,7 +29,7 @@ MISWIRED: Final = 0.05
 WIRING: Final = frozenset({"servo_reversed", "servo_plugs", "gauge_plugs", "accelerometer_wiring"})
 """Groups of what is plugged in, or put on, the wrong way round."""
 
-_UNNOTICED: Final = 6.0  # narrow standard deviations: farther off is a wide component
+_UNNOTICED: Final = 8.0  # narrow standard deviations, which may be doubled: farther is wide
 
 
 class Draft:
