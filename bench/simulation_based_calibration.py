@@ -49,7 +49,7 @@ from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.posterior import Posterior
 from estimator.posterior.sampling.sampler import Effort, Sampler
 from estimator.posterior.sampling.weighing import SCALES
-from estimator.posterior.summary import SAMPLES, information_gained, summarise
+from estimator.posterior.summary import information_gained, summarise
 from estimator.readings.modalities import MODALITIES
 from estimator.readings.observation import Observation, PredictedReadings
 from estimator.reproduction.harness import BriefRun, made_by
@@ -215,8 +215,7 @@ def trial(run: BodyRun) -> list[dict[str, Any]]:
         if run.random:
             program, bits = problem.random_program(rng, capabilities), math.nan
         else:
-            samples = posterior.sample(SAMPLES, rng)
-            chosen = Chooser(predictor, gain, ends).choose(samples, len(observed), rng)
+            chosen = Chooser(predictor, gain, ends).choose(posterior, len(observed), rng)
             program, bits = chosen.program, chosen.bits
         observed.append(robot.perform(program))
         if run.random and left:

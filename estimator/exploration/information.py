@@ -22,6 +22,7 @@ from estimator.exploration.best_programs import CANDIDATES, best_programs
 from estimator.exploration.few_limbs import limbs_of, with_few_limbs
 from estimator.exploration.information_gain import InformationGain, Predictions
 from estimator.exploration.rules import Choice, Situation
+from estimator.parameters.table import deviating
 from estimator.posterior.fitted import FittedPosterior
 from estimator.posterior.model.likelihood import FORKS, GRAVITY_TILTS
 from estimator.posterior.model.unknowns import Columns, Predictor
@@ -38,27 +39,33 @@ _MASSES: Final = frozenset({"mass", "mass_of_each", "main_mass"})  # groups of t
 
 def most_informative_program(situation: Situation) -> Choice:
     """Maximises the expected information gain under the models' own likelihood."""
-    models = situation.posterior.sample(SAMPLES, situation.rng)
+    models = situation.posterior
     with Threads(situation.jobs) as threads:
         gain = InformationGain(models.noise, models.clearance_cap, models.modalities, threads)
         chosen = Chooser(models.predictor, gain, models.program_range).choose(
             models.posterior, len(models.observations), situation.rng, learn=situation.learn
         )
-    reason = _reason(models, chosen.about)
+    reason = _reason(models.sample(SAMPLES, situation.rng), chosen)
     if chosen.narrowed is not None:
         reason = f"narrows the {situation.learn} by {100 * chosen.narrowed:.0f} %, and {reason}"
     return Choice(
         program=tuple(chosen.program.tolist()),
         reason=reason,
         bits=chosen.bits,
+        bits_about_causes=chosen.about_causes,
     )
 
 
-def _reason(models: FittedPosterior, about: Array) -> str:
+def _reason(models: FittedPosterior, chosen: InformativeProgram) -> str:
     """What the program discriminates between, in words."""
+    about = chosen.about
     order = np.argsort(-about, kind="stable")
     named = [column for column in order.tolist() if about[column] >= _WORTH_SAYING][:_SAID]
     parts = [_possible_values(models, column) for column in named]
+    if chosen.about_causes >= _WORTH_SAYING:
+        table = models.problem.table
+        causes = ("nothing" if row < 0 else table[row].name for row in chosen.causes[:2])
+        parts.insert(0, f"what is otherwise than stated ({' or '.join(causes)})")
     return f"tells apart: {'; '.join(parts)}" if parts else "narrows what is known already"
 
 
@@ -77,6 +84,7 @@ _FEWEST: Final = 50  # bodies, by which candidates are compared: the best tenth 
 _THINNED: Final = slice(None, None, 2)  # of the bodies, by which all but finalists are compared
 _MORE_DRAWS: Final = 800  # for each finalist
 _AT_ONCE: Final = 4096  # readings, whose bodies fit into a processor's cache
+_COMPETES: Final = 0.005  # share of a cause that is weighed
 _THICKER: Final = 1.4  # times as thick; bodies that then lie otherwise foresee nothing
 _FORESEEABLE: Final = math.radians(2.0)  # path margin; of so many, those near forks look best
 _PLUMB: Final = GRAVITY_TILTS[:1]
@@ -92,6 +100,10 @@ class InformativeProgram:
         bits: Information that it is expected to give about the body.
         about: Information about each column of the cube, bits: about a choice, or about the half of
             its range in which a length lies; shape (size,).
+        causes: Rows of the table of parameters whose wide components compete, the most probable
+            first; −1: the robot is as stated. Empty where none compete.
+        about_causes: Information about which of them it is, bits, were they as even as they are
+            weighed for the choice.
         narrowed: Share by which it is expected to narrow what was to be learnt; ``None``: that was
             the body.
     """
@@ -99,6 +111,8 @@ class InformativeProgram:
     program: Array
     bits: float
     about: Array
+    causes: tuple[int, ...] = ()
+    about_causes: float = 0.0
     narrowed: float | None = None
 
 
@@ -110,12 +124,14 @@ class _Hypotheses:
         bodies: n of them.
         scales: Logarithms of their noise factors, shape (n, 2).
         groups: Bodies of one group are the same, shape (n,).
+        causes: Of causes that compete, which each body has, shape (n,); ``None``: none do.
         asked: Amounts that are to be learnt, shape (n, k); ``None``: all that bodies differ by.
     """
 
     bodies: Bodies
     scales: Array
     groups: NDArray[np.int64]
+    causes: NDArray[np.int64] | None = None
     asked: Array | None = None
 
     def __len__(self) -> int:
@@ -127,6 +143,7 @@ class _Hypotheses:
             bodies=self.bodies[rows],
             scales=self.scales[rows],
             groups=self.groups[rows],
+            causes=None if self.causes is None else self.causes[rows],
             asked=None if self.asked is None else self.asked[rows],
         )
 
@@ -153,7 +170,7 @@ class Chooser:
 
     def choose(
         self,
-        samples: Posterior,
+        posterior: Posterior,
         interactions: int,
         rng: np.random.Generator,
         *,
@@ -161,15 +178,24 @@ class Chooser:
     ) -> InformativeProgram:
         """The motor program that is expected to tell most.
 
+        Where causes compete (wide components of the table of parameters, or that there is none),
+        each has the square root of its share in the choice, and what tells them apart counts
+        twice: to know how long legs are is worth little as long as it rests on a servo that may
+        turn the other way.
+
         Args:
-            samples: Equally likely bodies.
+            posterior: The bodies.
             interactions: How many the samples have been learnt from.
             rng: The choice's own.
             learn: About what, once attachments are settled; where none of that is open, about all.
         """
         low, high = self._ends.T
-        samples, asked = self._asked(samples, learn)
-        known = self._models(samples, asked)
+        causes, even = self._causes(posterior)
+        samples, asked = self._asked(posterior.sample(SAMPLES, rng), learn)
+        stated = known = self._models(samples, asked)
+        if causes and asked is None:
+            some = even.sample(SAMPLES, rng)
+            known = replace(self._models(some, None), causes=self._deviating(some.values))
         few = known.some(_THINNED)
         fewer = few.some(slice(None, None, max(1, len(few) // _FEWEST)))
         candidates = with_few_limbs(
@@ -195,16 +221,40 @@ class Chooser:
             good, self._ends, rng, candidates=candidates, rough=rough, sure=sure
         )
         chosen, bits = programs[[0]], gains[[0]]
-        predictions, narrowed = self._surest_predictions(known, chosen), None
+        predictions, narrowed, about_causes = self._surest_predictions(known, chosen), None, 0.0
         if asked is not None:
             narrowed = float(bits[0])
             bits = self._bits(replace(known, asked=None), predictions, rng, _MORE_DRAWS)
+        elif known.causes is not None:
+            (about_causes,) = self._about_causes(known, predictions, rng, _MORE_DRAWS).tolist()
+            predictions = self._surest_predictions(stated, chosen)
+            bits = self._bits(stated, predictions, rng, _MORE_DRAWS)
         return InformativeProgram(
             program=chosen[0],
             bits=float(bits[0]),
             about=self._about(samples, predictions, rng),
+            causes=causes,
+            about_causes=about_causes,
             narrowed=narrowed,
         )
+
+    def _causes(self, posterior: Posterior) -> tuple[tuple[int, ...], Posterior]:
+        """The causes that compete, if any do, and the posterior with these more even."""
+        own = self._deviating(posterior.values)
+        rows, which = np.unique(own, return_inverse=True)
+        shares = np.bincount(which, posterior.weights)
+        compete = shares >= _COMPETES
+        if compete.sum() < 2:
+            return (), posterior
+        even = np.where(compete, np.sqrt(shares), 0.0) / shares.clip(_COMPETES)
+        weights = posterior.weights * even[which]
+        order = np.argsort(-np.where(compete, shares, 0.0), kind="stable")[: compete.sum()]
+        return tuple(rows[order].tolist()), replace(posterior, weights=weights / weights.sum())
+
+    def _deviating(self, values: Array) -> NDArray[np.int64]:
+        unknowns = self._predictor.unknowns
+        first = unknowns.genes_size
+        return deviating(unknowns.table, values[:, first : first + len(unknowns.table)])
 
     def _asked(self, samples: Posterior, learn: Learn) -> tuple[Posterior, Array | None]:
         """Samples with the attachments that are settled, and the amounts that are to be learnt."""
@@ -228,11 +278,11 @@ class Chooser:
         return replace(samples, values=samples.values[same], scales=samples.scales[same]), amounts
 
     def _models(self, samples: Posterior, asked: Array | None) -> _Hypotheses:
-        bodies = self._predictor.unknowns.bodies(samples.values)
+        _, same = np.unique(samples.values, axis=0, return_inverse=True)
         return _Hypotheses(
-            bodies=bodies,
+            bodies=self._predictor.unknowns.bodies(samples.values),
             scales=samples.scales,
-            groups=np.arange(len(bodies)),
+            groups=same.ravel(),
             asked=asked,
         )
 
@@ -241,7 +291,15 @@ class Chooser:
     ) -> Array:
         if known.asked is not None:
             return self._gain.narrowed(predictions, known.asked)
-        return self._gain.of(predictions, known.scales, known.groups, rng, draws=draws)
+        bits = self._gain.of(predictions, known.scales, known.groups, rng, draws=draws)
+        return bits + self._about_causes(known, predictions, rng, draws)
+
+    def _about_causes(
+        self, known: _Hypotheses, predictions: Predictions, rng: np.random.Generator, draws: int
+    ) -> Array:
+        if known.causes is None:
+            return np.zeros(len(predictions.tilt))
+        return self._gain.of(predictions, known.scales, known.causes, rng, draws=draws)
 
     def _sure_predictions(
         self, known: _Hypotheses, programs: Array, *, coarse_step: bool = False

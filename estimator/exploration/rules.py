@@ -88,11 +88,13 @@ class Choice:
         program: Target angle of each joint, rad.
         reason: For people, as the rest of a sentence; empty where there is none.
         bits: Information about the body that it is expected to give, where the rule knows.
+        bits_about_causes: About which of the causes that compete it is, were these nearly even.
     """
 
     program: Program
     reason: str = ""
     bits: float | None = None
+    bits_about_causes: float = 0.0
 
 
 class Rule(Protocol):

@@ -200,7 +200,7 @@ class PosteriorMethod:
         return replace(fitted, best=np.array(summary.best), summary=summary)
 
     def is_sure(self, number: int) -> bool:
-        """Whether attachments and lengths are as sure as the settings ask for.
+        """Whether attachments, causes and lengths are as sure as the settings ask for.
 
         They must have been so before the last movement, too. A run that has ended stays so,
         whatever the simulator said then.
@@ -212,7 +212,9 @@ class PosteriorMethod:
         return bool(last[-1].simulated) or (
             len(last) == 2
             and all(
-                attachments_known(one, wanted, self._store) and self._lengths_known(one)
+                attachments_known(one, wanted, self._store)
+                and one.knows_cause(wanted)
+                and self._lengths_known(one)
                 for one in last
             )
         )
@@ -273,7 +275,8 @@ class PosteriorMethod:
                 "ess": checked.ess,
             }
         )
-        if any(not mode.indistinguishable for mode in final.modes if mode.probability >= RIVAL):
+        modes = (mode for mode in final.modes if mode.probability >= RIVAL)
+        if not final.knows_cause(SURE) or any(not mode.indistinguishable for mode in modes):
             final = final.model_copy(update={"next_movement": self._deciding(fitted)})
         self._store.save_posterior(last, final, self._cost(), None)
 
@@ -302,7 +305,12 @@ class PosteriorMethod:
         with closing(self._make_physics()) as physics:
             resources = ChoiceResources(physics=physics)
             choice = next_program(self._store, "information", fitted, resources)
-        return NextMovement(program=choice.program, reason=choice.reason, bits=choice.bits or 0.0)
+        return NextMovement(
+            program=choice.program,
+            reason=choice.reason,
+            bits=choice.bits or 0.0,
+            bits_about_causes=choice.bits_about_causes,
+        )
 
     def _summarised(
         self, fitted: FittedPosterior, before: Posterior | None = None

@@ -2,8 +2,8 @@
 
 Its *narrow* component is how far robots stray unnoticed, and is always open: a normal distribution
 around what the problem states. Its *wide* one is a robot that is not as stated at all, and has a
-probability (``DEVIATES`` for all parameters together), or one that has changed in use. ``rows`` has
-the table.
+probability (``MISWIRED`` for wiring, ``DEVIATES`` for all other parameters together), or one that
+has changed in use. ``rows`` has the table.
 """
 
 from __future__ import annotations
@@ -15,12 +15,21 @@ from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from estimator.body.arrays import Bodies, Flags, Integers
 from estimator.body.morphology import Array
 
 DEVIATES: Final = 0.05
-"""Probability, before any reading, that a robot has one of the wide components."""
+"""Probability, before any reading, that a robot has one of the wide components, but for wiring."""
+
+MISWIRED: Final = 0.05
+"""Probability, before any reading, that a robot whose mounts and hinges are known is miswired."""
+
+WIRING: Final = frozenset({"servo_reversed", "servo_plugs", "gauge_plugs", "accelerometer_wiring"})
+"""Groups of what is plugged in, or put on, the wrong way round."""
+
+_UNNOTICED: Final = 8.0  # narrow standard deviations, which may be doubled: farther is wide
 
 
 _STATED: Final = frozenset({"thickness", "mass"})  # what robots are built of: no matter of care
@@ -165,10 +174,29 @@ def applied(table: Sequence[Parameter], bodies: Bodies, away: Array) -> Bodies:
 def log_priors(table: Sequence[Parameter]) -> dict[str, float]:
     """Logarithm of the probability of each wide component before any reading, by name.
 
-    They add up to ``DEVIATES``. Groups are as probable as each other, and so are the parameters of
-    a group: that a builder was wrong about how thick parts are is not a hundred times less probable
-    because there are so many hinges.
+    Wiring is what builders get wrong most often, so its groups have ``MISWIRED`` to themselves, and
+    all others ``DEVIATES``. A group of wiring has its share whether or not the others are open:
+    where mounts and hinges are to be found, they have the rest. Groups of a kind are as probable as
+    each other, and so are the parameters of a group: that a builder was wrong about how thick parts
+    are is not a hundred times less probable because there are so many hinges.
     """
     wide = [one for one in table if one.wide > 0 or one.switch]
     sizes = Counter(one.group for one in wide)
-    return {one.name: math.log(DEVIATES) - math.log(len(sizes) * sizes[one.group]) for one in wide}
+    others = len(sizes.keys() - WIRING)
+    return {
+        one.name: math.log(MISWIRED / len(WIRING) if one.group in WIRING else DEVIATES / others)
+        - math.log(sizes[one.group])
+        for one in wide
+    }
+
+
+def deviating(table: Sequence[Parameter], away: Array) -> NDArray[np.int64]:
+    """The row whose wide component each of n bodies has, shape (n,); −1: it has none.
+
+    Args:
+        table: The rows.
+        away: How far the bodies are from what is stated, shape (n, rows), as of ``applied``.
+    """
+    least = np.array([_UNNOTICED * one.narrow for one in table])
+    far = np.abs(away) > least
+    return np.where(far.any(axis=1), far.argmax(axis=1), -1) if table else np.full(len(away), -1)

@@ -46,7 +46,10 @@ def headline(result: Result) -> str:
     if posterior is None:
         return f"{legs}: a model that explains the readings; how surely, nobody knows"
     if not posterior.attachments:
-        return f"{legs}, found to ± {worst_length(posterior):.0f} mm"
+        known = f"to ± {worst_length(posterior):.0f} mm"
+        if posterior.knows_cause(_SURE):
+            return f"{legs}, found {known}"
+        return f"{legs}, {known}; whether the robot is as the problem says is not known yet"
     return f"{legs}, {_how_sure(posterior.probability)}"
 
 
@@ -184,8 +187,10 @@ def next_steps(result: Result, directory: Path | None) -> list[str]:
         (f"export {directory} --format urdf", "the body as a file for simulators"),
         (f"show {directory} --details", "probabilities, rivals, each movement"),
     ]
-    probability = None if result.posterior is None else result.posterior.probability
-    if result.posterior is not None and (probability is None or probability < _SURE):
+    posterior = result.posterior
+    if posterior is not None and not (
+        (posterior.probability or 0.0) >= _SURE and posterior.knows_cause(_SURE)
+    ):
         problem = result.problem_asked or result.problem
         again = f"identify --robot {robot} --problem {problem} --interactions {more}"
         steps[0] = (again, "more movements make it surer")

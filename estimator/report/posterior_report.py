@@ -145,7 +145,9 @@ def posterior_report(store: RunStore) -> PosteriorReport | None:
     return PosteriorReport(
         **{name: getattr(stored, name) for name in PosteriorSummary.model_fields},
         contradictions=contradictions,
-        verdict=verdict_on_posterior(stored, contradictions),
+        verdict=verdict_on_posterior(
+            stored, contradictions, [joint.name for joint in fitted.capabilities.joints]
+        ),
         attachments=fitted.attachments,
         lengths_m=length_intervals(lengths, weights),
         sums=sums_of_lengths(lengths, weights),

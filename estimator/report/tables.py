@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 from rich.console import Console, JustifyMethod
 from rich.table import Table
 from rich.text import Text
@@ -16,6 +14,7 @@ from estimator.report.posterior_report import (
     SumOfLengths,
 )
 from estimator.report.result import Result
+from estimator.report.verdict import program_in_words
 from estimator.storage.posteriors import Interval
 
 
@@ -104,11 +103,7 @@ def _print_rivals(console: Console, result: Result, posterior: PosteriorReport) 
     movement = posterior.next_movement
     if movement is not None:
         names = [joint["name"] for joint in result.robot["joints"]]
-        angles = ", ".join(
-            f"{name} {math.degrees(angle):.0f}°"
-            for name, angle in zip(names, movement.program, strict=True)
-            if angle
-        )
+        angles = program_in_words(movement.program, names)
         told = information_in_words(movement.bits)
         gain = told if movement.bits else "it is expected to tell little"
         console.print(Text(f"Most informative next movement: {angles}; {movement.reason}; {gain}."))

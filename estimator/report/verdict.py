@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Final
 
@@ -9,15 +10,16 @@ from estimator.storage.posteriors import (
     LARGEST_OUTLIER,
     MISSPECIFIED,
     SUFFICIENT_COVERAGE,
+    SURE,
     FitVerdict,
     NotKnown,
     PosteriorSummary,
 )
 from estimator.storage.records import BestFit
 
-_LIKELY: Final = 0.5  # that something is otherwise
-_WORTH_SAYING: Final = 0.1
+_WORTH_SAYING: Final = 1 - SURE
 _NAMED: Final = 3  # causes
+_TELLS: Final = 0.25  # bits about causes
 
 
 def verdict_on_best_model(fit: BestFit, contradictions: Sequence[str] = ()) -> str:
@@ -41,15 +43,18 @@ def verdict_on_best_model(fit: BestFit, contradictions: Sequence[str] = ()) -> s
     )
 
 
-def verdict_on_posterior(summary: PosteriorSummary, contradictions: Sequence[str] = ()) -> str:
+def verdict_on_posterior(
+    summary: PosteriorSummary, contradictions: Sequence[str] = (), joints: Sequence[str] = ()
+) -> str:
     """Whether some body of the problem explains the readings, as sentences.
 
     Args:
         summary: What is stated of the posterior.
         contradictions: Between the problem and what the robot states.
+        joints: Their names, in motor order.
     """
     if contradictions:
-        return f"{_not_the_robots(contradictions)} {verdict_on_posterior(summary)}"
+        return f"{_not_the_robots(contradictions)} {verdict_on_posterior(summary, (), joints)}"
     if summary.explained:
         rest = _but_outliers(summary)
         if summary.not_known is NotKnown.POOR_FIT:
@@ -59,7 +64,7 @@ def verdict_on_posterior(summary: PosteriorSummary, contradictions: Sequence[str
             )
         return (
             f"Some body that this problem allows explains every interaction{rest}"
-            f"{_otherwise(summary)}."
+            f"{_otherwise(summary)}.{_what_tells(summary, joints)}"
         )
     reasons = _reasons(summary, len(summary.predicted))
     if summary.overturned is not None:
@@ -89,14 +94,43 @@ def verdict_on_posterior(summary: PosteriorSummary, contradictions: Sequence[str
 
 def _otherwise(summary: PosteriorSummary) -> str:
     """What the robot has otherwise than its problem says, or which of several causes it may be."""
+    competing = not summary.knows_cause(SURE)
     listed = [one for one in summary.causes if one.probability > _WORTH_SAYING][:_NAMED]
-    total = sum(one.probability for one in summary.causes)
-    if total < _LIKELY or not listed:
+    listed = listed or list(summary.causes[:1] if competing else ())
+    if not listed:
         return ""
-    said = " or ".join(
-        f"{one.sentence} ({100 * one.probability:.0f} %: {one.check})" for one in listed
+    said = [f"{one.sentence} ({100 * one.probability:.0f} %: {one.check})" for one in listed]
+    stated = summary.probability_as_stated
+    if stated <= _WORTH_SAYING:
+        return f", on a robot that is not as the problem says: it has {' or '.join(said)}"
+    has = f"has {' or '.join(said)}"
+    as_stated = f"is as the problem says ({100 * stated:.0f} %)"
+    first = stated >= listed[0].probability
+    both = f"{as_stated}, or {has}" if first else f"{has}, or {as_stated}"
+    return f", on a robot that {both}"
+
+
+def _what_tells(summary: PosteriorSummary, joints: Sequence[str]) -> str:
+    movement = summary.next_movement
+    if movement is None or summary.knows_cause(SURE):
+        return ""
+    if movement.bits_about_causes < _TELLS:
+        return " No movement was found that tells them apart."
+    return f" A movement that tells them apart: {program_in_words(movement.program, joints)}."
+
+
+def program_in_words(program: Sequence[float], joints: Sequence[str]) -> str:
+    """Target angles of the joints that move, degrees.
+
+    Args:
+        program: rad, in motor order.
+        joints: Their names.
+    """
+    return ", ".join(
+        f"{name} to {math.degrees(angle):+.0f}°"
+        for name, angle in zip(joints, program, strict=True)
+        if angle
     )
-    return f", on a robot that is not as the problem says: it has {said}"
 
 
 def _not_the_robots(contradictions: Sequence[str]) -> str:

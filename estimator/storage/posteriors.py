@@ -151,11 +151,13 @@ class NextMovement(_Record):
         program: rad, in motor order.
         reason: Which bodies it discriminates between, in words.
         bits: Information that it is expected to give.
+        bits_about_causes: About which of the causes that compete it is, were these nearly even.
     """
 
     program: Program
     reason: str
     bits: Reading
+    bits_about_causes: Reading = 0.0
 
 
 class PosteriorSummary(FitVerdict):
@@ -179,8 +181,8 @@ class PosteriorSummary(FitVerdict):
             the readings since rule out; ``None``: there is none.
         information_gain_bits: Of the last interaction; ``None`` where it is unknown.
         predicted: Each interaction so far, as the best body predicts it.
-        next_movement: At the end of a run, where rivals are left, the movement that would
-            discriminate best between them.
+        next_movement: At the end of a run, where rivals are left or causes compete, the movement
+            that would discriminate best between them.
         simulated: Samples that the reference back-end simulated; 0: it was not asked.
         ess: Effective sample size of those.
     """
@@ -197,6 +199,16 @@ class PosteriorSummary(FitVerdict):
     next_movement: NextMovement | None = None
     simulated: Count = 0
     ess: NonNegative | None = None
+
+    @property
+    def probability_as_stated(self) -> float:
+        """That the robot has nothing otherwise than its problem says, but for what is narrow."""
+        return max(0.0, 1 - sum(cause.probability for cause in self.causes))
+
+    def knows_cause(self, wanted: float) -> bool:
+        """Whether one cause, or that there is none, is so probable; else causes compete."""
+        shares = [cause.probability for cause in self.causes]
+        return max([self.probability_as_stated, *shares]) >= wanted
 
     # mypy knows no decorators on properties; pydantic's manual says to ignore that.
     @computed_field  # type: ignore[prop-decorator]

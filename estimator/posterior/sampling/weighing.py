@@ -19,7 +19,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from estimator.body.morphology import Array
-from estimator.parameters.table import DEVIATES, log_priors
+from estimator.parameters.table import log_priors
 from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.noise import MEAN_LOSS
 from estimator.posterior.model.sensor_data import SCALED, SensorData
@@ -155,11 +155,9 @@ class Weigher:
             return None
         if few:
             scales = SCALES if table else {1.0: 1.0}
-            deviates = DEVIATES if table else 0.0
+            as_built = 1 - sum(map(math.exp, log_priors(table).values()))
             narrow = [
-                weights[row].hypothesis._replace(
-                    scale=scale, log_prior=math.log(share * (1 - deviates))
-                )
+                weights[row].hypothesis._replace(scale=scale, log_prior=math.log(share * as_built))
                 for row in close
                 for scale, share in scales.items()
             ]

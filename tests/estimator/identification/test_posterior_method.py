@@ -20,7 +20,7 @@ from estimator.posterior.model.sensor_data import MODEL_TILT
 from estimator.posterior.sampling.sampler import Effort
 from estimator.report.result import Result
 from estimator.report.run_files import write_report
-from estimator.storage.posteriors import NotKnown
+from estimator.storage.posteriors import NotKnown, StoredPosterior
 from estimator.storage.run_config import RunConfig
 from estimator.storage.store import RunStore
 from tests.estimator.little_effort import little_effort
@@ -233,6 +233,24 @@ def test_a_run_that_is_sure_at_once_puts_it_to_the_test(
             tmp_path / "run", asked, IN_THIS_PROCESS, Listener(), report=without_plots
         )
     assert result.interactions == 2
+    assert result.posterior is not None
+    assert result.posterior.next_movement is None
+
+
+def test_a_run_is_not_sure_while_causes_compete(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And at its end it says which movement would tell them apart."""
+    monkeypatch.setattr(posterior_method, "PRECISE", 1.0)
+    monkeypatch.setattr(StoredPosterior, "knows_cause", lambda *_: False)
+    with serving(ModelRobot()) as uri:
+        asked = changed(order(tmp_path, uri), interactions=3, sure=0.9)
+        result = identify(
+            tmp_path / "run", asked, IN_THIS_PROCESS, Listener(), report=without_plots
+        )
+    assert result.interactions == 3
+    assert result.posterior is not None
+    assert result.posterior.next_movement is not None
 
 
 def test_a_robot_that_changes_on_the_way_is_not_explained(

@@ -13,7 +13,15 @@ from estimator.body.arrays import ACCELEROMETER, Bodies
 from estimator.body.morphology import Array, Base
 from estimator.parameters.instruments import as_sensed
 from estimator.parameters.rows import packages, table_of
-from estimator.parameters.table import DEVIATES, Parameter, applied, log_priors
+from estimator.parameters.table import (
+    DEVIATES,
+    MISWIRED,
+    WIRING,
+    Parameter,
+    applied,
+    deviating,
+    log_priors,
+)
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.problem.genome import Genome
@@ -181,9 +189,11 @@ def test_many_bodies_each_by_its_own_columns(predictor: Predictor) -> None:
     assert applied((), bodies, np.empty((len(rows), 0))) is bodies
 
 
-def test_all_that_may_be_otherwise_has_one_robot_in_twenty_group_by_group() -> None:
+def test_one_robot_in_twenty_is_built_otherwise_and_as_many_are_miswired() -> None:
     priors = log_priors(tuple(TABLE.values()))
-    assert sum(map(math.exp, priors.values())) == pytest.approx(DEVIATES)
+    wiring = [name for name, row in TABLE.items() if row.group in WIRING]
+    assert sum(math.exp(priors[name]) for name in wiring) == pytest.approx(MISWIRED)
+    assert sum(map(math.exp, priors.values())) == pytest.approx(DEVIATES + MISWIRED)
     hinges = [prior for name, prior in priors.items() if name.startswith("hinge of")]
     assert sum(map(math.exp, hinges)) == pytest.approx(math.exp(priors["thickness of all parts"]))
     assert "mass of all parts" not in priors  # its narrow component is wide enough
@@ -195,6 +205,20 @@ def test_what_repeats_an_open_choice_has_no_row() -> None:
     assert not any("reversed" in name or "plugs of leg" in name for name in names)
     assert not any("axes exchanged" in name or "quarter turn" in name for name in names)
     assert any("plugs of touch sensors" in name for name in names)
+    priors = log_priors(table_of(unknown.parts, unknown.sensors))
+    gauges = [math.exp(one) for name, one in priors.items() if "plugs of touch sensors" in name]
+    assert sum(gauges) == pytest.approx(MISWIRED / len(WIRING))
+
+
+def test_what_strays_farther_than_robots_as_people_build_them_deviates() -> None:
+    rows = tuple(TABLE.values())
+    away = np.zeros((4, len(rows)))
+    at = {name: place for place, name in enumerate(TABLE)}
+    reversed_, zero = at["servo of left upper reversed"], at["zero of left upper"]
+    away[1, reversed_] = 1.0
+    away[2:, zero] = rows[zero].narrow * np.array([2.0, 10.0])
+    assert deviating(rows, away).tolist() == [-1, reversed_, -1, zero]
+    assert deviating((), np.empty((2, 0))).tolist() == [-1, -1]
 
 
 def test_sentences_have_an_amount_and_its_interval() -> None:

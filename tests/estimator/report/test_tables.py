@@ -76,7 +76,7 @@ def test_rivals_come_with_the_movement_that_would_decide(tmp_path: Path) -> None
     assert "Rival (12.5 %): hinge of back: down." in said
     assert "Indistinguishable (12.5 %): hinge of back: roll_left." in said
     assert (
-        "Most informative next movement: right 6°, back -29°; tells apart: "
+        "Most informative next movement: right to +6°, back to -29°; tells apart: "
         "hinge of back (up or down); it is expected to rule out 43 % of the possibilities." in said
     )
     assert result.posterior is not None
@@ -148,6 +148,72 @@ def test_what_the_robot_has_otherwise_is_in_terminal_and_page(tmp_path: Path) ->
         "the problem says: it has back 2.5 times as heavy [1.4–4.4] (55 %: weigh back) or the "
         "hinge of back turned by +27° [+23–+31] (40 %: look at back)."
     )
+
+
+COULD_BE_SHORT = Cause(
+    name="servo of left reversed",
+    probability=0.19,
+    sentence="the servo of left turning the other way",
+    check="send left to +20°, and see which way it goes",
+)
+
+
+@pytest.mark.parametrize(
+    ("probability", "said"),
+    [
+        (0.19, "is as the problem says (81 %), or has the servo of left turning the other way (19"),
+        (0.06, "is as the problem says (94 %), or has the servo of left turning the other way (6"),
+        (0.6, "has the servo of left turning the other way (60 %: send left to +20°, and see"),
+    ],
+)
+def test_causes_that_compete_come_with_the_movement_that_tells_them_apart(
+    tmp_path: Path, probability: float, said: str
+) -> None:
+    """Also where it is more probable that the robot is as stated, and all lengths look known."""
+    movement = NextMovement(
+        program=(0.5, 0.0, 0.1, -0.5), reason="", bits=0.8, bits_about_causes=0.6
+    )
+    cause = COULD_BE_SHORT.model_copy(update={"probability": probability})
+    with make_posterior_run(
+        tmp_path, [TRUE_LENGTHS] * 3, causes=[cause], next_movement=movement
+    ) as run:
+        result = summarise(run)
+        page = run_page(run, PageSources.of(run, result))
+    assert result.posterior is not None
+    verdict = result.posterior.verdict
+    assert f"explains every interaction, on a robot that {said}" in verdict
+    assert verdict.endswith(
+        "A movement that tells them apart: left to +29°, right to +6°, back to -29°."
+    )
+    assert verdict in page
+    text = io.StringIO()
+    print_result(Console(file=text, width=2000), result)
+    assert "whether the robot is as the problem says is not known yet" in text.getvalue()
+    assert verdict in text.getvalue()
+    alike = movement.model_copy(update={"bits_about_causes": 0.01})
+    assert verdict_on_posterior(
+        result.posterior.model_copy(update={"next_movement": alike}), joints=["a", "b", "c", "d"]
+    ).endswith("No movement was found that tells them apart.")
+
+
+@pytest.mark.parametrize(
+    ("probability", "said"), [(0.04, ""), (0.96, "is not as the problem says")]
+)
+def test_of_a_cause_that_is_sure_or_improbable_no_movement_is_told(
+    tmp_path: Path, probability: float, said: str
+) -> None:
+    movement = NextMovement(
+        program=(0.5, 0.0, 0.1, -0.5), reason="", bits=0.8, bits_about_causes=0.6
+    )
+    cause = COULD_BE_SHORT.model_copy(update={"probability": probability})
+    with make_posterior_run(
+        tmp_path, [TRUE_LENGTHS] * 3, causes=[cause], next_movement=movement
+    ) as run:
+        result = summarise(run)
+    assert result.posterior is not None
+    assert said in result.posterior.verdict
+    assert "turning the other way" in result.posterior.verdict or not said
+    assert "tells them apart" not in result.posterior.verdict
 
 
 def test_of_legs_in_line_the_sum_is_said_in_terminal_and_page(tmp_path: Path) -> None:
