@@ -222,6 +222,8 @@ class PosteriorMethod:
     def _overturned(self, number: int, summary: StoredPosterior) -> int | None:
         """The last interaction before after which attachments were sure that are ruled out now.
 
+        They were sure after the one before it, too: of statements of 0.95 one in twenty is wrong.
+
         ``None`` where all readings are explained by a robot that is otherwise than stated: it has
         not changed, it was taken to be as stated.
         """
@@ -229,7 +231,8 @@ class PosteriorMethod:
         if named > _NAMED and not summary.unexplained:
             return None
         stored = [one for one, _ in self._store.posteriors()[:number]]
-        sure = [at for at, one in enumerate(stored) if attachments_known(one, SURE, self._store)]
+        known = [attachments_known(one, SURE, self._store) for one in stored]
+        sure = [at for at in range(1, number) if known[at - 1] and known[at]]
         if not sure:
             return None
         was = np.array(stored[sure[-1]].best)

@@ -68,14 +68,9 @@ def verdict_on_posterior(
         )
     reasons = _reasons(summary, len(summary.predicted))
     if summary.overturned is not None:
-        first = (
-            "interaction 1"
-            if not summary.overturned
-            else f"interactions 1 to {summary.overturned + 1}"
-        )
         reasons.append(
-            f"explains both {first}, after which another was sure, and those since, so the robot "
-            "may have changed on the way"
+            f"explains both interactions 1 to {summary.overturned + 1}, after which another was "
+            "sure, and those since, so the robot may have changed on the way"
         )
     if summary.misspecification_probability >= MISSPECIFIED:
         reasons.append(

@@ -156,34 +156,23 @@ class Integrals:
         best = drawn.reshape(count, _DRAWN, -1)[np.arange(count)[:, None], first]
         return list(np.swapaxes(best, 0, 1))
 
-    def fitted_wide(
-        self, starts: Array, rng: np.random.Generator
-    ) -> tuple[float, list[tuple[float, int, Array]]]:
-        """Points that fit best with each wide component, where lengths alone are free with it.
+    def fitted_with_cost(
+        self, task: tuple[Sequence[int], Array, int]
+    ) -> tuple[list[tuple[float, int, Array]], Cost]:
+        """Points that fit best with each of some wide components, and what that cost.
+
+        Lengths alone are free with it.
 
         Args:
-            starts: Of one set of attachments, shape (n, size).
-            rng: Draws other lengths to start from.
+            task: Rows of the table, all of which have amounts or none; −1: no wide component.
+                Points of one set of attachments to start from, shape (n, size), and a seed, since
+                other lengths are started from, too.
 
         Returns:
-            Laplace's approximation of the evidence without any, and for each wide component that,
-            its row of the table, and the point.
+            For each Laplace's approximation of the evidence, the row, and the point.
         """
-        table = self._predictor.unknowns.table
-        kinds = (
-            [-1],
-            [row for row, one in enumerate(table) if one.switch],
-            [row for row, one in enumerate(table) if one.wide and not one.switch],
-        )
-        (guess, _, _), *wide = [
-            one for rows in kinds if rows for one in self._fitted_with(rows, starts, rng)
-        ]
-        return guess, wide
-
-    def _fitted_with(
-        self, rows: Sequence[int], starts: Array, rng: np.random.Generator
-    ) -> list[tuple[float, int, Array]]:
-        """The same with wide components of one kind, or −1, none."""
+        rows, starts, seed = task
+        before, rng = self._predictor.cost, np.random.default_rng(seed)
         table = self._predictor.unknowns.table
         sizes = np.array([table[row].wide or 1.0 for row in rows])  # of −1 it is not used
         amounts = not (rows[0] < 0 or table[rows[0]].switch)
@@ -210,7 +199,8 @@ class Integrals:
             fitted.append(int(own[np.argmax(fits[own])]))
         chosen = np.array(fitted, dtype=np.intp)
         guesses = fits[chosen] + self._solver.half_volumes(polished[chosen], free[chosen])
-        return list(zip(guesses.tolist(), rows, polished[chosen], strict=True))
+        found = list(zip(guesses.tolist(), rows, polished[chosen], strict=True))
+        return found, self._predictor.cost.since(before)
 
     def _with_wide(
         self, points: Array, rows: Sequence[int], amounts: Array

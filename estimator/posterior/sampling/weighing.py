@@ -33,7 +33,9 @@ SCALES: Final = {2.0: 0.4, 1.0: 0.4, 0.5: 0.2}
 """Factors on the spreads of robots as people build them, and their probabilities."""
 
 _MOST: Final = 120  # sets of attachments that are weighed, drawn if there are more
-_AT_ONCE: Final = 8  # of them, by one worker
+_AT_ONCE: Final = 16  # of them, before it is seen whether more are needed
+_TOGETHER: Final = 512  # particles of several, by one worker
+_ROWS: Final = 12  # of the table, that one worker fits
 _WEIGHED: Final = 9.0  # nats below the best evidence
 _FEWEST: Final = 48  # particles of each at first,
 _FIRST: Final = 4  # or this part of all at most,
@@ -130,7 +132,7 @@ class Weigher:
         weights: list[_Weight] = []
         best = -math.inf
         while len(weights) < len(rows) and hoped[len(weights)] >= best - _WEIGHED:
-            few = range(len(weights), min(len(weights) + 2 * _AT_ONCE, len(rows)))
+            few = range(len(weights), min(len(weights) + _AT_ONCE, len(rows)))
             first = [Hypothesis(row, points[row]) for row in few]
             weights += self._of(first, max(each, _FEWEST), log_chances, settles=False)
             best = max(one.log for one in weights)
@@ -229,7 +231,18 @@ class Weigher:
         known = leader.particles.values[int(np.argmax(leader.particles.fits))]
         table = self._predictor.unknowns.table
         priors = log_priors(table)
-        guess, fitted = self._integrals.fitted_wide(np.vstack([known, point]), self._rng)
+        kinds = [[-1]]
+        for switch in (True, False):
+            rows = [n for n, one in enumerate(table) if one.switch == switch and one.name in priors]
+            kinds += [rows[start : start + _ROWS] for start in range(0, len(rows), _ROWS)]
+        seeds = self._rng.integers(2**32, size=len(kinds)).tolist()
+        starts = np.vstack([known, point])
+        tasks = [(rows, starts, seed) for rows, seed in zip(kinds, seeds, strict=True)]
+        fitted = []
+        for found, cost in self._workers.map(self._integrals.fitted_with_cost, tasks):
+            self._predictor.add_cost(cost)
+            fitted += found
+        (guess, _, _), *fitted = fitted
         wide = []
         for of_row, row, stated in fitted:
             prior = priors[table[row].name]
@@ -251,10 +264,11 @@ class Weigher:
         groups: dict[int, list[int]] = {}
         for number, one in enumerate(hypotheses):
             groups.setdefault(len(self._integrals.opened(one)), []).append(number)
+        together = max(1, _TOGETHER // particles)
         batches = [
-            numbers[start : start + _AT_ONCE]
+            numbers[start : start + together]
             for numbers in groups.values()
-            for start in range(0, len(numbers), _AT_ONCE)
+            for start in range(0, len(numbers), together)
         ]
         seeds = self._rng.integers(2**32, size=len(batches)).tolist()
         tasks = [
