@@ -84,7 +84,9 @@ def verdict_on_posterior(
             "better one may have been missed: more movements help, and a problem that leaves less "
             "open."
         )
-    return f"NO BODY THAT THIS PROBLEM ALLOWS {listed}."
+    otherwise = _otherwise(summary).removeprefix(", ")
+    best = f" The one that explains most is {otherwise}." if otherwise else ""
+    return f"NO BODY THAT THIS PROBLEM ALLOWS {listed}.{best}"
 
 
 def _otherwise(summary: PosteriorSummary) -> str:
