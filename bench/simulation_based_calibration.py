@@ -12,8 +12,9 @@ Of many legs nothing is observed, and of 66 bodies drawn one by one 13 % of the 
 lowest tenth of the prior, so that good intervals seemed to fail. So lengths are points of a
 scrambled Halton sequence, which cover the prior evenly; each by itself is a draw from it.
 
-Robots are known to be just as stated, unless ``--robots`` says otherwise: ``stated`` ones are, and
-nobody knows it, so that each that a run finds faulty is a false alarm; ``built`` ones are as people
+Robots are known to be just as stated, unless ``--robots`` says otherwise: ``stated`` ones are,
+their noise is as announced, and nobody knows it, so that each that a run finds faulty is a false
+alarm; ``built`` ones are as people
 build them: what may be otherwise is drawn from the narrow components of the table of parameters,
 with their common scale from its prior.
 """
@@ -190,7 +191,7 @@ def trial(run: BodyRun) -> list[dict[str, Any]]:
     robot = StaticsRobot(
         predictor=predictor,
         body=body,
-        scales=drawn_scales(2, rng),
+        scales=np.zeros(2) if run.robots == "stated" else drawn_scales(2, rng),
         noise=noise,
         cap=cap,
         rng=rng,
