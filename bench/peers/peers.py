@@ -7,10 +7,8 @@ in step, since a call of the kernel with few bodies costs mostly the call.
 
 from __future__ import annotations
 
-import time
 from collections import Counter
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any, Final, Protocol
 
 import cma
@@ -20,10 +18,9 @@ import nautilus
 import numpy as np
 from scipy.optimize import differential_evolution
 
+from bench.peers.comparison import Answer, Peer, Target, TimeIsUpError
 from estimator.body.morphology import Array
-from estimator.posterior.model.likelihood import Likelihood, Noise
-from estimator.posterior.model.sensor_data import SensorData
-from estimator.posterior.model.unknowns import Attachments, Predictor
+from estimator.posterior.model.unknowns import Attachments
 
 FOUND_AGAIN: Final = 3
 LANES: Final = 16
@@ -31,73 +28,6 @@ _STAGNATION: Final = 60  # generations without a nat more, after which an instan
 _NATS: Final = 1.0  # that restarts which have found the same may differ by
 _WALKERS: Final = 320
 _LIVE: Final = 2000  # points, of nested sampling
-_IMPOSSIBLE: Final = -1e6  # log-likelihood of bodies that the problem does not allow
-
-
-class TimeIsUpError(Exception):
-    """The CPU time is spent."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Answer:
-    """What a peer found.
-
-    Attributes:
-        point: Its best, shape (size,).
-        stated: Probability that it states of the attachments of ``point``, if it states any.
-        finished: Whether its own rule ended it, and not the CPU time.
-    """
-
-    point: Array
-    stated: float | None
-    finished: bool
-
-
-class Target:
-    """The log-likelihood of points of the unit cube, noise factors integrated out; counts calls.
-
-    Everybody falls as statics has it, with coarse steps: as cheap as our own search has it.
-
-    Args:
-        predictor: Computes readings.
-        data: The observations.
-        noise: Sensor noise.
-        seconds: CPU time after which it raises ``TimeIsUpError``.
-
-    Attributes:
-        best: Best point so far, shape (size,).
-        fit: Its log-likelihood.
-        evaluations: How many bodies it was asked for.
-    """
-
-    def __init__(self, predictor: Predictor, data: SensorData, noise: Noise, seconds: float):
-        self.predictor = predictor
-        self.unknowns = predictor.unknowns
-        self._likelihood = Likelihood(data, noise)
-        self._ends = time.process_time() + seconds
-        self.best, self.fit, self.evaluations = np.full(self.unknowns.size, 0.5), -np.inf, 0
-
-    def __call__(self, points: Array) -> Array:
-        """Of n points, shape (n, size)."""
-        if time.process_time() > self._ends:
-            raise TimeIsUpError
-        values = np.clip(points, 0.0, 1.0)
-        misfits = self._likelihood.misfits_of(self.predictor, values, surely=True)
-        fits = self._likelihood.integrated(misfits)
-        fits[self.unknowns.forbidden(values)] = _IMPOSSIBLE
-        self.evaluations += len(values)
-        row = int(np.argmax(fits))
-        if fits[row] > self.fit:
-            self.best, self.fit = values[row].copy(), float(fits[row])
-        return fits
-
-    def key(self, point: Array) -> Attachments:
-        """Attachments of one point."""
-        return self.unknowns.keys(point[None])[0]
-
-
-Peer = Callable[[Target, int], Answer]
-"""Given a target and a seed."""
 
 
 class Optimiser(Protocol):

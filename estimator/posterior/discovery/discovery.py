@@ -8,7 +8,7 @@ leaves the posterior invariant, and nothing of it needs to: it only says where t
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -125,12 +125,11 @@ class Discovery:
         starts = np.concatenate([self.found, self.drawn])
         self._visited.add(starts, self._solver.fits(starts))
 
-    def search(self, steps: int, *, until_explained: bool = False) -> BestPoints:
+    def search(self, steps: int) -> BestPoints:
         """One round.
 
         Args:
             steps: Of the chains; of those that only watch a body that all agreed on, a part.
-            until_explained: Whether nothing else is tried once a body explains all readings.
 
         Returns:
             All sets of attachments that were found so far.
@@ -143,7 +142,7 @@ class Discovery:
                 visited.add(population.values[levels], population.posterior_fits(_WATCHED))
         visited.polish(self._solver, _POLISHED_BESIDE if self._explores else _POLISHED)
         if not self._has_converged():
-            self._try_others(visited, self.explains if until_explained else _never)
+            self._try_others(visited)
         bodies = self.best()
         self.found = bodies.values[:_REMEMBERED]
         return bodies
@@ -153,12 +152,12 @@ class Discovery:
         both = [self._before.best(), self._visited.best()]
         return BestPoints.joined(both, self.predictor.unknowns)
 
-    def _try_others(self, visited: _Visited, enough: Callable[[], bool]) -> None:
+    def _try_others(self, visited: _Visited) -> None:
         """Tries bodies near the best, and bodies that are made of several."""
         if self._neighbours:
-            visited.climb(self._neighbours, enough)
-            if self._founders and not enough():
-                self._recombine(self._neighbours, enough)
+            visited.climb(self._neighbours)
+            if self._founders:
+                self._recombine(self._neighbours)
         for nats in () if self._explores else _SWEPT:
             if not visited.sweep(self._solver, self.rng, nats):
                 break
@@ -175,7 +174,7 @@ class Discovery:
             return False
         return not fit_of(leader[0], self.predictor, self._data, self._noise).is_improvable
 
-    def _recombine(self, neighbours: Neighbours, enough: Callable[[], bool]) -> None:
+    def _recombine(self, neighbours: Neighbours) -> None:
         """Gives the best bodies subtrees that other starts have found, and goes on from there."""
         founders = np.concatenate([*self._founders, self._visited.best().values[:_FOUNDERS]])
         everyone = self._before
@@ -186,8 +185,8 @@ class Discovery:
                 everyone.add_better(
                     *with_subtrees_of_others(body, founders, self.predictor.unknowns, self._solver)
                 )
-            everyone.climb(neighbours, enough)
-            if enough() or everyone.best().fits[0] < bodies.fits[0] + _HIGHER:
+            everyone.climb(neighbours)
+            if everyone.best().fits[0] < bodies.fits[0] + _HIGHER:
                 break
 
     def start_half_anew(self) -> None:
@@ -279,16 +278,9 @@ class _Visited:
             self._add_polished(self._elsewhere(leaders[row], solver, rng), solver)
         return bool(chosen)
 
-    def climb(self, neighbours: Neighbours, enough: Callable[[], bool]) -> None:
-        """Tries the neighbours of the best few, as long as that finds something much better.
-
-        Args:
-            neighbours: Of the bodies.
-            enough: Whether nothing better is needed.
-        """
+    def climb(self, neighbours: Neighbours) -> None:
+        """Tries the neighbours of the best few, as long as that finds something much better."""
         for _ in range(_CLIMBS):
-            if enough():
-                break
             bodies = self.best()
             keys = self._unknowns.keys(bodies.values)
             fresh = [row for row, key in enumerate(keys) if key not in self._climbed][:_CLIMBING]
@@ -309,7 +301,3 @@ class _Visited:
         better, fits = solver.polished(values, math.ceil(len(values) / _FINISHED))
         self._polished.update(self._unknowns.keys(values))
         self.add(better, fits)
-
-
-def _never() -> bool:
-    return False

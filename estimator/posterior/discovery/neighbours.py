@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import combinations, product
+from itertools import product
 from typing import Final
 
 import numpy as np
@@ -73,7 +73,7 @@ class Neighbours:
             rng=self._rng,
             unexplained=self._solver.unexplained(leader) if by_pairs else (),
         )
-        near = [self._unknowns.permitted(exchanged(leader, self._unknowns))]
+        near = []
         for joined in self._joined:
             carrying = leader[None].copy()
             for column, value in joined.carried:
@@ -168,39 +168,6 @@ def subtrees(point: Array, unknowns: Unknowns) -> list[Columns]:
     return [
         np.flatnonzero([gene.part in together for gene in unknowns.genes]) for together in carried
     ]
-
-
-def exchanged(point: Array, unknowns: Unknowns) -> Array:
-    """Points in which two parts that may sit anywhere have each other's genes.
-
-    Each pair once with what the two carry going along, and once with that staying where it is.
-
-    Args:
-        point: Shape (size,).
-        unknowns: The cube.
-
-    Returns:
-        Shape (n, size).
-    """
-    genes, own = unknowns.genes, _columns_of_parts(unknowns)
-    choosing = {genes[at].part: at for at in np.flatnonzero(unknowns.parents).tolist()}
-    carriers = unknowns.bodies(point[None]).parent[0].tolist()
-    points = []
-    for one, other in combinations(choosing, 2):
-        traits, theirs = ([genes[at].trait for at in own[part]] for part in (one, other))
-        if traits != theirs or carriers[other] >= one:
-            continue
-        along = point.copy()
-        along[own[one]], along[own[other]] = point[own[other]], point[own[one]]
-        along[choosing[one]] = _sitting_on(carriers[other], choosing[one], unknowns)
-        along[choosing[other]] = _sitting_on(carriers[one], choosing[other], unknowns)
-        staying = along.copy()
-        for part, column in choosing.items():
-            after = {one: other, other: one}.get(carriers[part], part)
-            if after < part:
-                staying[column] = _sitting_on(after, column, unknowns)
-        points += [along, staying]
-    return np.array(points).reshape(len(points), unknowns.size)
 
 
 def _sitting_on(carrier: int, column: int, unknowns: Unknowns) -> float:

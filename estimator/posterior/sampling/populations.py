@@ -266,7 +266,7 @@ def _explore(
     for _ in range(rounds):
         if not explained:
             search.start_anew(_ANEW)
-        bodies = search.search(longer, until_explained=True)
+        bodies = search.search(longer)
         explained = search.explains()
         lost = _lost_ones_moved(population, bodies, search.rng)
         if explained and lost <= _STRAGGLERS:

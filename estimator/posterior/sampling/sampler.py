@@ -192,8 +192,7 @@ class Sampler:
         """The posterior after the interactions so far.
 
         As long as they do not inform about all limbs, no attachments are weighed (see
-        ``explored``), unless the populations agree before. So long bodies that explain all are not
-        searched for again and again either, but for the last time.
+        ``explored``), unless the populations agree before.
 
         Args:
             data: All of them.

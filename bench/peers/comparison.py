@@ -1,0 +1,245 @@
+"""Our search beside those of others, on readings that are recorded first.
+
+All look for the same: attachments and lengths of a robot that is just as stated. What else may be
+otherwise, which ours weighs too, is no business of theirs.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from bench.power.trial import RUN, Figures, Judge, Trial, TrialRun
+from estimator.body.morphology import Array
+from estimator.executors import ThisProcess
+from estimator.physics.backends import open_arrays
+from estimator.physics.statics import StaticsPhysics
+from estimator.posterior.fitted import FittedPosterior
+from estimator.posterior.model.gauss_newton import GaussNewton
+from estimator.posterior.model.likelihood import Likelihood, Noise
+from estimator.posterior.model.sensor_data import SensorData
+from estimator.posterior.model.unknowns import Attachments, Predictor
+from estimator.posterior.sampling.sampler import Effort, Sampler
+from estimator.storage.store import RunStore
+
+WHOLE: Final = "ours, whole run"
+REFIT: Final = "ours, all at once"
+UNIT: Final = "CatCMA with margin"
+"""By whose CPU time the others' is divided."""
+
+_IMPOSSIBLE: Final = -1e6  # log-likelihood of bodies that the problem does not allow
+
+
+class TimeIsUpError(Exception):
+    """The CPU time is spent."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Answer:
+    """What a peer found.
+
+    Attributes:
+        point: Its best, shape (size,).
+        stated: Probability that it states of the attachments of ``point``, if it states any.
+        finished: Whether its own rule ended it, and not the CPU time.
+    """
+
+    point: Array
+    stated: float | None
+    finished: bool
+
+
+class Target:
+    """The log-likelihood of points of the unit cube, noise factors integrated out; counts calls.
+
+    Everybody falls as statics has it, with coarse steps: as cheap as our own search has it.
+
+    Args:
+        predictor: Computes readings.
+        data: The observations.
+        noise: Sensor noise.
+        seconds: CPU time after which it raises ``TimeIsUpError``.
+
+    Attributes:
+        best: Best point so far, shape (size,).
+        fit: Its log-likelihood.
+        evaluations: How many bodies it was asked for.
+    """
+
+    def __init__(self, predictor: Predictor, data: SensorData, noise: Noise, seconds: float):
+        self.predictor = predictor
+        self.unknowns = predictor.unknowns
+        self._likelihood = Likelihood(data, noise)
+        self._ends = time.process_time() + seconds
+        self.best, self.fit, self.evaluations = np.full(self.unknowns.size, 0.5), -np.inf, 0
+
+    def __call__(self, points: Array) -> Array:
+        """Of n points, shape (n, size)."""
+        if time.process_time() > self._ends:
+            raise TimeIsUpError
+        values = np.clip(points, 0.0, 1.0)
+        misfits = self._likelihood.misfits_of(self.predictor, values, surely=True)
+        fits = self._likelihood.integrated(misfits)
+        fits[self.unknowns.forbidden(values)] = _IMPOSSIBLE
+        self.evaluations += len(values)
+        row = int(np.argmax(fits))
+        if fits[row] > self.fit:
+            self.best, self.fit = values[row].copy(), float(fits[row])
+        return fits
+
+    def key(self, point: Array) -> Attachments:
+        """Attachments of one point."""
+        return self.unknowns.keys(point[None])[0]
+
+
+Peer = Callable[[Target, int], Answer]
+"""Given a target and a seed."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """One answer.
+
+    Attributes:
+        seed: Of robot and run.
+        who: Whose.
+        right: Configurations that are right, up to what no sensor can tell.
+        of: How many there are.
+        worst_mm: Largest error of a leg.
+        nats: Log-likelihood of the best point, of ours of any that it holds possible, its lengths
+            polished for a robot as stated, less that of our refit.
+        stated: Probability stated of the attachments, if any.
+        finished: Whether its own rule ended it, and not the CPU time.
+        million: Simulations, millions.
+        cpu_seconds: CPU time.
+    """
+
+    seed: int
+    who: str
+    right: int
+    of: int
+    worst_mm: float
+    nats: float
+    stated: float | None
+    finished: bool
+    million: float
+    cpu_seconds: float
+
+
+def rows_of(
+    trial: Trial, seed: int, out: Path, peers: Mapping[str, Peer], limit: float
+) -> list[Row]:
+    """What each makes of one robot's readings.
+
+    Args:
+        trial: What is run and recorded; once more only if it is not there yet.
+        seed: Of robot, run and searches.
+        out: Folder of the recorded runs.
+        peers: Those that are asked, by name.
+        limit: CPU time of each of them, s.
+    """
+    run = TrialRun(group="peers", trial=trial, seed=seed)
+    place = run.file(out).parent
+    if not run.is_finished(out):
+        place.mkdir(parents=True, exist_ok=True)
+        run.make(place)
+    figures = run.figures(out)
+    with RunStore.open(place / RUN, to_write=False) as store, StaticsPhysics(store.world) as known:
+        return list(_rows(store, figures, Judge(store, place / "truth.urdf", known), peers, limit))
+
+
+def _rows(
+    store: RunStore, figures: Figures, judge: Judge, peers: Mapping[str, Peer], limit: float
+) -> Iterator[Row]:
+    fitted = FittedPosterior.of(store)
+    assert fitted is not None
+    assert fitted.best is not None
+    seed, data, noise, unknowns = figures.seed, fitted.data, fitted.noise, fitted.unknowns
+    as_stated = unknowns.searched(np.zeros(len(unknowns.table)))
+    make_physics = partial(open_arrays, "statics", store.world)
+    predictor = Predictor(as_stated, make_physics())
+    solver = GaussNewton(predictor, data, Likelihood(data, noise))
+    solver.fits(fitted.best[None])  # compiled code is loaded before time is taken
+    Target(predictor, data, noise, limit)(fitted.best[None])
+    base: float | None = None
+
+    def row(
+        who: str, answer: Answer, simulations: int, seconds: float, beside: Array | None = None
+    ) -> Row:
+        nonlocal base
+        points = answer.point[None] if beside is None else beside
+        fit = float(solver.polished(points)[1].max())
+        base = fit if base is None else base
+        right, of, errors = judge.of(answer.point)
+        return Row(
+            seed=seed,
+            who=who,
+            right=right,
+            of=of,
+            worst_mm=float(np.abs(errors).max()),
+            nats=fit - base,
+            stated=answer.stated,
+            finished=answer.finished,
+            million=simulations / 1e6,
+            cpu_seconds=seconds,
+        )
+
+    effort = Effort()
+    seeds = np.random.SeedSequence(seed).spawn(effort.populations + 1)
+    started = time.process_time()
+    ours = Sampler(unknowns, make_physics, noise, effort, seeds, workers=ThisProcess())
+    modes = ours.learn(data).modes
+    points = unknowns.cube(np.array([mode.point for mode in modes]))
+    answer = Answer(point=points[0], stated=modes[0].probability, finished=True)
+    yield row(REFIT, answer, ours.simulations, time.process_time() - started, beside=points)
+    stated = figures.steps[-1].probability
+    answer = Answer(point=fitted.best, stated=stated, finished=True)
+    yield row(WHOLE, answer, figures.simulations, figures.cpu_seconds)
+    for name, peer in peers.items():
+        own = Predictor(as_stated, make_physics())
+        started = time.process_time()
+        answer = peer(Target(own, data, noise, limit), seed)
+        yield row(name, answer, own.simulations, time.process_time() - started)
+
+
+def table(rows: Sequence[Row]) -> str:
+    """By peer, as Markdown: right in how many, and CPU time beside the unit's."""
+    units = {row.seed: row.cpu_seconds for row in rows if row.who == UNIT}
+    lines = []
+    for who in dict.fromkeys(row.who for row in rows):
+        own = [row for row in rows if row.who == who]
+        ratios = [row.cpu_seconds / units[row.seed] for row in own if row.seed in units]
+        stated = [row.stated for row in own if row.stated is not None]
+        worst = [row.worst_mm for row in own if row.right == row.of]
+        lines.append(
+            [
+                who,
+                ", ".join(f"{row.right}" for row in own) + f" of {own[0].of}",
+                f"{np.median(worst):.1f}" if worst else "–",
+                f"{min(row.nats for row in own):+.1f}",
+                f"{min(stated):.2f} to {max(stated):.2f}" if stated else "no",
+                f"{sum(row.finished for row in own)} of {len(own)}",
+                f"{np.mean([row.million for row in own]):.1f}",
+                f"{np.mean([row.cpu_seconds for row in own]):.1f}",
+                f"{np.median(ratios):.1f}" if ratios else "–",
+            ]
+        )
+    head = [
+        "",
+        "attachments right",
+        "worst leg where right (mm)",
+        "nats to ours, at worst",
+        "says how sure",
+        "ended by itself",
+        "simulations (M)",
+        "CPU (s)",
+        f"÷ {UNIT}",
+    ]
+    cells = [head, ["---", *["---:"] * (len(head) - 1)], *lines]
+    return "".join(f"| {' | '.join(line)} |\n" for line in cells)
