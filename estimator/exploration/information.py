@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.body.arrays import Bodies
+from estimator.body.arrays import Bodies, Flags
 from estimator.body.morphology import Array
 from estimator.executors import Threads
 from estimator.exploration.best_programs import CANDIDATES, best_programs
@@ -178,10 +178,10 @@ class Chooser:
     ) -> InformativeProgram:
         """The motor program that is expected to tell most.
 
-        Where causes compete (wide components of the table of parameters, or that there is none),
-        each has the square root of its share in the choice, and what tells them apart counts
-        twice: to know how long legs are is worth little as long as it rests on a servo that may
-        turn the other way.
+        Where attachments are settled and causes compete (wide components of the table of
+        parameters, or that there is none), each has the square root of its share in the choice, and
+        what tells them apart counts twice: to know how long legs are is worth little as long as it
+        rests on a servo that may turn the other way.
 
         Args:
             posterior: The bodies.
@@ -244,7 +244,7 @@ class Chooser:
         rows, which = np.unique(own, return_inverse=True)
         shares = np.bincount(which, posterior.weights)
         compete = shares >= _COMPETES
-        if compete.sum() < 2:
+        if compete.sum() < 2 or not self._settled(posterior.values).any():
             return (), posterior
         even = np.where(compete, np.sqrt(shares), 0.0) / shares.clip(_COMPETES)
         weights = posterior.weights * even[which]
@@ -261,8 +261,6 @@ class Chooser:
         unknowns = self._predictor.unknowns
         if learn == "all":
             return samples, None
-        keys = unknowns.keys(samples.values)
-        ((settled, count),) = Counter(keys).most_common(1)
         columns = {
             "lengths": unknowns.continuous.tolist(),
             "mass": [
@@ -271,11 +269,17 @@ class Chooser:
                 if one.group in _MASSES
             ],
         }[learn]
-        same = np.array([key == settled for key in keys])
+        same = self._settled(samples.values)
         amounts = samples.values[same][:, columns]
-        if count < _SETTLED * len(keys) or not np.ptp(amounts, axis=0).any():
+        if not same.any() or not np.ptp(amounts, axis=0).any():
             return samples, None
         return replace(samples, values=samples.values[same], scales=samples.scales[same]), amounts
+
+    def _settled(self, values: Array) -> Flags:
+        """Which of n points have the attachments that are settled; none, where none are."""
+        keys = self._predictor.unknowns.keys(values)
+        ((first, count),) = Counter(keys).most_common(1)
+        return np.array([key == first and count >= _SETTLED * len(keys) for key in keys])
 
     def _models(self, samples: Posterior, asked: Array | None) -> _Hypotheses:
         _, same = np.unique(samples.values, axis=0, return_inverse=True)
