@@ -1,11 +1,11 @@
 """Does any body that the problem allows explain the readings?
 
 An interaction is *unexplained* when it is more likely the mixture's outlier than not although the
-best body's path there is sure. One such interaction in a run may be an outlier. Two of them, one
-that residuals farther than outliers do, a noise factor that surely lies above 2, or a touch sensor
-that contradicts the body more often than chance allows, say that the problem does not describe the
-robot. The last betrays a limp leg: its foot lies on the ground where a stiff one, short enough to
-carry nothing, would hang in the air.
+path there is sure, of nearly all bodies that are left. One such interaction in a run may be an
+outlier. Two of them, one that residuals farther than outliers do, a noise factor that surely lies
+above 2, or a touch sensor that contradicts the body more often than chance allows, say that the
+problem does not describe the robot. The last betrays a limp leg: its foot lies on the ground where
+a stiff one, short enough to carry nothing, would hang in the air.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ TOO_NOISY: Final = 2.0
 POOR: Final = 1.0
 """Excess of a fit that one right body of six has."""
 
-_SURELY: Final = 0.95  # probability that a factor lies above ``TOO_NOISY``
+_SURELY: Final = 0.95  # probability that a factor lies above ``TOO_NOISY``, or that a path is sure
 _BY_CHANCE: Final = 1e-3  # probability of so many wrong bits of a touch sensor
 _STRIKING: Final = 3.0  # standard deviations
 
@@ -52,7 +52,8 @@ def judge(posterior: Posterior, predictor: Predictor, data: SensorData, noise: N
     """
     misfits = Likelihood(data, noise).misfits_of(predictor, posterior.values)
     samples = misfits, posterior.scales, posterior.weights
-    return _judged(posterior.modes[0].point[None], samples, predictor, data, noise)
+    bodies = posterior.modes[0].point, posterior.values, posterior.weights
+    return _judged(bodies, samples, predictor, data, noise)
 
 
 def judge_body(point: Array, predictor: Predictor, data: SensorData, noise: Noise) -> FitVerdict:
@@ -62,21 +63,31 @@ def judge_body(point: Array, predictor: Predictor, data: SensorData, noise: Nois
     fits, factors = likelihood.by_noise_factors(misfits)[0], likelihood.noise_factors.both
     weights = np.exp(fits - logsumexp(fits[None], axis=1)[0])
     samples = misfits.repeat(len(factors), axis=0), factors, weights
-    return _judged(point[None], samples, predictor, data, noise)
+    return _judged((point, point[None], np.ones(1)), samples, predictor, data, noise)
 
 
 def _judged(
-    best: Array,
+    bodies: tuple[Array, Array, Array],
     samples: tuple[Array, Array, Array],
     predictor: Predictor,
     data: SensorData,
     noise: Noise,
 ) -> FitVerdict:
-    """The verdict on the best body, shape (1, size), by misfits, scales and weights of samples."""
-    misfits, scales, weights = samples
+    """The verdict on the best body.
+
+    Args:
+        bodies: It, shape (size,), and all that are left, shape (n, size), with weights.
+        samples: Misfits, scales and weights.
+        predictor: Computes readings and path margins.
+        data: The observations.
+        noise: Sensor noise.
+    """
+    (first, points, shares), (misfits, scales, weights) = bodies, samples
+    best = first[None]
     inliers = weights @ Likelihood(data, noise).inlier_share(misfits, scales=scales)
     outliers = inliers < 0.5
-    margins = _margins(best, predictor, data)
+    odd = np.flatnonzero(outliers)
+    sure = shares @ (_margins(points, predictor, data[odd]) > SURE_PATH) > _SURELY
     residuals = standardised_residuals(best, predictor, data, noise)
     as_found = noise.widened(np.exp(weights @ scales))
     farthest = np.abs(list(standardised_residuals(best, predictor, data, as_found).values())).max(
@@ -90,7 +101,7 @@ def _judged(
             ),
             residual=float(farthest[index]),
         )
-        for index in np.flatnonzero(outliers & (margins > SURE_PATH)).tolist()
+        for index in odd[sure].tolist()
     )
     share = weights @ (scales > math.log(TOO_NOISY))
     noisy = tuple(name for name, one in zip(SCALED, share, strict=True) if one > _SURELY)
@@ -127,7 +138,7 @@ def fit_of(point: Array, predictor: Predictor, data: SensorData, noise: Noise) -
     read = sum(float(data.observed[name].known.count[~outliers].sum()) for name in SCALED)
     excess = float(short[~outliers].sum()) - MEAN_LOSS * read
     unexplained = (
-        np.count_nonzero(outliers & (_margins(one, predictor, data) > SURE_PATH))
+        np.count_nonzero(outliers & (_margins(one, predictor, data)[0] > SURE_PATH))
         if outliers.any()
         else 0
     )
@@ -173,7 +184,10 @@ def _contradicting(
     return tuple(np.flatnonzero(chance < _BY_CHANCE).tolist())
 
 
-def _margins(point: Array, predictor: Predictor, data: SensorData) -> Array:
-    bodies = predictor.unknowns.bodies(point)
-    rows = np.zeros(len(data), dtype=np.intp)
-    return predictor.margins(bodies, rows, data.programs)
+def _margins(points: Array, predictor: Predictor, data: SensorData) -> Array:
+    """Path margins of n points in k interactions, rad, shape (n, k)."""
+    rows = np.repeat(np.arange(len(points)), len(data))
+    margins = predictor.margins(
+        predictor.unknowns.bodies(points), rows, np.tile(data.programs, (len(points), 1))
+    )
+    return margins.reshape(len(points), len(data))

@@ -103,6 +103,19 @@ def test_one_such_interaction_is_named_alone(predictor: Predictor) -> None:
     assert not verdict.contradicting
 
 
+@pytest.mark.parametrize(("near_forks", "unexplained"), [(1, [2]), (3, [])])
+def test_where_some_of_the_bodies_that_are_left_may_fall_elsewhere_nothing_is_unexplained(
+    predictor: Predictor, monkeypatch: pytest.MonkeyPatch, near_forks: int, unexplained: list[int]
+) -> None:
+    data = draw(predictor, POINT, MOVED, np.random.default_rng(11), outlier=0.0)
+    data.observed["tilt"].values[2] += 0.3
+    monkeypatch.setattr(
+        predictor, "margins", lambda bodies, rows, _: np.where(rows < near_forks, 0.001, 0.3)
+    )
+    verdict = judge(certain(), predictor, data, NOISE)
+    assert [one.interaction for one in verdict.unexplained] == unexplained
+
+
 def test_where_every_interaction_is_an_outlier_no_touch_sensor_is_blamed(
     predictor: Predictor,
 ) -> None:
