@@ -13,10 +13,9 @@ lowest tenth of the prior, so that good intervals seemed to fail. So lengths are
 scrambled Halton sequence, which cover the prior evenly; each by itself is a draw from it.
 
 Robots are known to be just as stated, unless ``--robots`` says otherwise: ``stated`` ones are,
-their noise is as announced, and nobody knows it, so that each that a run finds faulty is a false
-alarm; ``built`` ones are as people
-build them: what may be otherwise is drawn from the narrow components of the table of parameters,
-with their common scale from its prior.
+have noise as it is announced and no outliers, and nobody knows it, so that each that a run finds
+faulty is a false alarm; ``built`` ones are as people build them: what may be otherwise is drawn
+from the narrow components of the table of parameters, with their common scale from its prior.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ import importlib
 import json
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Final, Literal, TypeAlias, get_args
@@ -192,7 +191,7 @@ def trial(run: BodyRun) -> list[dict[str, Any]]:
         predictor=predictor,
         body=body,
         scales=np.zeros(2) if run.robots == "stated" else drawn_scales(2, rng),
-        noise=noise,
+        noise=replace(noise, outlier=0.0) if run.robots == "stated" else noise,
         cap=cap,
         rng=rng,
     )
