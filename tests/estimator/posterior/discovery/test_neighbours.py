@@ -193,7 +193,7 @@ def test_neighbours_are_tried_as_long_as_better_ones_are_found(
 ) -> None:
     unknowns, rng = predictor.unknowns, np.random.default_rng(7)
     chain = unknowns.permitted(rng.random((12, unknowns.size)))
-    fits = 1000.0 + 10 * np.arange(len(chain))
+    fits: Array = 1000.0 + 10 * np.arange(len(chain), dtype=float)
 
     def of(self: Neighbours, leader: Array) -> tuple[Array, Array]:
         (at,) = [*np.flatnonzero((chain == leader).all(axis=1)), -1][:1]
