@@ -41,8 +41,7 @@ _PROMISING: Final = 20  # of them polished,
 _FINISHED: Final = 3  # and one in so many to the end, the best
 _STARTS: Final = 24  # of these, fitted
 _CLIMBING: Final = 2  # bodies whose neighbours are tried at once
-_HIGHER: Final = 3.0  # nats, for which it is worth going on,
-_CLIMBS: Final = 4  # so often in one round
+_HIGHER: Final = 3.0  # nats, for which it is worth going on
 _FOUNDERS: Final = 6  # bodies of each start whose subtrees others may take over,
 _CROSSED: Final = 4  # the best few that do
 _REMEMBERED: Final = 64  # of the best points, for the next interaction
@@ -280,7 +279,7 @@ class _Visited:
 
     def climb(self, neighbours: Neighbours) -> None:
         """Tries the neighbours of the best few, as long as that finds something much better."""
-        for _ in range(_CLIMBS):
+        while True:
             bodies = self.best()
             keys = self._unknowns.keys(bodies.values)
             fresh = [row for row, key in enumerate(keys) if key not in self._climbed][:_CLIMBING]

@@ -186,3 +186,23 @@ def test_only_neighbours_of_what_all_agreed_on_and_explains_all_are_not_tried(
     assert search.explains() is explains
     search.search(1)
     assert bool(tried) is not (agreed and explains)
+
+
+def test_neighbours_are_tried_as_long_as_better_ones_are_found(
+    predictor: Predictor, truth: Array, data: SensorData, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    unknowns, rng = predictor.unknowns, np.random.default_rng(7)
+    chain = unknowns.permitted(rng.random((12, unknowns.size)))
+    fits: Array = 1000.0 + 10 * np.arange(len(chain), dtype=float)
+
+    def of(self: Neighbours, leader: Array) -> tuple[Array, Array]:
+        (at,) = [*np.flatnonzero((chain == leader).all(axis=1)), -1][:1]
+        after = slice(at + 1, at + 2)
+        return chain[after], fits[after]
+
+    monkeypatch.setattr(Neighbours, "of", of)
+    population = Population.of_prior(predictor, rng, levels=4, chains_per_level=8)
+    search = Discovery(population, predictor, rng, explores=True)
+    search.found = confused(truth, unknowns)[None]
+    search.observe(data, NOISE)
+    assert search.search(1).fits[0] == fits[-1]
