@@ -12,6 +12,8 @@ from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.posterior.model.unknowns import Attachments, Columns
 
+_TRIFLE: Final = 0.05  # of the posterior: what tells as much as one miss
+
 MOSTLY: Final = 0.5
 """Part of a mode that must be indistinguishable from the first for the mode to count as such."""
 
@@ -121,6 +123,8 @@ def coverage(shares: Array, found: Flags) -> float:
 
     As in counting animals by catching them twice: of what one population found, the share that the
     others found too is their chance of meeting anything. So no population may learn from another.
+    What is but a trifle of the posterior tells little of that chance, however much of it was met
+    twice: one population alone has then found the rest.
 
     Args:
         shares: Of the posterior, shape (n,).
@@ -131,7 +135,7 @@ def coverage(shares: Array, found: Flags) -> float:
         others = np.delete(found, population, axis=1).any(axis=1)
         theirs = shares[others].sum()
         both = shares[others & found[:, population]].sum()
-        missed *= 1 - both / theirs if theirs > 0 else 1.0
+        missed *= 1 - both / (theirs + _TRIFLE * (1 - theirs))
     return float(1.0 - missed)
 
 
