@@ -5,7 +5,8 @@ components of the table of parameters, all spreads times a common factor), or wi
 component, which makes it otherwise than stated. Each has an evidence (``tempering``); those of one
 set of attachments add up, times their priors. The common factor is averaged over: how carefully a
 robot was built is not known. Where few readings leave many sets of attachments, these are weighed
-with few particles each, as people build robots: neither other factors nor wide components are open.
+with few particles each, as people build robots: neither other factors nor wide components are open,
+unless no such robot explains the readings.
 """
 
 from __future__ import annotations
