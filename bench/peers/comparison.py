@@ -33,6 +33,7 @@ REFIT: Final = "ours, all at once"
 UNIT: Final = "CatCMA with margin"
 """By whose CPU time the others' is divided."""
 
+_STATED: Final = 8  # samples of ours as stated, that are polished
 _IMPOSSIBLE: Final = -1e6  # log-likelihood of bodies that the problem does not allow
 
 
@@ -112,8 +113,9 @@ class Row:
         right: Configurations that are right, up to what no sensor can tell.
         of: How many there are.
         worst_mm: Largest error of a leg.
-        nats: Log-likelihood of the best point, of ours of any that it holds possible, its lengths
-            polished for a robot as stated, less that of our refit.
+        nats: Log-likelihood of the best point, of ours of any set of attachments that it holds
+            possible and of the first one's samples as stated, its lengths polished for a robot as
+            stated, less that of our refit.
         stated: Probability stated of the attachments, if any.
         finished: Whether its own rule ended it, and not the CPU time.
         million: Simulations, millions.
@@ -194,8 +196,13 @@ def _rows(
     seeds = np.random.SeedSequence(seed).spawn(effort.populations + 1)
     started = time.process_time()
     ours = Sampler(unknowns, make_physics, noise, effort, seeds, workers=ThisProcess())
-    modes = ours.learn(data).modes
+    posterior = ours.learn(data)
+    modes = posterior.modes
     points = unknowns.cube(np.array([mode.point for mode in modes]))
+    if posterior.as_stated is not None:
+        samples = unknowns.cube(posterior.as_stated)
+        best = np.argsort(-solver.fits(samples), kind="stable")[:_STATED]
+        points = np.vstack([points, samples[best]])
     answer = Answer(point=points[0], stated=modes[0].probability, finished=True)
     yield row(REFIT, answer, ours.simulations, time.process_time() - started, beside=points)
     stated = figures.steps[-1].probability
