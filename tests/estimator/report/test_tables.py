@@ -19,6 +19,7 @@ from estimator.report.evaluations import print_score, print_validation
 from estimator.report.outcome import headline, print_result
 from estimator.report.page.run_page import PageSources, run_page
 from estimator.report.posterior_report import sums_of_lengths
+from estimator.report.result import Result
 from estimator.report.summarise import summarise
 from estimator.report.verdict import verdict_on_posterior
 from estimator.storage.posteriors import (
@@ -158,6 +159,19 @@ COULD_BE_SHORT = Cause(
 )
 
 
+MOVEMENT = NextMovement(program=(0.5, 0.0, 0.1, -0.5), reason="", bits=0.8, bits_about_causes=0.6)
+
+
+def with_a_cause(tmp_path: Path, probability: float) -> tuple[Result, str]:
+    """A run whose servo may turn the other way, and its page."""
+    cause = COULD_BE_SHORT.model_copy(update={"probability": probability})
+    with make_posterior_run(
+        tmp_path, [TRUE_LENGTHS] * 3, causes=[cause], next_movement=MOVEMENT
+    ) as run:
+        result = summarise(run)
+        return result, run_page(run, PageSources.of(run, result))
+
+
 @pytest.mark.parametrize(
     ("probability", "said"),
     [
@@ -170,15 +184,7 @@ def test_causes_that_compete_come_with_the_movement_that_tells_them_apart(
     tmp_path: Path, probability: float, said: str
 ) -> None:
     """Also where it is more probable that the robot is as stated, and all lengths look known."""
-    movement = NextMovement(
-        program=(0.5, 0.0, 0.1, -0.5), reason="", bits=0.8, bits_about_causes=0.6
-    )
-    cause = COULD_BE_SHORT.model_copy(update={"probability": probability})
-    with make_posterior_run(
-        tmp_path, [TRUE_LENGTHS] * 3, causes=[cause], next_movement=movement
-    ) as run:
-        result = summarise(run)
-        page = run_page(run, PageSources.of(run, result))
+    result, page = with_a_cause(tmp_path, probability)
     assert result.posterior is not None
     verdict = result.posterior.verdict
     assert f"explains every interaction, on a robot that {said}" in verdict
@@ -190,29 +196,20 @@ def test_causes_that_compete_come_with_the_movement_that_tells_them_apart(
     print_result(Console(file=text, width=2000), result)
     assert "whether the robot is as the problem says is not known yet" in text.getvalue()
     assert verdict in text.getvalue()
-    alike = movement.model_copy(update={"bits_about_causes": 0.01})
+    alike = MOVEMENT.model_copy(update={"bits_about_causes": 0.01})
     assert verdict_on_posterior(
         result.posterior.model_copy(update={"next_movement": alike}), joints=["a", "b", "c", "d"]
     ).endswith("No movement was found that tells them apart.")
 
 
-@pytest.mark.parametrize(
-    ("probability", "said"), [(0.04, ""), (0.96, "is not as the problem says")]
-)
+@pytest.mark.parametrize(("probability", "named"), [(0.04, False), (0.96, True)])
 def test_of_a_cause_that_is_sure_or_improbable_no_movement_is_told(
-    tmp_path: Path, probability: float, said: str
+    tmp_path: Path, probability: float, named: bool
 ) -> None:
-    movement = NextMovement(
-        program=(0.5, 0.0, 0.1, -0.5), reason="", bits=0.8, bits_about_causes=0.6
-    )
-    cause = COULD_BE_SHORT.model_copy(update={"probability": probability})
-    with make_posterior_run(
-        tmp_path, [TRUE_LENGTHS] * 3, causes=[cause], next_movement=movement
-    ) as run:
-        result = summarise(run)
+    result, _ = with_a_cause(tmp_path, probability)
     assert result.posterior is not None
-    assert said in result.posterior.verdict
-    assert "turning the other way" in result.posterior.verdict or not said
+    assert ("turning the other way" in result.posterior.verdict) == named
+    assert ("is not as the problem says" in result.posterior.verdict) == named
     assert "tells them apart" not in result.posterior.verdict
 
 
