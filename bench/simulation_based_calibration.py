@@ -39,6 +39,7 @@ from estimator.body.morphology import Array
 from estimator.executors import ThisProcess
 from estimator.exploration.information import Chooser
 from estimator.exploration.information_gain import InformationGain
+from estimator.parameters.table import CARE
 from estimator.physics.equivalence import PROGRAMS
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.indistinguishable import indistinguishable_points
@@ -48,7 +49,6 @@ from estimator.posterior.model.sensor_data import DENSITIES, SensorData
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.posterior import Posterior
 from estimator.posterior.sampling.sampler import Effort, Sampler
-from estimator.posterior.sampling.weighing import SCALES
 from estimator.posterior.summary import information_gained, summarise
 from estimator.readings.modalities import MODALITIES
 from estimator.readings.observation import Observation, PredictedReadings
@@ -184,8 +184,8 @@ def trial(run: BodyRun) -> list[dict[str, Any]]:
     body[unknowns.continuous] = evenly(seed, unknowns.continuous.size)
     scale = 0.0
     if run.robots == "built":
-        scale = float(rng.choice([*SCALES], p=[*SCALES.values()]))
-        spreads = np.array([row.narrow_times(scale) for row in unknowns.table])
+        scale = math.exp(CARE * rng.standard_normal())
+        spreads = np.array([row.narrow * (scale if row.by_care else 1) for row in unknowns.table])
         body[unknowns.genes_size :] = spreads * rng.standard_normal(spreads.size)
     robot = StaticsRobot(
         predictor=predictor,

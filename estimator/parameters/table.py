@@ -29,9 +29,11 @@ MISWIRED: Final = 0.05
 WIRING: Final = frozenset({"servo_reversed", "servo_plugs", "gauge_plugs", "accelerometer_wiring"})
 """Groups of what is plugged in, or put on, the wrong way round."""
 
+CARE: Final = 0.6
+"""Standard deviation of the logarithm of the factor that all spreads have in common that care
+decides: of robots as people build them one in eight is twice as exact, and one half as exact."""
+
 _UNNOTICED: Final = 8.0  # narrow standard deviations, which may be doubled: farther is wide
-
-
 _STATED: Final = frozenset({"thickness", "mass"})  # what robots are built of: no matter of care
 
 
@@ -116,13 +118,10 @@ class Parameter:
     limit: float = math.inf
     motor: int | None = None
 
-    def narrow_times(self, scale: float) -> float:
-        """Its narrow standard deviation where robots are built with less care, or with more.
-
-        Args:
-            scale: By which factor the spreads of all that care decides are larger.
-        """
-        return self.narrow if self.group in _STATED else scale * self.narrow
+    @property
+    def by_care(self) -> bool:
+        """Whether its narrow component is the wider the less carefully a robot is built."""
+        return self.narrow > 0 and self.group not in _STATED
 
     def amounts(self, spread: float, theta: Array) -> Array:
         """Amounts that are ``theta`` times ``spread`` off what is stated.

@@ -12,6 +12,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.posterior.model.gauss_newton import Free, GaussNewton
 from estimator.posterior.model.likelihood import Likelihood
@@ -36,14 +37,14 @@ class Hypothesis(NamedTuple):
         mode: Number of the set.
         point: To start from, shape (size,).
         wide: Row of the table whose wide component is open; −1: none is.
-        scale: Factor on the narrow spreads of what care decides; 0: the robot is as stated.
+        as_stated: Whether the robot is exactly so, and only lengths are open.
         log_prior: Among the hypotheses of the set.
     """
 
     mode: int
     point: Array
     wide: int = -1
-    scale: float = 1.0
+    as_stated: bool = False
     log_prior: float = 0.0
 
 
@@ -62,7 +63,8 @@ class Integrals:
         self._lengths = predictor.unknowns.continuous
         table = predictor.unknowns.table
         self._first = predictor.unknowns.genes_size
-        self._narrow = [row for row, one in enumerate(table) if one.narrow]
+        self._narrow = {row: one.narrow for row, one in enumerate(table) if one.narrow}
+        self._by_care = self._first + np.flatnonzero([one.by_care for one in table])
         self._interactions = np.arange(len(data))
 
     def with_cost(
@@ -86,6 +88,7 @@ class Integrals:
             peaks,
             free,
             slopes.precision.reshape(count, each, *slopes.precision.shape[1:]),
+            by_care=self._by_care_alone(free, hypotheses),
             predictor=self._predictor,
             likelihood=self._likelihood,
             rng=rng,
@@ -98,10 +101,16 @@ class Integrals:
     def opened(self, one: Hypothesis) -> dict[int, float]:
         """Rows of the table that are open beside the lengths, with their standard deviations."""
         table = self._predictor.unknowns.table
-        rows = {row: table[row].narrow_times(one.scale) for row in self._narrow if one.scale}
+        rows = {} if one.as_stated else dict(self._narrow)
         if one.wide >= 0 and not table[one.wide].switch:
             rows[one.wide] = table[one.wide].wide
         return rows
+
+    def _by_care_alone(self, free: Free, hypotheses: Sequence[Hypothesis]) -> Flags:
+        """Which columns are the wider the less care was taken, and not open more widely."""
+        wide = np.array([[self._first + one.wide if one.wide >= 0 else -1] for one in hypotheses])
+        flags: Flags = np.isin(free.columns, self._by_care) & (free.columns != wide)
+        return flags
 
     def _peaks(
         self,

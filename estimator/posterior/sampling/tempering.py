@@ -18,6 +18,10 @@ others (differential evolution); towards a normal distribution as wide as the ot
 leaves it as it is; θ alone by such steps that leave its prior as it is, in random subsets of it,
 lengths following as they depend on θ. Several sets of attachments are computed side by side, each
 with powers of its own. Noise factors are integrated on a grid.
+
+How carefully a robot was built is not known: the spreads that care decides have a factor in common,
+whose logarithm is one θ more. The others are in units of what it makes of their spreads, so that
+they stay as probable when it changes.
 """
 
 from __future__ import annotations
@@ -30,6 +34,7 @@ import numpy as np
 
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
+from estimator.parameters.table import CARE
 from estimator.posterior.model.gauss_newton import PRIOR, Free
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.special import logsumexp
@@ -48,6 +53,7 @@ _LEAST: Final = 1e-10  # variance
 _BISECTIONS: Final = 30
 _NOWHERE: Final = -1e9  # log-likelihood where there is no body
 _MOST_STEPS: Final = 60  # towards the posterior
+_ONE_MORE: Final = ((0, 0), (0, 0), (0, 1))
 _LOG_ROOT: Final = 0.5 * math.log(2 * math.pi)
 
 
@@ -134,6 +140,7 @@ def tempered(
     free: Free,
     precision: Array,
     *,
+    by_care: Flags,
     predictor: Predictor,
     likelihood: Likelihood,
     rng: np.random.Generator,
@@ -146,6 +153,7 @@ def tempered(
         peaks: Points of each that explain readings well, the best first, shape (g, p, size).
         free: What is integrated over, lengths before parameters, of each.
         precision: Of these there, shape (g, p, d, d).
+        by_care: Which parameters' spreads have a factor in common that is not known, shape (g, d).
         predictor: Computes readings.
         likelihood: Of the observations.
         rng: Draws the particles.
@@ -153,11 +161,16 @@ def tempered(
         settles: Whether they are moved on where they have arrived. Evidences gain nothing by it.
     """
     own = np.take_along_axis(peaks, free.columns[:, None], axis=2) / free.spreads[:, None]
-    start = _Start.around(own, precision, free.normal)
+    normal = free.normal
+    if by_care.any():
+        own, normal = np.pad(own, _ONE_MORE), np.append(normal, True)
+        precision = np.pad(precision, (*_ONE_MORE, (0, 1)))
+        precision[..., -1, -1] = 1.0
     return _Run(
         peaks[:, 0],
         free,
-        start,
+        _Start.around(own, precision, normal),
+        by_care=by_care,
         predictor=predictor,
         likelihood=likelihood,
         rng=rng,
@@ -213,6 +226,7 @@ class _Run:
         free: Free,
         start: _Start,
         *,
+        by_care: Flags,
         predictor: Predictor,
         likelihood: Likelihood,
         rng: np.random.Generator,
@@ -220,7 +234,7 @@ class _Run:
     ) -> None:
         self._predictor, self._likelihood, self._rng = predictor, likelihood, rng
         self._points, self._free, self._count = points, free, count
-        self._start, self._lengths = start, start.lengths
+        self._start, self._lengths, self._by_care = start, start.lengths, by_care
         groups = len(points)
         self._ess = np.full(groups, float(count))
         self._x = start.draw(count, rng)
@@ -268,8 +282,11 @@ class _Run:
 
     def _values(self, groups: Columns, x: Array) -> Array:
         """Points of n groups, shape (n,), with what is integrated over, shape (n, d)."""
-        values = self._points[groups].copy()
-        own = x * self._free.spreads[groups]
+        values, spreads = self._points[groups].copy(), self._free.spreads[groups]
+        if x.shape[1] > spreads.shape[1]:
+            *_, away = x.T
+            spreads = np.where(self._by_care[groups], np.exp(CARE * away)[:, None], 1.0) * spreads
+        own = x[:, : spreads.shape[1]] * spreads
         np.put_along_axis(values, self._free.columns[groups], own, axis=1)
         return values
 

@@ -1,12 +1,11 @@
 """Sets of attachments weighed, with all that may be otherwise than stated, and samples by weight.
 
 What is weighed are *hypotheses*: a set of attachments on a robot as people build them (the narrow
-components of the table of parameters, all spreads times a common factor), or with one wide
-component, which makes it otherwise than stated. Each has an evidence (``tempering``); those of one
-set of attachments add up, times their priors. The common factor is averaged over: how carefully a
-robot was built is not known. Where few readings leave many sets of attachments, these are weighed
-with few particles each, as people build robots: neither other factors nor wide components are open,
-unless no such robot explains the readings.
+components of the table of parameters), or with one wide component, which makes it otherwise than
+stated. Each has an evidence (``tempering``); those of one set of attachments add up, times their
+priors. Where few readings leave many sets of attachments, these are weighed with few particles
+each, as people build robots: wide components are not open, unless no such robot explains the
+readings.
 """
 
 from __future__ import annotations
@@ -30,9 +29,6 @@ from estimator.posterior.posterior import CauseShare, Posterior, systematic
 from estimator.posterior.sampling.integrals import Hypothesis, Integrals
 from estimator.posterior.sampling.tempering import Particles
 
-SCALES: Final = {2.0: 0.4, 1.0: 0.4, 0.5: 0.2}
-"""Factors on the spreads of robots as people build them, and their probabilities."""
-
 _MOST: Final = 120  # sets of attachments that are weighed, drawn if there are more
 _AT_ONCE: Final = 16  # of them, before it is seen whether more are needed
 _TOGETHER: Final = 512  # particles of several, by one worker
@@ -41,7 +37,7 @@ _WEIGHED: Final = 9.0  # nats below the best evidence
 _FEWEST: Final = 48  # particles of each at first,
 _FIRST: Final = 4  # or this part of all at most,
 _SHARED: Final = 2  # where so many times as many as one may have are shared among them
-_CLOSE: Final = 5.0  # nats below the best, sets that are weighed again under each factor,
+_CLOSE: Final = 5.0  # nats below the best, sets that are weighed again,
 _FEW: Final = 6  # if no more are so close
 _STRAYS: Final = 3.0  # nats that a fit lacks beyond what noise takes
 _LEADERS: Final = 3  # sets that are looked at with wide components where the best lacks so much
@@ -157,13 +153,8 @@ class Weigher:
         if not few and not (table and self._strays([weights[row] for row in close])):
             return None
         if few:
-            scales = SCALES if table else {1.0: 1.0}
-            as_built = 1 - sum(map(math.exp, log_priors(table).values()))
-            narrow = [
-                weights[row].hypothesis._replace(scale=scale, log_prior=math.log(share * as_built))
-                for row in close
-                for scale, share in scales.items()
-            ]
+            as_built = math.log1p(-sum(map(math.exp, log_priors(table).values())))
+            narrow = [weights[row].hypothesis._replace(log_prior=as_built) for row in close]
             again = self._of(narrow, self._particles, log_chances)
             for row in close:
                 weights[row] = weights[row]._replace(log=-math.inf)
@@ -172,7 +163,7 @@ class Weigher:
             return None
         mode, point, *_ = weights[close[0]].hypothesis
         unknowns = self._predictor.unknowns
-        exact = Hypothesis(mode, unknowns.as_stated(unknowns.cube(point[None]))[0], scale=0.0)
+        exact = Hypothesis(mode, unknowns.as_stated(unknowns.cube(point[None]))[0], as_stated=True)
         (stated,) = self._of([exact], self._particles // 2, log_chances)
         first = [close[0], 0]  # the best, also as first guessed
         strays = self._strays(again or weights)
