@@ -1,26 +1,38 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import numpy as np
 import pytest
 
+from estimator.body.morphology import Base
 from estimator.errors import SearchStateError
 from estimator.executors import ThisProcess, WorkerProcesses
+from estimator.parameters.table import CARE
 from estimator.posterior.checks.verdict import Fit
 from estimator.posterior.discovery.discovery import Discovery
 from estimator.posterior.model.gauss_newton import Free, GaussNewton
 from estimator.posterior.model.likelihood import Likelihood, Noise
-from estimator.posterior.model.unknowns import Predictor
+from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.sampling import populations
 from estimator.posterior.sampling.sampler import Effort
 from estimator.posterior.sampling.tempering import tempered
 from estimator.posterior.sampling.weighing import drawn
+from estimator.problem.genome import Genome
+from estimator.problem.problem import Problem
 from tests.estimator.little_effort import little_search
 from tests.estimator.posterior.sampling.enumeration import NODES, WEIGHTS, distance, enumerated
-from tests.estimator.two_unknown_rows import QUICK, draw, make_sampler, programs
+from tests.estimator.two_unknown_rows import (
+    NOISE,
+    QUICK,
+    TWO_UNKNOWN_ROWS,
+    draw,
+    make_sampler,
+    programs,
+)
 
 WIDE = Noise(tilt=0.12, clearance=0.03)
 POINT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
@@ -74,6 +86,7 @@ def test_evidence_is_the_integral_over_the_lengths(narrow: Predictor) -> None:
         values[None],
         Free.lengths(narrow.unknowns.continuous, 1),
         solver.slopes(values).precision[None],
+        by_care=np.zeros((1, 2), dtype=bool),
         predictor=narrow,
         likelihood=likelihood,
         rng=np.random.default_rng(1),
@@ -91,6 +104,41 @@ def test_evidence_is_the_integral_over_the_lengths(narrow: Predictor) -> None:
             total += share * part * float(np.mean(np.exp(fits)))
     assert mode.log_evidence == pytest.approx(np.log(total), abs=0.1)
     assert mode.ess > 100
+
+
+def test_how_carefully_a_robot_was_built_is_averaged_over(narrow: Predictor) -> None:
+    """An accelerometer that is tilted three times as far as usual tells something of the care."""
+    problem = Problem.parse(TWO_UNKNOWN_ROWS, "two rows")
+    table = [row for row in problem.table if row.group == "accelerometer_deg"]
+    genome = Genome(problem, Base(size=(0.14, 0.14, 0.085), mass=1.0))
+    predictor = narrow.of(Unknowns(genome, table))
+    true = predictor.unknowns.points(POINT[None], {table[0].name: np.array([3 * table[0].narrow])})
+    data = draw(predictor, true[0], programs(3, seed=3), np.random.default_rng(6))
+    likelihood = Likelihood(data, NOISE)
+    solver = GaussNewton(predictor, data, likelihood)
+
+    def evidence(factor: float, *, known: bool) -> float:
+        spreads = [{row: factor * one.narrow for row, one in enumerate(table)}]
+        free = Free.with_parameters(predictor.unknowns, spreads)
+        peaks, _ = solver.polished(true, free=free)
+        by_care = free.normal[None] & (not known)
+        (mode,) = tempered(
+            peaks[None],
+            free,
+            solver.slopes(peaks, free=free).precision[None],
+            by_care=by_care,
+            predictor=predictor,
+            likelihood=likelihood,
+            rng=np.random.default_rng(1),
+            particles=1000,
+        )
+        return mode.log_evidence
+
+    nodes, weights = np.polynomial.hermite_e.hermegauss(7)
+    each = [evidence(math.exp(CARE * node), known=True) for node in nodes]
+    assert max(each) - min(each) > 1
+    averaged = np.log(np.exp(each) @ weights / weights.sum())
+    assert evidence(1.0, known=False) == pytest.approx(averaged, abs=0.1)
 
 
 @pytest.mark.usefixtures("little")
