@@ -32,7 +32,6 @@ _EXPLORED: Final = 0.4  # share that both populations have found while they only
 _BITS_LEARNT: Final = 6.0  # bits about attachments, by one interaction that moves few limbs
 _TELLING: Final = 4  # interactions at least, until the populations ought to agree
 _MORE: Final = 4  # rounds, once they turned out not to
-_PATIENCE: Final = 2  # times as many rounds, where the readings are explained poorly
 _FEW_ROUNDS: Final = 3  # where much is open, and each of them is long
 _NEGLIGIBLE: Final = 0.05  # share of the posterior that a round adds
 
@@ -219,7 +218,8 @@ class Sampler:
         They end when the readings are explained, the populations agree, and a round has found
         nothing that matters and was not known before.
         The rounds that it may take grow with the interactions, since few readings leave many
-        bodies, but for chains that have explored before. So few do not make the populations agree.
+        bodies, and the next one tells more than another round; but for chains that have explored
+        before. So few do not make the populations agree.
         Where populations that ought to agree do not, or the readings are not explained well, all
         chains start anew: what one pose that ended elsewhere has led them to may be far from the
         truth. For the sake of one body this is done once.
@@ -250,9 +250,8 @@ class Sampler:
                 rounds = _FEW_ROUNDS
             else:
                 converged &= not (0 < anew <= _MORE and improvable)
-                patience = 1 if agreement.adequate_fit else _PATIENCE
-                rounds = min(effort.rounds, patience * len(data))
-                rounds += _MORE if anew and (late or improvable) else 0
+                rounds = min(effort.rounds, max(1, len(data) - 1))
+                rounds += _MORE if anew and late else 0
             if converged or number >= rounds:
                 if anew > _MORE:
                     self._cleared.update(agreement.leaders)

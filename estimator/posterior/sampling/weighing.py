@@ -29,7 +29,7 @@ from estimator.posterior.posterior import CauseShare, Posterior, systematic
 from estimator.posterior.sampling.integrals import Hypothesis, Integrals
 from estimator.posterior.sampling.tempering import Particles
 
-_MOST: Final = 120  # sets of attachments that are weighed, drawn if there are more
+_MOST: Final = 64  # sets of attachments that are weighed, drawn if there are more
 _AT_ONCE: Final = 16  # of them, before it is seen whether more are needed
 _TOGETHER: Final = 512  # particles of several, by one worker
 _ROWS: Final = 12  # of the table, that one worker fits
