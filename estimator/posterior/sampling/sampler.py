@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import compress
 from typing import Any, Final
 
 import numpy as np
@@ -53,7 +54,7 @@ class Effort:
     populations: int = 2
     levels: int = 10
     chains_per_level: int = 32
-    steps: int = 60
+    steps: int = 40
     rounds: int = 6
     particles: int = 512
     samples: int = 256
@@ -222,14 +223,20 @@ class Sampler:
         before. So few do not make the populations agree.
         Where populations that ought to agree do not, or the readings are not explained well, all
         chains start anew: what one pose that ended elsewhere has led them to may be far from the
-        truth. For the sake of one body this is done once.
+        truth. A population that has found what explains them best rests until others have, too.
+        For the sake of one body this is done once.
         """
         effort, late = self._effort, len(data) >= self._telling
         estimator = self._estimator(data)
         number, anew = 0, 0
+        going = [True] * len(self._searches)
         while True:
             search = partial(_searched, effort.steps, number > 0, anew > 0)
-            self._searches = list(self._workers.map(search, self._searches))
+            moved = iter(self._workers.map(search, compress(self._searches, going)))
+            self._searches = [
+                next(moved) if goes else one
+                for one, goes in zip(self._searches, going, strict=True)
+            ]
             bodies = [search.best() for search in self._searches]
             agreement = Agreement.of(bodies, self._away, estimator, data, self._noise)
             fresh = agreement.share_beyond(known)
@@ -244,6 +251,8 @@ class Sampler:
             restart &= bool(self.predictor.unknowns.choices.size)  # else there is nothing to find
             if restart and not self._explores:
                 anew += 1
+                lacking = [improvable or agreement.leader not in own for own in agreement.found]
+                going = [lacks or not any(lacking) for lacks in lacking]
             converged = agreement.adequate_fit and agreed and fresh <= _NEGLIGIBLE
             if self._explores:
                 converged |= agreement.explained and not late
