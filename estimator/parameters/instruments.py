@@ -33,22 +33,22 @@ def as_sensed(readings: PredictedReadings, bodies: Bodies) -> PredictedReadings:
         readings: Of n bodies, as a back-end has them.
         bodies: These.
     """
-    level, too_high = bodies.base[:, LEVEL], bodies.base[:, TOO_HIGH]
-    gain = bodies.base[:, DISTANCE_GAIN]
-    odd = np.flatnonzero(np.any(level != (1.0, 0.0, 0.0, 1.0), axis=1))
-    if odd.size:
-        tilt = readings.tilt.copy()
-        felt = np.einsum("nij,nj->ni", level[odd].reshape(-1, 2, 2), np.sin(tilt[odd]))
-        tilt[odd] = np.arcsin(np.clip(felt, -1.0, 1.0))
-        readings = replace(readings, tilt=tilt)
-    if np.any(gain != 1) or np.any(too_high != 0):
-        height = np.maximum(gain * readings.clearance + too_high, 0.0)
-        clearance = np.where(readings.saturated, readings.clearance, height)
+    odd_tilt, odd_distance, odd_touch = bodies.odd_sensors
+    if odd_tilt:
+        one, other, third, fourth = bodies.base[:, LEVEL].T
+        left, forward = np.sin(readings.tilt).T
+        felt = np.stack([one * left + other * forward, third * left + fourth * forward], axis=1)
+        odd = (one != 1) | (other != 0) | (third != 0) | (fourth != 1)
+        tilt = np.arcsin(np.maximum(np.minimum(felt, 1.0), -1.0))
+        readings = replace(readings, tilt=np.where(odd[:, None], tilt, readings.tilt))
+    if odd_distance:
+        height = bodies.base[:, DISTANCE_GAIN] * readings.clearance + bodies.base[:, TOO_HIGH]
+        clearance = np.where(readings.saturated, readings.clearance, np.maximum(height, 0.0))
         readings = replace(readings, clearance=clearance)
+    if not odd_touch:
+        return readings
     always = np.where(bodies.limp, 1, bodies.stuck)
     rows, columns = np.nonzero((always != 0) & (bodies.sensor >= 0))
-    if not rows.size:
-        return readings
     known = np.zeros(readings.touch.shape, dtype=np.int64)
     known[rows, bodies.sensor[rows, columns]] = always[rows, columns]
     return replace(

@@ -260,13 +260,8 @@ class Predictor:
             coarse_step: Coarse steps; see ``ArrayPhysics``.
         """
         chosen = bodies[rows]
-        if not chosen.deviates:
-            return self._physics.read_bodies(
-                chosen, programs, gravity_tilts, coarse_step=coarse_step
-            )
-        angles = performed(programs, chosen)
         return as_sensed(
-            self._physics.read_bodies(chosen, angles, gravity_tilts, coarse_step=coarse_step),
+            self._physics.read_bodies(chosen, programs, gravity_tilts, coarse_step=coarse_step),
             chosen,
         )
 
@@ -274,8 +269,7 @@ class Predictor:
         self, bodies: Bodies, rows: Columns, programs: Array, most: float = math.inf
     ) -> Array:
         """Path margins of bodies ``rows`` in their programs, rad, shape (m,), at most ``most``."""
-        chosen = bodies[rows]
-        return self._physics.path_margins_of_bodies(chosen, performed(programs, chosen), most)
+        return self._physics.path_margins_of_bodies(bodies[rows], programs, most)
 
     def read_all(
         self,
