@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -15,7 +16,7 @@ from estimator.parameters.instruments import as_sensed, performed
 from estimator.parameters.table import Parameter, applied
 from estimator.physics.base import ArrayPhysics, Physics
 from estimator.problem.genes import Gene
-from estimator.problem.genome import Genome
+from estimator.problem.genome import DECIDED, Genome
 from estimator.readings.observation import PredictedReadings
 
 Columns = NDArray[np.intp]
@@ -98,11 +99,20 @@ class Unknowns:
 
     def bodies(self, values: Array) -> Bodies:
         """The bodies of n points, shape (n, size)."""
-        table, away = self._taken
-        bodies = self._genome.bodies(self.cube(values))
-        if away.any():
+        bodies = self._genome.bodies(self.cube(values), self._like)
+        if self._like is None:
+            table, away = self._taken
             bodies = applied(table, bodies, away[None].repeat(len(values), axis=0))
         return applied(self.table, bodies, values[:, self.genes_size :])
+
+    @cached_property
+    def _like(self) -> Bodies | None:
+        """A body with what is taken; ``None``: that changes what genes decide, body by body."""
+        table, away = self._taken
+        body = self._genome.bodies(np.zeros((1, self.genes_size)))
+        changed = applied(table, body, away[None])
+        same = (getattr(changed, name) is getattr(body, name) for name in DECIDED)
+        return changed if all(same) else None
 
     def searched(self, away: Array) -> Unknowns:
         """The cube alone: bodies that are all so far from what is stated, shape (rows,)."""
