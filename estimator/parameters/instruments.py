@@ -34,17 +34,19 @@ def as_sensed(readings: PredictedReadings, bodies: Bodies) -> PredictedReadings:
         bodies: These.
     """
     odd_tilt, odd_distance, odd_touch = bodies.odd_sensors
+    tilt, clearance = readings.tilt, readings.clearance
     if odd_tilt:
-        one, other, third, fourth = bodies.base[:, LEVEL].T
-        left, forward = np.sin(readings.tilt).T
-        felt = np.stack([one * left + other * forward, third * left + fourth * forward], axis=1)
+        one, other, third, fourth = np.ascontiguousarray(bodies.base[:, LEVEL].T)
         odd = (one != 1) | (other != 0) | (third != 0) | (fourth != 1)
-        tilt = np.arcsin(np.maximum(np.minimum(felt, 1.0), -1.0))
-        readings = replace(readings, tilt=np.where(odd[:, None], tilt, readings.tilt))
+        left, forward = np.sin(tilt).T
+        felt = np.stack([one * left + other * forward, third * left + fourth * forward], axis=1)
+        felt = np.arcsin(np.maximum(np.minimum(felt, 1.0), -1.0))
+        tilt = np.where(odd[:, None], felt, tilt)
     if odd_distance:
-        height = bodies.base[:, DISTANCE_GAIN] * readings.clearance + bodies.base[:, TOO_HIGH]
-        clearance = np.where(readings.saturated, readings.clearance, np.maximum(height, 0.0))
-        readings = replace(readings, clearance=clearance)
+        height = bodies.base[:, DISTANCE_GAIN] * clearance + bodies.base[:, TOO_HIGH]
+        clearance = np.where(readings.saturated, clearance, np.maximum(height, 0.0))
+    if odd_tilt or odd_distance:
+        readings = replace(readings, tilt=tilt, clearance=clearance)
     if not odd_touch:
         return readings
     always = np.where(bodies.limp, 1, bodies.stuck)

@@ -242,20 +242,12 @@ class Genome:
 
     def _traits(self, values: Array) -> Traits:
         """Parents, mounts, hinges and lengths of n genomes."""
-        columns, count = self._columns, len(values)
-        known = columns.known
-        traits = Traits(
-            known.parent[None].repeat(count, axis=0),
-            known.mount[None].repeat(count, axis=0),
-            known.hinge[None].repeat(count, axis=0),
-            known.length[None].repeat(count, axis=0),
-        )
-        chosen = self.choices(values)
-        for name, (parts, own) in columns.of_traits.items():
-            if parts.size:
-                getattr(traits, name)[:, parts] = chosen[:, own] + (BASE if name == "parent" else 0)
-        parts, own = columns.lengths
-        traits.length[:, parts] = columns.shortest + values[:, own] * columns.spans
+        columns = self._columns
+        known = columns.known[None].repeat(len(values), axis=0)
+        numbers = np.concatenate([self.choices(values), known], axis=1)
+        parent, mount, hinge = numbers.take(columns.chosen, axis=1).swapaxes(0, 1)
+        length = columns.shortest + values.take(columns.lengths, axis=1) * columns.spans
+        traits = Traits(parent + BASE, mount, hinge, length)
         parts = columns.mounted
         if parts.size:
             on_base = traits.parent[:, parts] == BASE
