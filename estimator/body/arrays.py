@@ -261,9 +261,9 @@ class Bodies:
 
     @cached_property
     def odd_sensors(self) -> tuple[bool, bool, bool]:
-        """Whether a tilt, a distance and a touch sensor read something else than what is there.
+        """Whether some body's tilt, clearance and touch are not read as they are.
 
-        Of any of these bodies, or of those they are a part of; see ``base``, ``limp`` and ``stuck``.
+        Of these bodies, or of those they are a part of; see ``base``, ``limp`` and ``stuck``.
         """
         odd = np.any(self.base[:, LEVEL.start : ROUND] != _TRUE_SENSORS, axis=0).tolist()
         return any(odd[:-2]), any(odd[-2:]), bool(self.limp.any() or self.stuck.any())

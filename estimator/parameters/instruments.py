@@ -14,6 +14,8 @@ from estimator.readings.observation import PredictedReadings
 def performed(programs: Array, bodies: Bodies) -> Array:
     """Angles that motors reach in programs, by the travel of their servos, rad, shape (n, motors).
 
+    For a simulator that takes objects, which do not have it.
+
     Args:
         programs: rad, shape (n, motors).
         bodies: The body of each.

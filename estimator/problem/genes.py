@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
@@ -85,7 +86,9 @@ class GeneColumns:
     def of(cls, problem: Problem, genes: Sequence[Gene]) -> GeneColumns:
         """The columns of a problem's genomes."""
         rules, attached = problem.parts, problem.tables.attached
-        places = {(gene.trait, gene.part): column for column, gene in enumerate(genes)}
+        places: dict[tuple[str, int], int] = {
+            (gene.trait, gene.part): column for column, gene in enumerate(genes)
+        }
 
         open_parts = [
             part for trait, part in places if trait == "mount" and ("parent", part) in places
@@ -103,16 +106,16 @@ class GeneColumns:
             ],
             "hinge": [one.hinge or 0 for one in attached],
         }
-        chosen = len(genes) + np.arange(len(known) * len(rules)).reshape(len(known), -1)
-        for row, trait in enumerate(known):
-            for part in range(len(rules)):
-                chosen[row, part] = places.get((trait, part), chosen[row, part])
+        chosen = [
+            places.get(place, len(genes) + number)
+            for number, place in enumerate(product(known, range(len(rules))))
+        ]
         return cls(
             counts=np.array([gene.choices for gene in genes], dtype=np.int64),
             open_mounts=np.array([places["mount", part] for part in open_parts], dtype=np.intp),
             their_parents=np.array([places["parent", part] for part in open_parts], dtype=np.intp),
             known=np.array(list(known.values()), dtype=np.int64).ravel(),
-            chosen=chosen,
+            chosen=np.array(chosen, dtype=np.intp).reshape(len(known), -1),
             lengths=np.array([places.get(("length", part), 0) for part in range(len(rules))]),
             shortest=np.array([rule.length[0] for rule in rules]),
             spans=np.array([rule.length[1] - rule.length[0] for rule in rules]),

@@ -20,7 +20,6 @@ from estimator.errors import SearchStateError
 from estimator.problem.genes import Gene, GeneColumns, Traits, genes_of
 from estimator.problem.problem import Problem
 
-
 DECIDED: Final = (*Traits._fields, "sensor")
 """The arrays of ``Bodies`` that genes decide."""
 

@@ -256,10 +256,10 @@ def board(trees: Trees, row: int, program: Array, slew: Slew, work: Work, lane: 
 @inlined
 def target_of(trees: Trees, row: int, part: int, program: Array) -> float:
     """Where the hinge of a part goes, rad."""
-    motor = trees.motor[row, part]
-    if motor < 0:
-        return 0.0
-    return trees.travel[row, part] * program[motor] + trees.zero[row, part]
+    target, motor = 0.0, trees.motor[row, part]
+    if motor >= 0:
+        target = trees.travel[row, part] * program[motor] + trees.zero[row, part]
+    return target
 
 
 @inlined
