@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from estimator.body.arrays import DISTANCE_GAIN, LEVEL, TOO_HIGH, Bodies
+from estimator.body.arrays import LEVEL, ROUND, Bodies
 from estimator.body.morphology import Array
 from estimator.readings.observation import PredictedReadings
 
@@ -37,16 +37,21 @@ def as_sensed(readings: PredictedReadings, bodies: Bodies) -> PredictedReadings:
     """
     odd_tilt, odd_distance, odd_touch = bodies.odd_sensors
     tilt, clearance = readings.tilt, readings.clearance
+    whole, rows = bodies.origin
+    own = whole.base[:, LEVEL.start : ROUND].T.take(rows, axis=1)  # one after the other in memory
     if odd_tilt:
-        one, other, third, fourth = np.ascontiguousarray(bodies.base[:, LEVEL].T)
+        one, other, third, fourth, *_ = own
         odd = (one != 1) | (other != 0) | (third != 0) | (fourth != 1)
+        felt = np.empty_like(tilt)
         left, forward = np.sin(tilt).T
-        felt = np.stack([one * left + other * forward, third * left + fourth * forward], axis=1)
+        felt[:, 0] = one * left + other * forward
+        felt[:, 1] = third * left + fourth * forward
         felt = np.arcsin(np.maximum(np.minimum(felt, 1.0), -1.0))
         tilt = np.where(odd[:, None], felt, tilt)
     if odd_distance:
-        height = bodies.base[:, DISTANCE_GAIN] * clearance + bodies.base[:, TOO_HIGH]
-        clearance = np.where(readings.saturated, clearance, np.maximum(height, 0.0))
+        *_, too_high, gain = own
+        height = np.maximum(gain * clearance + too_high, 0.0)
+        clearance = np.where(readings.saturated, clearance, height)
     if odd_tilt or odd_distance:
         readings = replace(readings, tilt=tilt, clearance=clearance)
     if not odd_touch:

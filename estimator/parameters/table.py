@@ -164,6 +164,8 @@ def applied(table: Sequence[Parameter], bodies: Bodies, away: Array) -> Bodies:
         away: How far each is from that, shape (n, rows): SI, of factors their logarithms, of
             switches 1. What is 0 is as stated.
     """
+    if not table:
+        return bodies
     draft = Draft(bodies)
     for column in np.flatnonzero(np.any(away != 0, axis=0)).tolist():
         row, own = table[column], away[:, column]

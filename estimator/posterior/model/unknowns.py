@@ -191,7 +191,7 @@ class Unknowns:
 
     def keys(self, values: Array) -> list[Attachments]:
         """Attachments of n points as tuples, which can be compared and counted."""
-        return [tuple(row) for row in self.attachments(values).tolist()]
+        return list(map(tuple, self.attachments(values).tolist()))
 
 
 class Cost(NamedTuple):
