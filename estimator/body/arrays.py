@@ -65,8 +65,7 @@ class Bodies:
             sensor reads contact in every pose, whatever a back-end says.
         stuck: What the part's touch sensor reads in every pose: 1 contact, −1 none; 0: what it
             feels.
-        travel: How far the motor turns the hinge, as a factor on the command; a back-end is given
-            the angle that it turns.
+        travel: How far the motor turns the hinge, as a factor on the command.
         base: Shape (n, 16): extent of the main body along x, y and z, m, its mass, kg, its centre
             of mass, m, and how its accelerometer is turned about x and y, rad; then how sensors
             stray from what a back-end says: the matrix, row by row, that makes what the
@@ -117,8 +116,7 @@ class Bodies:
             object.__setattr__(self, item.name, np.ascontiguousarray(array))
         on_base = self.parent == BASE
         mounts = np.where(on_base, len(self.base_mounts), len(self.part_mounts))
-        used = np.arange(columns) < self.count[:, None]
-        earlier = np.arange(columns)[None, :]
+        used, earlier = self._used, np.arange(columns)[None, :]
         _check(self.count, (self.count >= 0) & (self.count <= columns), "number of parts")
         for name, possible in (
             ("parent", (self.parent >= BASE) & (self.parent < earlier)),
@@ -250,18 +248,32 @@ class Bodies:
         return self._most(self.sensor)
 
     @cached_property
-    def deviates(self) -> bool:
-        """Whether any of these bodies, or of those they are a part of, has odd servos or sensors.
+    def strays(self) -> tuple[float, float]:
+        """The largest size of a ``travel``, and of a ``zero``, rad.
 
-        What they do is then not what a back-end says; see ``limp``, ``stuck``, ``travel`` and
-        ``base``.
+        Of these bodies, or of those they are a part of, at most.
         """
-        servos = np.any(self.limp) or np.any(self.stuck) or np.any(self.travel != 1)
-        return bool(servos or np.any(self.base[:, LEVEL.start : ROUND] != _TRUE_SENSORS))
+        travel, zero = (
+            float(np.max(np.abs(one), where=self._used, initial=0.0))
+            for one in (self.travel, self.zero)
+        )
+        return travel, zero
+
+    @cached_property
+    def odd_sensors(self) -> tuple[bool, bool, bool]:
+        """Whether some body's tilt, clearance and touch are not read as they are.
+
+        Of these bodies, or of those they are a part of; see ``base``, ``limp`` and ``stuck``.
+        """
+        odd = np.any(self.base[:, LEVEL.start : ROUND] != _TRUE_SENSORS, axis=0).tolist()
+        return any(odd[:-2]), any(odd[-2:]), bool(self.limp.any() or self.stuck.any())
+
+    @property
+    def _used(self) -> Flags:
+        return np.arange(self.parent.shape[1]) < self.count[:, None]
 
     def _most(self, numbers: Integers) -> int:
-        used = np.arange(numbers.shape[1]) < self.count[:, None]
-        return int(np.max(np.where(used, numbers, _NONE), initial=_NONE)) + 1
+        return int(np.max(numbers, where=self._used, initial=_NONE)) + 1
 
     @classmethod
     def of(cls, morphologies: Sequence[Morphology]) -> Bodies:
@@ -320,7 +332,8 @@ _ROWS: Final = frozenset(name for name in _ARRAYS if name not in _TABLES)  # a r
 _DERIVED: Final = {
     "motors": {"count", "motor"},
     "sensors": {"count", "sensor"},
-    "deviates": {"limp", "stuck", "travel", "base"},
+    "strays": {"count", "travel", "zero"},
+    "odd_sensors": {"base", "limp", "stuck"},
 }
 _SHARED: Final = (*_TABLES, *_DERIVED)  # by all that are chosen from some
 

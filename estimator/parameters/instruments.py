@@ -6,13 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from estimator.body.arrays import DISTANCE_GAIN, LEVEL, TOO_HIGH, Bodies
+from estimator.body.arrays import LEVEL, ROUND, Bodies
 from estimator.body.morphology import Array
 from estimator.readings.observation import PredictedReadings
 
 
 def performed(programs: Array, bodies: Bodies) -> Array:
     """Angles that motors reach in programs, by the travel of their servos, rad, shape (n, motors).
+
+    For a simulator that takes objects, which do not have it.
 
     Args:
         programs: rad, shape (n, motors).
@@ -33,22 +35,29 @@ def as_sensed(readings: PredictedReadings, bodies: Bodies) -> PredictedReadings:
         readings: Of n bodies, as a back-end has them.
         bodies: These.
     """
-    level, too_high = bodies.base[:, LEVEL], bodies.base[:, TOO_HIGH]
-    gain = bodies.base[:, DISTANCE_GAIN]
-    odd = np.flatnonzero(np.any(level != (1.0, 0.0, 0.0, 1.0), axis=1))
-    if odd.size:
-        tilt = readings.tilt.copy()
-        felt = np.einsum("nij,nj->ni", level[odd].reshape(-1, 2, 2), np.sin(tilt[odd]))
-        tilt[odd] = np.arcsin(np.clip(felt, -1.0, 1.0))
-        readings = replace(readings, tilt=tilt)
-    if np.any(gain != 1) or np.any(too_high != 0):
-        height = np.maximum(gain * readings.clearance + too_high, 0.0)
-        clearance = np.where(readings.saturated, readings.clearance, height)
-        readings = replace(readings, clearance=clearance)
+    odd_tilt, odd_distance, odd_touch = bodies.odd_sensors
+    tilt, clearance = readings.tilt, readings.clearance
+    whole, rows = bodies.origin
+    own = whole.base[:, LEVEL.start : ROUND].T.take(rows, axis=1)  # one after the other in memory
+    if odd_tilt:
+        one, other, third, fourth, *_ = own
+        odd = (one != 1) | (other != 0) | (third != 0) | (fourth != 1)
+        felt = np.empty_like(tilt)
+        left, forward = np.sin(tilt).T
+        felt[:, 0] = one * left + other * forward
+        felt[:, 1] = third * left + fourth * forward
+        felt = np.arcsin(np.maximum(np.minimum(felt, 1.0), -1.0))
+        tilt = np.where(odd[:, None], felt, tilt)
+    if odd_distance:
+        *_, too_high, gain = own
+        height = np.maximum(gain * clearance + too_high, 0.0)
+        clearance = np.where(readings.saturated, clearance, height)
+    if odd_tilt or odd_distance:
+        readings = replace(readings, tilt=tilt, clearance=clearance)
+    if not odd_touch:
+        return readings
     always = np.where(bodies.limp, 1, bodies.stuck)
     rows, columns = np.nonzero((always != 0) & (bodies.sensor >= 0))
-    if not rows.size:
-        return readings
     known = np.zeros(readings.touch.shape, dtype=np.int64)
     known[rows, bodies.sensor[rows, columns]] = always[rows, columns]
     return replace(

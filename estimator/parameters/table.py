@@ -130,7 +130,7 @@ class Parameter:
         """
         if self.switch:
             return np.ones_like(theta)
-        away = np.clip(spread * theta, -self.limit, self.limit)
+        away = np.minimum(np.maximum(spread * theta, -self.limit), self.limit)  # clip takes longer
         return np.exp(away) if self.factor else away
 
     def applied(self, bodies: Bodies, amounts: Array | float = 1.0) -> Bodies:
@@ -163,6 +163,8 @@ def applied(table: Sequence[Parameter], bodies: Bodies, away: Array) -> Bodies:
         away: How far each is from that, shape (n, rows): SI, of factors their logarithms, of
             switches 1. What is 0 is as stated.
     """
+    if not table:
+        return bodies
     draft = Draft(bodies)
     for column in np.flatnonzero(np.any(away != 0, axis=0)).tolist():
         row, own = table[column], away[:, column]

@@ -160,7 +160,7 @@ class StaticsPhysics(ArrayPhysics):
         Without ``plumb`` there is nothing in the readings.
         """
         settings, count, trees = self._settings, len(bodies), self._kernel.Trees
-        angles, farthest = _angles(bodies, programs)
+        told, farthest = _checked_programs(bodies, programs)
         whole, rows = bodies.origin
         readings, up = PredictedReadings.empty(count, bodies.sensors), np.empty((count, 3))
         self.steps += self._share_out(
@@ -169,7 +169,7 @@ class StaticsPhysics(ArrayPhysics):
             (
                 trees(whole.count, *(getattr(whole, name) for name in trees._fields[1:])),
                 rows,
-                angles,
+                told,
                 _checked_tilts(bodies, gravity_tilts),
                 self._slew(farthest, pace),
                 self._kernel.Limits(
@@ -215,8 +215,8 @@ class StaticsPhysics(ArrayPhysics):
         return sum(steps)
 
 
-def _angles(bodies: Bodies, programs: Array) -> tuple[Array, float]:
-    """Where the hinges go, by motor: the programs, and where a motor's 0 is; and how far at most.
+def _checked_programs(bodies: Bodies, programs: Array) -> tuple[Array, float]:
+    """One motor program for all bodies, or one for each; and how far no hinge turns in any.
 
     Raises:
         PhysicsError: The programs have a wrong shape or are not finite.
@@ -227,16 +227,12 @@ def _angles(bodies: Bodies, programs: Array) -> tuple[Array, float]:
             f"{len(bodies)} bodies of {bodies.motors} motors need a motor program of at least so "
             f"many angles, or one for each body, not an array of shape {np.shape(programs)}"
         )
-    farthest = _farthest(rows)
+    travel, zero = bodies.strays
+    farthest = travel * _farthest(rows) + zero
     if not math.isfinite(farthest):
         row = int(np.argmin(np.all(np.isfinite(rows), axis=1)))
         raise PhysicsError(f"a motor program must be finite, not {rows[row].tolist()}")
-    if not bodies.origin[0].zero.any():
-        return rows, farthest
-    angles = rows.repeat(len(bodies), axis=0) if len(rows) == 1 else rows.copy()
-    body, part = np.nonzero((bodies.motor >= 0) & (bodies.zero != 0))
-    angles[body, bodies.motor[body, part]] += bodies.zero[body, part]
-    return angles, _farthest(angles)
+    return rows, farthest
 
 
 def _checked_tilts(bodies: Bodies, gravity_tilts: Array | None) -> Array:

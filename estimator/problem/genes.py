@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
@@ -59,11 +60,11 @@ class GeneColumns:
         counts: How many values each column chooses from; 0: any in a range. Shape (size,).
         open_mounts: Columns of mounts on a parent that is chosen, too.
         their_parents: Columns of these parents.
-        known: Of one body, shape (parts,): what the problem says, anything where a gene says.
-        of_traits: Parts and their columns, for what is chosen, by trait.
-        lengths: Parts and their columns, for lengths.
-        shortest: Of these, m.
-        spans: Of these, m.
+        known: Choices that are none of genes', to be read as further columns.
+        chosen: Columns of parents, mounts and hinges, shape (3, parts).
+        lengths: Columns of lengths, shape (parts,); any where the length is known.
+        shortest: Lengths, m, shape (parts,).
+        spans: By how much they may be larger, m.
         mounted: Parts of which the mount is known and the parent is not.
         on_base: Their mounts if they sit on the main body.
         on_part: Those on a part.
@@ -72,9 +73,9 @@ class GeneColumns:
     counts: Integers
     open_mounts: Indices
     their_parents: Indices
-    known: Traits
-    of_traits: dict[str, tuple[Indices, Indices]]
-    lengths: tuple[Indices, Indices]
+    known: Integers
+    chosen: Indices
+    lengths: Indices
     shortest: Array
     spans: Array
     mounted: Indices
@@ -85,41 +86,39 @@ class GeneColumns:
     def of(cls, problem: Problem, genes: Sequence[Gene]) -> GeneColumns:
         """The columns of a problem's genomes."""
         rules, attached = problem.parts, problem.tables.attached
-        places = {(gene.trait, gene.part): column for column, gene in enumerate(genes)}
-
-        def of_trait(name: str) -> tuple[Indices, Indices]:
-            columns_of_parts = [(part, at) for (trait, part), at in places.items() if trait == name]
-            parts, columns = np.array(columns_of_parts, dtype=np.intp).reshape(-1, 2).T
-            return parts, columns
+        places: dict[tuple[str, int], int] = {
+            (gene.trait, gene.part): column for column, gene in enumerate(genes)
+        }
 
         open_parts = [
             part for trait, part in places if trait == "mount" and ("parent", part) in places
         ]
-        lengths = of_trait("length")
-        ranges = np.array([rules[part].length for part in lengths[0].tolist()]).reshape(-1, 2)
         mounted = [
             part
             for part, rule in enumerate(rules)
             if rule.mount is not None and ("parent", part) in places
         ]
-        mounts = [
-            (one.on_base if rule.parent == BASE else one.on_part) or 0
-            for one, rule in zip(attached, rules, strict=True)
+        known = {
+            "parent": [0 if rule.parent is None else rule.parent - BASE for rule in rules],
+            "mount": [
+                (one.on_base if rule.parent == BASE else one.on_part) or 0
+                for one, rule in zip(attached, rules, strict=True)
+            ],
+            "hinge": [one.hinge or 0 for one in attached],
+        }
+        chosen = [
+            places.get(place, len(genes) + number)
+            for number, place in enumerate(product(known, range(len(rules))))
         ]
         return cls(
             counts=np.array([gene.choices for gene in genes], dtype=np.int64),
             open_mounts=np.array([places["mount", part] for part in open_parts], dtype=np.intp),
             their_parents=np.array([places["parent", part] for part in open_parts], dtype=np.intp),
-            known=Traits(
-                np.array([BASE if rule.parent is None else rule.parent for rule in rules]),
-                np.array(mounts, dtype=np.int64),
-                np.array([one.hinge or 0 for one in attached]),
-                np.array([rule.length[0] for rule in rules]),
-            ),
-            of_traits={name: of_trait(name) for name in ("parent", "mount", "hinge")},
-            lengths=lengths,
-            shortest=ranges[:, 0],
-            spans=ranges[:, 1] - ranges[:, 0],
+            known=np.array(list(known.values()), dtype=np.int64).ravel(),
+            chosen=np.array(chosen, dtype=np.intp).reshape(len(known), -1),
+            lengths=np.array([places.get(("length", part), 0) for part in range(len(rules))]),
+            shortest=np.array([rule.length[0] for rule in rules]),
+            spans=np.array([rule.length[1] - rule.length[0] for rule in rules]),
             mounted=np.array(mounted, dtype=np.intp),
             on_base=np.array([attached[part].on_base or 0 for part in mounted], dtype=np.int64),
             on_part=np.array([attached[part].on_part or 0 for part in mounted], dtype=np.int64),

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
 import numpy as np
 
@@ -19,6 +19,9 @@ from estimator.body.morphology import BASE, Array, Base, Morphology, Part
 from estimator.errors import SearchStateError
 from estimator.problem.genes import Gene, GeneColumns, Traits, genes_of
 from estimator.problem.problem import Problem
+
+DECIDED: Final = (*Traits._fields, "sensor")
+"""The arrays of ``Bodies`` that genes decide."""
 
 
 class Genome:
@@ -158,17 +161,18 @@ class Genome:
             hinges=tables.hinges,
         )
 
-    def bodies(self, genes: Array) -> Bodies:
+    def bodies(self, genes: Array, like: Bodies | None = None) -> Bodies:
         """Bodies of genomes as arrays, without an object per body.
 
         Args:
             genes: Shape (n, size), each in [0, 1].
+            like: One body, which has what genes do not decide; by default as the problem says.
 
         Raises:
             SearchStateError: The shape is wrong or a gene lies outside [0, 1].
         """
         values = self._checked(genes)
-        bodies = self._any_body[np.zeros(len(values), dtype=np.intp)]
+        bodies = (self._any_body if like is None else like)[np.zeros(len(values), dtype=np.intp)]
         traits = self._traits(values)
         changes: dict[str, Array | Integers] = traits._asdict()
         if self._problem.touch == "outermost" and self._problem.sensors < len(self._problem.parts):
@@ -237,20 +241,12 @@ class Genome:
 
     def _traits(self, values: Array) -> Traits:
         """Parents, mounts, hinges and lengths of n genomes."""
-        columns, count = self._columns, len(values)
-        known = columns.known
-        traits = Traits(
-            known.parent[None].repeat(count, axis=0),
-            known.mount[None].repeat(count, axis=0),
-            known.hinge[None].repeat(count, axis=0),
-            known.length[None].repeat(count, axis=0),
-        )
-        chosen = self.choices(values)
-        for name, (parts, own) in columns.of_traits.items():
-            if parts.size:
-                getattr(traits, name)[:, parts] = chosen[:, own] + (BASE if name == "parent" else 0)
-        parts, own = columns.lengths
-        traits.length[:, parts] = columns.shortest + values[:, own] * columns.spans
+        columns = self._columns
+        known = columns.known[None].repeat(len(values), axis=0)
+        numbers = np.concatenate([self.choices(values), known], axis=1)
+        parent, mount, hinge = numbers.take(columns.chosen, axis=1).swapaxes(0, 1)
+        length = columns.shortest + values.take(columns.lengths, axis=1) * columns.spans
+        traits = Traits(parent + BASE, mount, hinge, length)
         parts = columns.mounted
         if parts.size:
             on_base = traits.parent[:, parts] == BASE

@@ -66,6 +66,7 @@ from estimator.physics.kernel.parts import (
     move,
     pick_out,
     place_rims,
+    target_of,
     work_space,
 )
 from estimator.physics.kernel.rest import (
@@ -361,9 +362,8 @@ def _read(
             work.lowest[part, lane] = _lowest(work, lane, part, up)
         group = work.group[part, lane]
         work.above[group] = min(work.above[group], deep - work.lowest[part, lane])
-        motor = trees.motor[body, part]
-        if motor >= 0:
-            largest = max(largest, abs(program[motor]) - slew.reach)
+        target = target_of(trees, body, part, program)
+        largest = max(largest, abs(target) - slew.reach)
     for part in range(parts):
         sensor = trees.sensor[body, part]
         if sensor >= 0:

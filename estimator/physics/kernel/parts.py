@@ -113,6 +113,8 @@ class Trees(NamedTuple):
     radius: Array
     density: Array
     box: Flags
+    zero: Array
+    travel: Array
     base: Array
     base_mounts: Array
     part_mounts: Array
@@ -225,7 +227,7 @@ def board(trees: Trees, row: int, program: Array, slew: Slew, work: Work, lane: 
     Args:
         trees: Where the body is.
         row: Its row there.
-        program: Angle of each motor, rad.
+        program: Angle that each motor is told, rad.
         slew: How joints turn.
         work: Receives the body.
         lane: Of it.
@@ -252,6 +254,15 @@ def board(trees: Trees, row: int, program: Array, slew: Slew, work: Work, lane: 
 
 
 @inlined
+def target_of(trees: Trees, row: int, part: int, program: Array) -> float:
+    """Where the hinge of a part goes, rad."""
+    target, motor = 0.0, trees.motor[row, part]
+    if motor >= 0:
+        target = trees.travel[row, part] * program[motor] + trees.zero[row, part]
+    return target
+
+
+@inlined
 def _board_part(
     trees: Trees, row: int, part: int, program: Array, slew: Slew, work: Work, lane: int
 ) -> tuple[float, int]:
@@ -271,7 +282,7 @@ def _board_part(
     _note_carrier(work, part, on + 1)
     rigid = on >= 0 and motor < 0
     work.group[part, lane] = work.group[on, lane] if rigid else part
-    target = program[motor] if motor >= 0 else 0.0
+    target = target_of(trees, row, part, program)
     angle = min(abs(target), slew.reach)
     steps = math.ceil(angle / slew.pace - 1e-9)
     sign = -1.0 if target < 0 else 1.0

@@ -221,14 +221,11 @@ def _make_mixture(sources: int) -> Any:
         """
         log_inlier, log_outlier = math.log1p(-spread.outlier), math.log(spread.outlier)
         log_elsewhere, log_nearby = math.log1p(-spread.nearby), math.log(spread.nearby)
+        level = level_of(spread, 1.0, 0.0, 0.0)
         for row in range(misfits.shape[0]):
-            own = row if len(scales) > 1 else 0
-            level = level_of(
-                spread,
-                noise_scales[row if len(noise_scales) > 1 else 0],
-                scales[own, 0],
-                scales[own, 1],
-            )
+            own, one = row if len(scales) > 1 else 0, row if len(noise_scales) > 1 else 0
+            if row == 0 or own > 0 or one > 0:
+                level = level_of(spread, noise_scales[one], scales[own, 0], scales[own, 1])
             for column in range(misfits.shape[1]):
                 interaction = interactions[row if len(interactions) > 1 else 0, column]
                 anywhere = read.log_anywhere[interaction]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -15,7 +16,7 @@ from estimator.parameters.instruments import as_sensed, performed
 from estimator.parameters.table import Parameter, applied
 from estimator.physics.base import ArrayPhysics, Physics
 from estimator.problem.genes import Gene
-from estimator.problem.genome import Genome
+from estimator.problem.genome import DECIDED, Genome
 from estimator.readings.observation import PredictedReadings
 
 Columns = NDArray[np.intp]
@@ -98,11 +99,20 @@ class Unknowns:
 
     def bodies(self, values: Array) -> Bodies:
         """The bodies of n points, shape (n, size)."""
-        table, away = self._taken
-        bodies = self._genome.bodies(self.cube(values))
-        if away.any():
+        bodies = self._genome.bodies(self.cube(values), self._like)
+        if self._like is None:
+            table, away = self._taken
             bodies = applied(table, bodies, away[None].repeat(len(values), axis=0))
         return applied(self.table, bodies, values[:, self.genes_size :])
+
+    @cached_property
+    def _like(self) -> Bodies | None:
+        """A body with what is taken; ``None``: that changes what genes decide, body by body."""
+        table, away = self._taken
+        body = self._genome.bodies(np.zeros((1, self.genes_size)))
+        changed = applied(table, body, away[None])
+        same = (getattr(changed, name) is getattr(body, name) for name in DECIDED)
+        return changed if all(same) else None
 
     def searched(self, away: Array) -> Unknowns:
         """The cube alone: bodies that are all so far from what is stated, shape (rows,)."""
@@ -181,7 +191,7 @@ class Unknowns:
 
     def keys(self, values: Array) -> list[Attachments]:
         """Attachments of n points as tuples, which can be compared and counted."""
-        return [tuple(row) for row in self.attachments(values).tolist()]
+        return list(map(tuple, self.attachments(values).tolist()))
 
 
 class Cost(NamedTuple):
@@ -260,13 +270,8 @@ class Predictor:
             coarse_step: Coarse steps; see ``ArrayPhysics``.
         """
         chosen = bodies[rows]
-        if not chosen.deviates:
-            return self._physics.read_bodies(
-                chosen, programs, gravity_tilts, coarse_step=coarse_step
-            )
-        angles = performed(programs, chosen)
         return as_sensed(
-            self._physics.read_bodies(chosen, angles, gravity_tilts, coarse_step=coarse_step),
+            self._physics.read_bodies(chosen, programs, gravity_tilts, coarse_step=coarse_step),
             chosen,
         )
 
@@ -274,8 +279,7 @@ class Predictor:
         self, bodies: Bodies, rows: Columns, programs: Array, most: float = math.inf
     ) -> Array:
         """Path margins of bodies ``rows`` in their programs, rad, shape (m,), at most ``most``."""
-        chosen = bodies[rows]
-        return self._physics.path_margins_of_bodies(chosen, performed(programs, chosen), most)
+        return self._physics.path_margins_of_bodies(bodies[rows], programs, most)
 
     def read_all(
         self,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -187,6 +188,20 @@ def test_many_bodies_each_by_its_own_columns(predictor: Predictor) -> None:
         assert np.array_equal(together.tilt[number], alone.tilt[0]), row.name
         assert np.array_equal(together.touch[number], alone.touch[0]), row.name
     assert applied((), bodies, np.empty((len(rows), 0))) is bodies
+
+
+@pytest.mark.parametrize("name", ["parametric", "topological"])
+def test_what_a_search_takes_for_granted_is_as_if_each_point_had_it(name: str) -> None:
+    problem = Problem.load(name)
+    unknowns = Unknowns(Genome(problem, Base(size=(0.14, 0.14, 0.085), mass=1.0)), problem.table)
+    genes = np.random.default_rng(7).uniform(0, 1, (5, unknowns.genes_size))
+    for number, row in enumerate(problem.table):
+        away = np.zeros(len(problem.table))
+        away[number] = 1.0 if row.switch else row.wide or row.narrow
+        taken = unknowns.searched(away).bodies(genes)
+        each = unknowns.bodies(unknowns.otherwise(genes, away))
+        for item in fields(Bodies):
+            assert np.array_equal(getattr(taken, item.name), getattr(each, item.name)), row.name
 
 
 def test_one_robot_in_twenty_is_built_otherwise_and_as_many_are_miswired() -> None:
