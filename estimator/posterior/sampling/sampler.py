@@ -260,7 +260,7 @@ class Sampler:
             else:
                 converged &= not (0 < anew <= _MORE and improvable)
                 rounds = min(effort.rounds, max(1, len(data) - 1))
-                rounds += _MORE if anew and late else 0
+                rounds += _MORE if anew and (late or improvable) else 0
             if converged or number >= rounds:
                 if anew > _MORE:
                     self._cleared.update(agreement.leaders)
