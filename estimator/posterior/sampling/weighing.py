@@ -30,8 +30,8 @@ from estimator.posterior.sampling.integrals import Hypothesis, Integrals
 from estimator.posterior.sampling.tempering import Particles
 
 _MOST: Final = 64  # sets of attachments that are weighed, drawn if there are more
-_AT_ONCE: Final = 16  # of them, before it is seen whether more are needed
-_TOGETHER: Final = 512  # particles of several, by one worker
+_AT_ONCE: Final = 32  # of them, before it is seen whether more are needed
+_TOGETHER: Final = 1024  # readings by particles of several, by one worker
 _ROWS: Final = 12  # of the table, that one worker fits
 _WEIGHED: Final = 9.0  # nats below the best evidence
 _FEWEST: Final = 48  # particles of each at first,
@@ -148,23 +148,22 @@ class Weigher:
         Returns:
             Points of the first one if the robot is just as stated, where it may be otherwise.
         """
-        again: list[_Weight] = []
-        few, table = len(close) <= _FEW, self._predictor.unknowns.table
+        few, unknowns = len(close) <= _FEW, self._predictor.unknowns
+        table = unknowns.table
         if not few and not (table and self._strays([weights[row] for row in close])):
             return None
+        mode, point, *_ = weights[close[0]].hypothesis
+        exact = Hypothesis(mode, unknowns.as_stated(unknowns.cube(point[None]))[0], as_stated=True)
+        narrow: list[Hypothesis] = []
         if few:
             as_built = math.log1p(-sum(map(math.exp, log_priors(table).values())))
             narrow = [weights[row].hypothesis._replace(log_prior=as_built) for row in close]
-            again = self._of(narrow, self._particles, log_chances)
             for row in close:
                 weights[row] = weights[row]._replace(log=-math.inf)
         if not table:
-            weights += again
+            weights += self._of(narrow, self._particles, log_chances)
             return None
-        mode, point, *_ = weights[close[0]].hypothesis
-        unknowns = self._predictor.unknowns
-        exact = Hypothesis(mode, unknowns.as_stated(unknowns.cube(point[None]))[0], as_stated=True)
-        (stated,) = self._of([exact], self._particles // 2, log_chances)
+        *again, stated = self._of([*narrow, exact], self._particles, log_chances)
         first = [close[0], 0]  # the best, also as first guessed
         strays = self._strays(again or weights)
         if strays:
@@ -252,21 +251,25 @@ class Weigher:
         *,
         settles: bool = True,
     ) -> list[_Weight]:
-        """Weights of hypotheses, which begin at better points than they had."""
+        """Weights of hypotheses, which begin at better points than they had.
+
+        Robots that are as stated, of whom less is open, have half as many particles.
+        """
         groups: dict[int, list[int]] = {}
         for number, one in enumerate(hypotheses):
             groups.setdefault(len(self._integrals.opened(one)), []).append(number)
-        together = max(1, _TOGETHER // particles)
+        together = max(1, _TOGETHER // (particles * len(self._data)))
         batches = [
             numbers[start : start + together]
             for numbers in groups.values()
             for start in range(0, len(numbers), together)
         ]
         seeds = self._rng.integers(2**32, size=len(batches)).tolist()
-        tasks = [
-            ([hypotheses[number] for number in batch], _even(particles), settles, seed)
-            for batch, seed in zip(batches, seeds, strict=True)
-        ]
+        tasks = []
+        for batch, seed in zip(batches, seeds, strict=True):
+            several = [hypotheses[number] for number in batch]
+            each = particles // 2 if several[0].as_stated else particles
+            tasks.append((several, _even(each), settles, seed))
         weights: dict[int, _Weight] = {}
         done = self._workers.map(self._integrals.with_cost, tasks)
         for batch, (results, cost) in zip(batches, done, strict=True):
