@@ -216,7 +216,7 @@ class StaticsPhysics(ArrayPhysics):
 
 
 def _checked_programs(bodies: Bodies, programs: Array) -> tuple[Array, float]:
-    """One motor program for all bodies, or one for each; and how far no hinge turns in any.
+    """One motor program for all bodies, or one for each; and an angle that no hinge goes beyond.
 
     Raises:
         PhysicsError: The programs have a wrong shape or are not finite.
