@@ -152,8 +152,15 @@ def _walked(target: Target, seed: int) -> Answer:
     """Emcee (Foreman-Mackey et al. 2013), by differences of two walkers, until time is up."""
     rng, size = np.random.default_rng(seed), target.unknowns.size
 
+    over = False
+
     def density(points: Array) -> Array:
-        fits = target(points)
+        nonlocal over
+        try:
+            fits = target(points)
+        except TimeIsUpError:  # emcee would print it
+            over = True
+            return np.full(len(points), -np.inf)
         fits[np.any((points < 0) | (points > 1), axis=1)] = -np.inf
         return fits
 
@@ -161,11 +168,10 @@ def _walked(target: Target, seed: int) -> Answer:
     sampler = emcee.EnsembleSampler(_WALKERS, size, density, moves=moves, vectorize=True)
     sampler._random.seed(seed)
     seen: list[Array] = []
-    try:
-        for state in sampler.sample(rng.random((_WALKERS, size)), iterations=10**6, store=False):
-            seen.append(state.coords.copy())
-    except TimeIsUpError:
-        pass
+    for state in sampler.sample(rng.random((_WALKERS, size)), iterations=10**6, store=False):
+        if over:
+            break
+        seen.append(state.coords.copy())
     late = np.concatenate(seen[len(seen) // 2 :])
     keys = Counter(target.unknowns.keys(np.clip(late, 0.0, 1.0)))
     share = keys[target.key(target.best)] / len(late)
