@@ -39,7 +39,7 @@ from estimator.body.morphology import Array
 from estimator.executors import ThisProcess
 from estimator.exploration.information import Chooser
 from estimator.exploration.information_gain import InformationGain
-from estimator.parameters.table import CARE
+from estimator.parameters.table import CARE, MEDIAN_CARE
 from estimator.physics.equivalence import PROGRAMS
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.indistinguishable import indistinguishable_points
@@ -184,7 +184,7 @@ def trial(run: BodyRun) -> list[dict[str, Any]]:
     body[unknowns.continuous] = evenly(seed, unknowns.continuous.size)
     scale = 0.0
     if run.robots == "built":
-        scale = math.exp(CARE * rng.standard_normal())
+        scale = MEDIAN_CARE * math.exp(CARE * rng.standard_normal())
         spreads = np.array([row.narrow * (scale if row.by_care else 1) for row in unknowns.table])
         body[unknowns.genes_size :] = spreads * rng.standard_normal(spreads.size)
     robot = StaticsRobot(

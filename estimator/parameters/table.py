@@ -29,9 +29,12 @@ MISWIRED: Final = 0.05
 WIRING: Final = frozenset({"servo_reversed", "servo_plugs", "gauge_plugs", "accelerometer_wiring"})
 """Groups of what is plugged in, or put on, the wrong way round."""
 
+MEDIAN_CARE: Final = 1.4
+"""Median of the factor that all spreads have in common that care decides: robots as people build
+them are rather less exact than is said of each thing by itself, and none is just as modelled."""
+
 CARE: Final = 0.6
-"""Standard deviation of the logarithm of the factor that all spreads have in common that care
-decides: of robots as people build them one in eight is twice as exact, and one half as exact."""
+"""Standard deviation of its logarithm: one in four is half as exact, one in 25 twice as exact."""
 
 _UNNOTICED: Final = 8.0  # narrow standard deviations, which may be doubled: farther is wide
 _STATED: Final = frozenset({"thickness", "mass"})  # what robots are built of: no matter of care

@@ -14,6 +14,7 @@ import numpy as np
 
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
+from estimator.parameters.table import MEDIAN_CARE
 from estimator.posterior.model.gauss_newton import Free, GaussNewton
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.sensor_data import SensorData
@@ -63,7 +64,11 @@ class Integrals:
         self._lengths = predictor.unknowns.continuous
         table = predictor.unknowns.table
         self._first = predictor.unknowns.genes_size
-        self._narrow = {row: one.narrow for row, one in enumerate(table) if one.narrow}
+        self._narrow = {
+            row: one.narrow * (MEDIAN_CARE if one.by_care else 1.0)
+            for row, one in enumerate(table)
+            if one.narrow
+        }
         self._by_care = self._first + np.flatnonzero([one.by_care for one in table])
         self._interactions = np.arange(len(data))
 
