@@ -281,7 +281,7 @@ def test_what_a_robot_has_otherwise_is_named_with_its_amount(
     more = Effort(levels=4, chains_per_level=8, steps=10, rounds=1, particles=256, samples=64)
     monkeypatch.setattr(posterior_method, "Effort", lambda: more)
     with serving(ModelRobot(travel=1.25)) as uri:
-        asked = changed(order(tmp_path, uri), interactions=4, seed=1)
+        asked = changed(order(tmp_path, uri), interactions=4, seed=0)
         result = identify(
             tmp_path / "run", asked, IN_THIS_PROCESS, Listener(), report=without_plots
         )
