@@ -30,11 +30,11 @@ WIRING: Final = frozenset({"servo_reversed", "servo_plugs", "gauge_plugs", "acce
 """Groups of what is plugged in, or put on, the wrong way round."""
 
 MEDIAN_CARE: Final = 1.4
-"""Median of the factor that all spreads have in common that care decides: robots as people build
-them are rather less exact than is said of each thing by itself, and none is just as modelled."""
+"""Median of the common factor on the narrow spreads of all that care decides; it is log-normal."""
 
 CARE: Final = 0.6
-"""Standard deviation of its logarithm: one in four is half as exact, one in 25 twice as exact."""
+"""Standard deviation of its logarithm: of one robot in four the factor is 2 or more, of one in 25
+a half or less."""
 
 _UNNOTICED: Final = 8.0  # narrow standard deviations, which may be doubled: farther is wide
 _STATED: Final = frozenset({"thickness", "mass"})  # what robots are built of: no matter of care
