@@ -122,7 +122,11 @@ class Discovery:
             self._neighbours = Neighbours(predictor, data, likelihood, self.rng)
         self._before, self._visited = _Visited(predictor), _Visited(predictor)
         starts = np.concatenate([self.found, self.drawn])
-        self._visited.add(starts, self._solver.fits(starts))
+        if len(starts):
+            fits = self._solver.fits(starts)
+            self._visited.add(starts, fits)
+            best = np.argsort(-fits, kind="stable")[:_STARTS]
+            self._visited.add(*self._solver.polished(starts[best]))
 
     def search(self, steps: int) -> BestPoints:
         """One round.

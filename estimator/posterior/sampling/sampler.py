@@ -200,7 +200,8 @@ class Sampler:
         known = set(self._known)
         for search in self._searches:
             search.observe(data, self._noise)
-        if self._explores and not self._searches[0].converged:
+        explores = self._explores and not self._searches[0].converged
+        if explores:
             self._searches, exploring, share = explored(
                 self._searches,
                 self._workers,
@@ -211,9 +212,11 @@ class Sampler:
                 return self._completed(exploring)
             bodies = [search.best() for search in self._searches]
             known.update(*(self.predictor.unknowns.keys(one.values) for one in bodies))
-        return self._weighed(self._discovered(data, known), data)
+        return self._weighed(self._discovered(data, known, searched=explores), data)
 
-    def _discovered(self, data: SensorData, known: set[Attachments]) -> Agreement:
+    def _discovered(
+        self, data: SensorData, known: set[Attachments], *, searched: bool
+    ) -> Agreement:
         """Searches in rounds, each with the hotter half of the chains drawn anew.
 
         They end when the readings are explained, the populations agree, and a round has found
@@ -225,11 +228,16 @@ class Sampler:
         chains start anew: what one pose that ended elsewhere has led them to may be far from the
         truth. A population that has found what explains them best rests until others have, too.
         For the sake of one body this is done once.
+
+        Args:
+            data: All observations.
+            known: Attachments that were found before.
+            searched: Whether the searches have just explored: that was a round.
         """
         effort, late = self._effort, len(data) >= self._telling
         estimator = self._estimator(data)
         number, anew = 0, 0
-        going = [True] * len(self._searches)
+        going = [not searched] * len(self._searches)
         while True:
             search = partial(_searched, effort.steps, number > 0, anew > 0)
             moved = iter(self._workers.map(search, compress(self._searches, going)))
@@ -255,6 +263,7 @@ class Sampler:
                 going = [lacks or not any(lacking) for lacks in lacking]
             converged = agreement.adequate_fit and agreed and fresh <= _NEGLIGIBLE
             if self._explores:
+                going = [True] * len(self._searches)
                 converged |= agreement.explained and not late
                 rounds = _FEW_ROUNDS
             else:
@@ -307,9 +316,8 @@ class Sampler:
             if own:
                 rows = self._rng.choice(own, effort.chains_per_level)
                 search.population.replace_coldest(unknowns.cube(values[rows]), scales[rows])
-            if not self._explores:  # chains that do hold samples of all
-                rows_found = [row for row, key in enumerate(keys) if key in found]
-                search.drawn = unknowns.cube(modes.drawn_of(rows_found))
+            rows_found = [row for row, key in enumerate(keys) if key in found]
+            search.drawn = unknowns.cube(modes.drawn_of(rows_found))
         self._known = set(keys)
         if unknowns.table:
             best = modes.points[int(np.argmax(modes.shares))]

@@ -7,6 +7,8 @@ from estimator.body.morphology import Array
 from estimator.posterior.discovery import discovery
 from estimator.posterior.discovery.discovery import Discovery
 from estimator.posterior.discovery.population import Population
+from estimator.posterior.model.gauss_newton import GaussNewton
+from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Predictor
 from tests.estimator.two_unknown_rows import NOISE, draw, programs
@@ -37,6 +39,22 @@ def test_who_begins_anew_keeps_what_was_met(predictor: Predictor, data: SensorDa
     assert set(predictor.unknowns.keys(search.found)) == set(
         predictor.unknowns.keys(search.best().values)
     )
+
+
+def test_a_search_begins_with_lengths_to_which_any_of_its_best_starts_leads(
+    predictor: Predictor, data: SensorData
+) -> None:
+    rng = np.random.default_rng(1)
+    population = Population.of_prior(predictor, rng, levels=4, chains_per_level=8)
+    search = Discovery(population, predictor, rng, explores=False)
+    lengths = predictor.unknowns.continuous
+    search.drawn = np.repeat(POINT[None], 20, axis=0)
+    search.drawn[:, lengths] = rng.random((20, lengths.size))
+    search.observe(data, NOISE)
+    solver = GaussNewton(predictor, data, Likelihood(data, NOISE))
+    _, led = solver.polished(search.drawn)
+    assert led.min() < led.max() - 10  # not all do
+    assert search.best().fits[0] == led.max()
 
 
 @pytest.mark.parametrize("agreed", [True, False])

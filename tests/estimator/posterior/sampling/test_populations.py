@@ -156,7 +156,7 @@ def test_chains_begin_anew_where_no_body_explains_readings_that_ought_to_tell(
 def test_chains_wander_no_more_once_the_searches_agree(
     many_legs: Predictor, data: SensorData, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def discovered(*args: object) -> None:
+    def discovered(*args: object, searched: bool) -> None:
         raise RuntimeError("bodies are searched for")
 
     monkeypatch.setattr(Sampler, "_discovered", discovered)
