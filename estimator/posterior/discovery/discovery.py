@@ -40,7 +40,6 @@ _ELSEWHERE: Final = 800  # random lengths tried with a leader's attachments
 _PROMISING: Final = 20  # of them polished,
 _FINISHED: Final = 3  # and one in so many to the end, the best
 _STARTS: Final = 24  # of these, fitted
-_CLIMBING: Final = 2  # bodies whose neighbours are tried at once
 _HIGHER: Final = 3.0  # nats, for which it is worth going on
 _FOUNDERS: Final = 6  # bodies of each start whose subtrees others may take over,
 _CROSSED: Final = 4  # the best few that do
@@ -282,14 +281,15 @@ class _Visited:
         return bool(chosen)
 
     def climb(self, neighbours: Neighbours) -> None:
-        """Tries the neighbours of the best few, as long as that finds something much better."""
+        """Tries the neighbours of the best, as long as that finds something much better."""
         while True:
             bodies = self.best()
             keys = self._unknowns.keys(bodies.values)
-            fresh = [row for row, key in enumerate(keys) if key not in self._climbed][:_CLIMBING]
-            for row in fresh:
-                self._climbed.add(keys[row])
-                self.add_better(*neighbours.of(bodies.values[row]))
+            row = next((row for row, key in enumerate(keys) if key not in self._climbed), None)
+            if row is None:
+                break
+            self._climbed.add(keys[row])
+            self.add_better(*neighbours.of(bodies.values[row]))
             if self.best().fits[0] < bodies.fits[0] + _HIGHER:
                 break
 

@@ -205,7 +205,7 @@ def attachments_found(
 
 _LOST: Final = 12.0  # nats below the best
 _STRAGGLERS: Final = 0.5  # of the chains, that may be lost in the end
-_LONGER: Final = 5  # times as many steps, where it is not known which part sits on which
+_LONGER: Final = 3  # times as many steps, where it is not known which part sits on which
 _ANEW: Final = 100  # steps with each number of interactions, where chains begin anew
 
 
