@@ -121,9 +121,9 @@ class Discovery:
             self._neighbours = Neighbours(predictor, data, likelihood, self.rng)
         self._before, self._visited = _Visited(predictor), _Visited(predictor)
         starts = np.concatenate([self.found, self.drawn])
-        if len(starts):
-            fits = self._solver.fits(starts)
-            self._visited.add(starts, fits)
+        fits = self._solver.fits(starts)
+        self._visited.add(starts, fits)
+        if self._explores and len(starts):  # where less is open other lengths are tried anyway
             best = np.argsort(-fits, kind="stable")[:_STARTS]
             self._visited.add(*self._solver.polished(starts[best]))
 

@@ -41,12 +41,12 @@ def test_who_begins_anew_keeps_what_was_met(predictor: Predictor, data: SensorDa
     )
 
 
-def test_a_search_begins_with_lengths_to_which_any_of_its_best_starts_leads(
+def test_a_search_for_much_begins_with_lengths_to_which_any_of_its_best_starts_leads(
     predictor: Predictor, data: SensorData
 ) -> None:
     rng = np.random.default_rng(1)
     population = Population.of_prior(predictor, rng, levels=4, chains_per_level=8)
-    search = Discovery(population, predictor, rng, explores=False)
+    search = Discovery(population, predictor, rng, explores=True)
     lengths = predictor.unknowns.continuous
     search.drawn = np.repeat(POINT[None], 20, axis=0)
     search.drawn[:, lengths] = rng.random((20, lengths.size))
