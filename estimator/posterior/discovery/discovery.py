@@ -123,7 +123,7 @@ class Discovery:
         starts = np.concatenate([self.found, self.drawn])
         fits = self._solver.fits(starts)
         self._visited.add(starts, fits)
-        if self._explores and len(starts):  # where less is open other lengths are tried anyway
+        if self._explores and len(starts):  # elsewhere searches would agree before all is found
             best = np.argsort(-fits, kind="stable")[:_STARTS]
             self._visited.add(*self._solver.polished(starts[best]))
 
