@@ -71,7 +71,7 @@ def propose(
     for kind, count in ((Move.ONE_GENE, 1), (Move.TWO_GENES, 2)):
         chosen = np.flatnonzero(kinds == kind)
         for _ in range(count):
-            columns = rng.integers(unknowns.size, size=chosen.size)
+            columns = rng.integers(unknowns.genes_size, size=chosen.size)
             fresh[chosen, columns] = rng.random(chosen.size)
     chosen = np.flatnonzero(kinds == Move.PART)
     which = rng.integers(len(unknowns.parts), size=chosen.size)

@@ -23,6 +23,7 @@ from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
 from estimator.posterior.posterior import Mode, Posterior, found_by_each
 from estimator.posterior.sampling.evidence import EvidenceEstimator
+from estimator.posterior.sampling.mixing import mixed
 from estimator.posterior.sampling.populations import Agreement, explored
 from estimator.posterior.sampling.weighing import Weigher, renormalised
 
@@ -308,8 +309,12 @@ class Sampler:
         )
         modes = weigher.weighed(agreement.points, agreement.guesses, effort.samples)
         likelihood = Likelihood(data, self._noise)
+        scales = likelihood.drawn_scales(likelihood.misfits_of(predictor, modes.values), self._rng)
+        if unknowns.choices.size:
+            chains = Population(predictor, self._rng, modes.values, scales)
+            chains.observe(data, self._noise, surely=False)
+            modes, scales = mixed(modes, chains, unknowns, effort.steps), chains.scales
         values = modes.values
-        scales = likelihood.drawn_scales(likelihood.misfits_of(predictor, values), self._rng)
         whose, keys = map(unknowns.keys, (values, modes.points))
         for search, found in zip(self._searches, agreement.found, strict=True):
             own = [row for row, key in enumerate(whose) if self._explores or key in found]

@@ -1,0 +1,59 @@
+"""Samples of the few sets of attachments that a search has met go on to all that there are."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from estimator.posterior.discovery.population import Population
+from estimator.posterior.model.unknowns import Predictor
+from estimator.posterior.sampling.mixing import mixed
+from estimator.posterior.sampling.weighing import WeighedModes
+from tests.estimator.posterior.sampling.enumeration import distance, enumerated
+from tests.estimator.posterior.sampling.test_sampler import POINT, WIDE
+from tests.estimator.two_unknown_rows import NOISE, draw, programs
+
+_SAMPLES = 256
+
+
+def met(values: np.ndarray) -> WeighedModes:
+    """As if nothing but the first point's attachments had been found."""
+    return WeighedModes(
+        points=values[:1],
+        shares=np.ones(1),
+        ess=np.full(1, 100.0),
+        values=values,
+        causes=(),
+        as_stated=None,
+        draws=[values],
+    )
+
+
+def test_what_no_search_has_met_is_named_as_often_as_it_deserves(narrow: Predictor) -> None:
+    unknowns = narrow.unknowns
+    data = draw(narrow, POINT, programs(2, seed=3), np.random.default_rng(6))
+    exact = enumerated(narrow, data, WIDE, (4, 6, 2, 4, 6))
+    first = {unknowns.keys(POINT[None])[0]: 1.0}
+    assert distance(first, exact) > 0.5
+    rng = np.random.default_rng(1)
+    chains = Population(
+        narrow, rng, np.repeat(POINT[None], _SAMPLES, axis=0), np.zeros((_SAMPLES, 2))
+    )
+    chains.observe(data, WIDE, surely=False)
+    modes = mixed(met(chains.values.copy()), chains, unknowns, 400)
+    keys = unknowns.keys(modes.points)
+    assert len(set(keys)) == len(keys) == len(modes.draws)
+    assert abs(modes.shares.sum() - 1) < 1e-9
+    assert np.array_equal(modes.values, chains.values)
+    named = dict(zip(keys, modes.shares.tolist(), strict=True))
+    assert distance(named, exact) < 0.2
+
+
+def test_where_chains_stay_nothing_changes(narrow: Predictor) -> None:
+    unknowns = narrow.unknowns
+    data = draw(narrow, POINT, programs(8), np.random.default_rng(2))
+    values = np.repeat(POINT[None], _SAMPLES, axis=0)
+    chains = Population(narrow, np.random.default_rng(1), values, np.zeros((_SAMPLES, 2)))
+    chains.observe(data, NOISE, surely=False)
+    modes = mixed(met(values.copy()), chains, unknowns, 40)
+    assert unknowns.keys(modes.points) == unknowns.keys(POINT[None])
+    assert modes.shares.tolist() == [1.0]
