@@ -25,7 +25,9 @@ from estimator.identification import posterior_method
 from estimator.posterior.discovery import discovery, population
 from estimator.posterior.model import likelihood
 from estimator.posterior.model.likelihood import GRAVITY_TILTS
+from estimator.posterior.sampling import sampler
 from estimator.posterior.sampling.sampler import Effort
+from estimator.posterior.sampling.weighing import WeighedModes
 from estimator.reproduction.harness import made_by
 
 
@@ -42,6 +44,10 @@ class Ablation:
     replaced: Mapping[tuple[Any, str], Any] = field(default_factory=dict)
 
 
+def _as_weighed(modes: WeighedModes, *_: object) -> WeighedModes:
+    return modes
+
+
 GROUP: Final = "ablations"
 ABLATIONS: Final[Mapping[str, Ablation]] = {
     "nothing left out": Ablation(),
@@ -52,6 +58,7 @@ ABLATIONS: Final[Mapping[str, Ablation]] = {
     "falls to no other side": Ablation(
         replaced={(likelihood, "_LOG_LIKELY"): np.log([1.0, *[1e-12] * (len(GRAVITY_TILTS) - 1)])}
     ),
+    "samples of what was met alone": Ablation(replaced={(sampler, "mixed"): _as_weighed}),
     "one population": Ablation(
         replaced={(posterior_method, "Effort"): partial(Effort, populations=1)}
     ),
