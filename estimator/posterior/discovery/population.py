@@ -117,22 +117,6 @@ class Population:
         self._rescale(slice(None))
         self._exchange_levels()
 
-    def sample(self, steps: int) -> tuple[Array, Array, Array]:
-        """Moves on; the points of each fifth step on the way.
-
-        Returns:
-            Points, shape (n, size), their noise factors, shape (n, 2), and log-likelihoods with
-            these integrated out, shape (n,).
-        """
-        drawn = []
-        for step in range(steps):
-            self.step()
-            if step % EVERY == EVERY - 1:
-                fits = self.posterior_fits(self.levels)
-                drawn.append((self.values.copy(), self.scales.copy(), fits))
-        values, scales, fits = (np.concatenate(arrays) for arrays in zip(*drawn, strict=True))
-        return values, scales, fits
-
     def coldest(self) -> Self:
         """The chains of level 0 by themselves, no longer coarse: what they go on to is samples."""
         cold = slice(0, self.chains_per_level)

@@ -12,15 +12,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from estimator.body.morphology import Array
 from estimator.posterior.discovery.population import Population
 from estimator.posterior.model.unknowns import Attachments, Unknowns
 from estimator.posterior.sampling.weighing import WeighedModes
 
 
 def mixed(modes: WeighedModes, chains: Population, unknowns: Unknowns, steps: int) -> WeighedModes:
-    """The modes with those that chains went on to, and the points where they are then.
-
-    What the chains have spent on others after half of the steps is the others' share.
+    """The modes with those that chains have gone on to, and the points where they are then.
 
     Args:
         modes: That were weighed.
@@ -28,22 +27,34 @@ def mixed(modes: WeighedModes, chains: Population, unknowns: Unknowns, steps: in
         unknowns: The cube.
         steps: Of the chains.
     """
-    values, _, fits = (array[len(array) // 2 :] for array in chains.sample(steps))
-    weighed, last = set(unknowns.keys(modes.points)), set(unknowns.keys(chains.values))
-    gone, others = 0, dict[Attachments, list[int]]()
+    for _ in range(steps):
+        chains.step()
+    values, fits = chains.values, chains.posterior_fits(1)
+    weighed, others = set(unknowns.keys(modes.points)), dict[Attachments, list[int]]()
     for row, key in enumerate(unknowns.keys(values)):
-        gone += key not in weighed
-        if key in last - weighed:
+        if key not in weighed:
             others.setdefault(key, []).append(row)
-    modes = replace(modes, values=chains.values)
+    modes = replace(modes, values=values)
     if not others:
         return modes
-    left, behind = gone / len(values), np.array([float(len(rows)) for rows in others.values()])
+    behind = np.array([float(len(rows)) for rows in others.values()])
+    left = behind.sum() / len(values)
     best = [max(rows, key=fits.__getitem__) for rows in others.values()]
     return replace(
         modes,
         points=np.concatenate([modes.points, values[best]]),
-        shares=np.concatenate([(1 - left) * modes.shares, left * behind / behind.sum()]),
+        shares=np.concatenate([(1 - left) * modes.shares, left * _shares(behind)]),
         ess=np.concatenate([modes.ess, behind]),
         draws=[*modes.draws, *(values[rows] for rows in others.values())],
     )
+
+
+def _shares(counts: Array) -> Array:
+    """Shares of sets with so many chains in them, shape (n,).
+
+    A set has for sure what lies two standard deviations below its count; all else belongs to any.
+    Else one of many that are as good would lead by chance.
+    """
+    sure = np.maximum(counts - 2 * np.sqrt(counts), 0.0)
+    shares: Array = (sure + (counts - sure).mean()) / counts.sum()
+    return shares

@@ -21,7 +21,7 @@ import numpy as np
 from estimator.body.morphology import Array
 from estimator.posterior.checks.verdict import POOR, Fit, fit_of
 from estimator.posterior.discovery.discovery import BestPoints, Discovery
-from estimator.posterior.discovery.population import Population
+from estimator.posterior.discovery.population import EVERY, Population
 from estimator.posterior.model.likelihood import Noise
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.special import softmax
@@ -271,9 +271,14 @@ def _explore(
         lost = _lost_ones_moved(population, bodies, search.rng)
         if explained and lost <= _STRAGGLERS:
             break
-    chains = population.coldest()
-    values, scales, fits = chains.sample(steps)
-    population.replace_coldest(chains.values, chains.scales)
+    chains, drawn = population.coldest(), []
+    for step in range(steps):
+        chains.step()
+        if step % EVERY == EVERY - 1:
+            fits = chains.posterior_fits(1)
+            drawn.append((chains.values.copy(), chains.scales.copy(), fits))
+    population.replace_coldest(*drawn[-1][:2])
+    values, scales, fits = (np.concatenate(arrays) for arrays in zip(*drawn, strict=True))
     return search, (values, scales, fits)
 
 
