@@ -6,6 +6,7 @@ from collections import Counter
 
 import numpy as np
 
+from estimator.body.morphology import Array
 from estimator.posterior.discovery.population import Population
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.sampling.mixing import mixed
@@ -17,7 +18,7 @@ from tests.estimator.two_unknown_rows import NOISE, draw, programs
 _SAMPLES = 1024
 
 
-def met(values: np.ndarray) -> WeighedModes:
+def met(values: Array) -> WeighedModes:
     """As if nothing but the first point's attachments had been found."""
     return WeighedModes(
         points=values[:1],
@@ -49,8 +50,8 @@ def test_what_no_search_has_met_is_named_as_often_as_it_deserves(narrow: Predict
     assert distance({key: count / _SAMPLES for key, count in sampled.items()}, exact) < 0.15
     shares = dict(zip(keys, modes.shares.tolist(), strict=True))
     assert abs(sum(shares.values()) - 1) < 1e-9
-    first = keys[0]
-    assert abs(shares[first] - exact[first]) < 0.05
+    met_first = keys[0]
+    assert abs(shares[met_first] - exact[met_first]) < 0.05
 
 
 def test_no_unmet_set_leads_by_the_chance_of_its_chains(narrow: Predictor) -> None:
