@@ -21,6 +21,8 @@ from estimator.posterior.sampling.weighing import WeighedModes
 def mixed(modes: WeighedModes, chains: Population, unknowns: Unknowns, steps: int) -> WeighedModes:
     """The modes with those that chains have gone on to, and the points where they are then.
 
+    Of those the effective number is that of their chains, and the draws are where these are.
+
     Args:
         modes: That were weighed.
         chains: On one level, at the modes' ``values``; they are moved.

@@ -63,9 +63,11 @@ def test_no_unmet_set_leads_by_the_chance_of_its_chains(narrow: Predictor) -> No
     modes = mixed(met(values), chains, unknowns, 100)
     others = np.sort(modes.shares[1:])
     assert len(others) > 50
-    counts = Counter(unknowns.keys(modes.values)).most_common(1)[0][1]
+    counts = Counter(unknowns.keys(modes.values))
+    del counts[unknowns.keys(POINT[None])[0]]
     assert others[0] > 0
-    assert others[-1] < counts / _SAMPLES
+    assert others[-1] < 0.9 * max(counts.values()) / _SAMPLES
+    assert others[-1] > 2 * others[0]  # a set that many chains are in has more for it than chance
 
 
 def test_where_chains_stay_nothing_changes(narrow: Predictor) -> None:
