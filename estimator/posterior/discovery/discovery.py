@@ -44,7 +44,6 @@ _HIGHER: Final = 3.0  # nats, for which it is worth going on
 _FOUNDERS: Final = 6  # bodies of each start whose subtrees others may take over,
 _CROSSED: Final = 4  # the best few that do
 _REMEMBERED: Final = 64  # of the best points, for the next interaction
-_CENTRES: Final = 16  # chains of each population, as further centres of a mode
 _SEVERAL: Final = 4  # interactions, of which chains alone hardly ever explain all
 
 

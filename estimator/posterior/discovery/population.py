@@ -43,8 +43,6 @@ class Population:
     Attributes:
         values: As above, like ``scales`` and ``levels``.
         chains_per_level: Chains on a level.
-        coarse: Whether every proposal is taken to fall to the side to which its chain has fallen,
-            which costs less; only before sampling.
     """
 
     def __init__(
@@ -86,10 +84,11 @@ class Population:
         Args:
             data: All of it.
             noise: Sensor noise.
-            surely: As in ``Likelihood.misfits_of``, and hastily: for chains that search.
+            surely: As in ``Likelihood.misfits_of``; every proposal is then taken to fall to the
+                side to which its chain has fallen, which costs less: for chains that search.
         """
         self._data, self._noise = data, noise
-        self._surely = self.coarse = surely
+        self._surely = surely
         self._likelihood = Likelihood(data, noise)
         self._look(slice(None))
 
@@ -114,11 +113,11 @@ class Population:
             self._move(everyone[half::2], everyone[1 - half :: 2])
         if self._rng.random() < _CROSSINGS:
             self._cross()
-        self._rescale(slice(None))
+        self._rescale()
         self._exchange_levels()
 
     def coldest(self) -> Self:
-        """The chains of level 0 by themselves, no longer coarse: what they go on to is samples."""
+        """The chains of level 0 by themselves, which may fall to any side: they draw samples."""
         cold = slice(0, self.chains_per_level)
         chains = type(self)(
             self._predictor, self._rng, self.values[cold].copy(), self.scales[cold].copy()
@@ -187,7 +186,7 @@ class Population:
             self._predictor.unknowns.bodies(fresh),
             which,
             interactions,
-            branches=self._misfits[rows][..., BRANCH].ravel() if self.coarse else None,
+            branches=self._misfits[rows][..., BRANCH].ravel() if self._surely else None,
         ).reshape(len(rows), count, MISFITS)
         return misfits, self._likelihood.of(misfits, self._noise_scales[rows], self.scales[rows])
 
@@ -213,16 +212,15 @@ class Population:
         accepted = np.tile(np.log(rng.random(len(gain))) < gain, 2)
         self._take(pair[accepted], fresh[accepted], misfits[accepted], fits[accepted])
 
-    def _rescale(self, rows: slice) -> None:
+    def _rescale(self) -> None:
         """Moves the noise factors, which costs no simulation."""
-        rng, old = self._rng, self.scales[rows]
+        rng, old = self._rng, self.scales
         fresh = old + rng.normal(0, _SCALE_STEP, old.shape) * (rng.random(old.shape) < 0.5)
-        fits = self._likelihood.of(self._misfits[rows], self._noise_scales[rows], fresh)
+        fits = self._likelihood.of(self._misfits, self._noise_scales, fresh)
         prior = (log_prior(fresh) - log_prior(old)).sum(axis=1)
-        gain = (fits - self._fits[rows]).sum(axis=1) + prior
-        accepted = np.flatnonzero(np.log(rng.random(len(old))) < gain)
-        taken = np.arange(len(self.values))[rows][accepted]
-        self.scales[taken], self._fits[taken] = fresh[accepted], fits[accepted]
+        gain = (fits - self._fits).sum(axis=1) + prior
+        accepted = np.log(rng.random(len(old))) < gain
+        self.scales[accepted], self._fits[accepted] = fresh[accepted], fits[accepted]
 
     def _exchange_levels(self) -> None:
         rng, count = self._rng, self.chains_per_level

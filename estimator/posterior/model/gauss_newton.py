@@ -130,28 +130,16 @@ class GaussNewton:
         predictor: Computes readings.
         data: The observations.
         likelihood: Of ``data``.
-        noise_known: Whether readings stray as announced, by no unknown factor.
     """
 
-    def __init__(
-        self,
-        predictor: Predictor,
-        data: SensorData,
-        likelihood: Likelihood,
-        *,
-        noise_known: bool = False,
-    ):
+    def __init__(self, predictor: Predictor, data: SensorData, likelihood: Likelihood) -> None:
         self._predictor = predictor
         self._data = data
         self._likelihood = likelihood
-        self._noise_known = noise_known
 
     def fits(self, values: Array) -> Array:
         """Log-likelihood of n points, shape (n, size), unknown noise factors integrated out."""
-        misfits = self._likelihood.misfits_of(self._predictor, values)
-        if self._noise_known:
-            return self._of(misfits, 1.0)
-        return self._likelihood.integrated(misfits)
+        return self._likelihood.integrated(self._likelihood.misfits_of(self._predictor, values))
 
     @property
     def interactions(self) -> int:

@@ -368,12 +368,12 @@ class Likelihood:
         scales: Array = self.noise_factors.both[chosen]
         return scales
 
-    def best(self, noise_scale: Array | float = 1.0, scales: Array | None = None) -> Array:
-        """Log-likelihood of a perfect prediction, an upper bound, shape (n, k); see ``of``."""
-        misfits = np.zeros((np.size(noise_scale), len(self._data), MISFITS))
+    def best(self) -> Array:
+        """Log-likelihood of a perfect prediction, an upper bound, shape (1, k)."""
+        misfits = np.zeros((1, len(self._data), MISFITS))
         for name, density in DENSITIES.items():
             misfits[..., COLUMNS[name]] = density.least_misfit(self._known[name])
-        return self.of(misfits, noise_scale, scales)
+        return self.of(misfits)
 
     def terms(
         self,
