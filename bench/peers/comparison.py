@@ -85,7 +85,7 @@ class Target:
         if time.process_time() > self._ends:
             raise TimeIsUpError
         values = np.clip(points, 0.0, 1.0)
-        misfits = self._likelihood.misfits_of(self.predictor, values, surely=True)
+        misfits = self._likelihood.misfits_of(self.predictor, values, branches=0)
         fits = self._likelihood.integrated(misfits)
         fits[self.unknowns.forbidden(values)] = _IMPOSSIBLE
         self.evaluations += len(values)

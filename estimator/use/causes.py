@@ -227,16 +227,12 @@ class Weigher:
             observations: At least one.
             surely: Take it that everybody falls as statics has it, with coarse steps.
         """
-        known, count = self.known, len(observations)
+        known = self.known
         data = SensorData.of(observations, known.modalities, known.clearance_cap)
         likelihood = Likelihood(data, known.noise)
-        rows = np.repeat(np.arange(len(bodies)), count)
-        interactions = np.tile(np.arange(count), len(bodies))
-        branches = np.zeros(len(rows)) if surely else None
-        misfits = likelihood.misfits_at(
-            known.predictor, bodies, rows, interactions, branches=branches
-        )
-        return likelihood.of(misfits.reshape(len(bodies), count, -1), scales=scales)
+        branches = 0 if surely else None
+        misfits = likelihood.misfits_of_bodies(known.predictor, bodies, branches=branches)
+        return likelihood.of(misfits, scales=scales)
 
     def weigh(self, observations: Sequence[Observation]) -> Weighed:
         """All causes by all observations, from scratch."""

@@ -116,15 +116,9 @@ def _predicted(
     middle = int(np.argsort(drawn.theta)[len(drawn) // 2])
     data = SensorData.of(seen, known.modalities, known.clearance_cap)
     bodies, count = weigher.bodies(drawn), len(seen)
-    numbers = np.arange(count)
     readings = known.predictor.read(bodies, np.full(count, middle), data.programs)
     likelihood = Likelihood(data, known.noise)
-    misfits = likelihood.misfits_at(
-        known.predictor,
-        bodies,
-        np.repeat(np.arange(len(drawn)), count),
-        np.tile(numbers, len(drawn)),
-    ).reshape(len(drawn), count, -1)
+    misfits = likelihood.misfits_of_bodies(known.predictor, bodies)
     outliers = 1 - likelihood.inlier_share(misfits, scales=weigher.scales(drawn)).mean(axis=0)
     residuals = {
         name: density.standardised_residual(

@@ -84,8 +84,8 @@ class Population:
         Args:
             data: All of it.
             noise: Sensor noise.
-            surely: As in ``Likelihood.misfits_of``; every proposal is then taken to fall to the
-                side to which its chain has fallen, which costs less: for chains that search.
+            surely: Take it that every chain falls as statics has it, and every proposal to the
+                side to which its chain has fallen. That costs less: for chains that search.
         """
         self._data, self._noise = data, noise
         self._surely = surely
@@ -151,7 +151,7 @@ class Population:
 
     def _look(self, rows: slice) -> None:
         misfits = self._likelihood.misfits_of(
-            self._predictor, self.values[rows], surely=self._surely
+            self._predictor, self.values[rows], branches=0 if self._surely else None
         )
         if self._misfits.shape[1] != len(self._data):
             self._misfits = misfits
@@ -176,18 +176,8 @@ class Population:
 
     def _proposed(self, rows: Columns, fresh: Array) -> tuple[Array, Array]:
         """Misfits of points that some chains may move to, and their log-likelihoods there."""
-        count = len(self._data)
-        which, interactions = (
-            np.repeat(np.arange(len(rows)), count),
-            np.tile(np.arange(count), len(rows)),
-        )
-        misfits = self._likelihood.misfits_at(
-            self._predictor,
-            self._predictor.unknowns.bodies(fresh),
-            which,
-            interactions,
-            branches=self._misfits[rows][..., BRANCH].ravel() if self._surely else None,
-        ).reshape(len(rows), count, MISFITS)
+        branches = self._misfits[rows][..., BRANCH] if self._surely else None
+        misfits = self._likelihood.misfits_of(self._predictor, fresh, branches=branches)
         return misfits, self._likelihood.of(misfits, self._noise_scales[rows], self.scales[rows])
 
     def _take(self, rows: Columns, values: Array, misfits: Array, fits: Array) -> None:

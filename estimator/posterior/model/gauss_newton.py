@@ -17,7 +17,7 @@ import numpy as np
 
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
-from estimator.posterior.model.likelihood import GRAVITY_TILTS, Likelihood
+from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.noise import step_weight
 from estimator.posterior.model.sensor_data import BRANCH, MISFITS, SensorData
 from estimator.posterior.model.unknowns import Columns, Predictor, Unknowns
@@ -157,16 +157,11 @@ class GaussNewton:
 
         Under ``ROUGH`` times the announced noise, everybody falling as statics has it.
         """
-        rows, each = (
-            np.repeat(np.arange(len(values)), len(interactions)),
-            np.tile(interactions, len(values)),
-        )
         bodies = self._predictor.unknowns.bodies(values)
-        misfits = self._likelihood.misfits_at(
-            self._predictor, bodies, rows, each, branches=np.zeros(len(rows))
+        misfits = self._likelihood.misfits_of_bodies(
+            self._predictor, bodies, interactions, branches=0
         )
-        fits = self._likelihood.of(misfits[:, None], ROUGH, interactions=each[:, None])
-        return fits.reshape(len(values), len(interactions))
+        return self._likelihood.of(misfits, ROUGH, interactions=interactions[None])
 
     def _all(self, values: Array, free: Free | None) -> Free:
         return free or Free.lengths(self._predictor.unknowns.continuous, len(values))
@@ -236,9 +231,10 @@ class GaussNewton:
         for share in (1.0, _SHORTER):
             own = free[rows]
             trial = own.within(values[rows], own.of(values[rows]) + share * step[rows])
-            fits = self._of(
-                self._misfits(trial, branches[rows], coarse_step=noise_scale > 1), noise_scale
-            ) + own.log_prior(trial)
+            misfits = self._likelihood.misfits_of(
+                self._predictor, trial, branches=branches[rows], coarse_step=noise_scale > 1
+            )
+            fits = self._of(misfits, noise_scale) + own.log_prior(trial)
             better = fits > best[rows]
             values[rows[better]], best[rows[better]] = trial[better], fits[better]
             rows = rows[~better]
@@ -254,14 +250,17 @@ class GaussNewton:
         """
         free = self._all(values, free)
         count, (_, size) = len(values), free.columns.shape
-        misfits = self._likelihood.misfits_of(self._predictor, values, surely=noise_scale > 1)
+        wide = noise_scale > 1
+        misfits = self._likelihood.misfits_of(self._predictor, values, branches=0 if wide else None)
         own, step = free.of(values), np.where(free.normal, _LITTLE, _STEP)
         step = np.where(own + step > np.where(free.normal, np.inf, 1.0), -step, step)
         moved = np.repeat(values, size, axis=0)
         at = np.arange(len(moved)), free.columns.ravel()
         moved[at] += (step * free.spreads).ravel()
         branches = np.repeat(misfits[..., BRANCH], size, axis=0)
-        others = self._misfits(moved, branches, coarse_step=noise_scale > 1)
+        others = self._likelihood.misfits_of(
+            self._predictor, moved, branches=branches, coarse_step=wide
+        )
         residuals = self._residuals(misfits)
         there = self._residuals(others).reshape(count, size, len(self._data), -1)
         change = there - residuals[:, None]
@@ -283,16 +282,6 @@ class GaussNewton:
         log_precision = np.linalg.slogdet(self.slopes(values, free=free).precision)[1]
         volumes: Array = 0.5 * (lengths * math.log(2 * math.pi) - log_precision)
         return np.minimum(0.0, volumes)
-
-    def _misfits(self, values: Array, branches: Array, *, coarse_step: bool) -> Array:
-        """Of n points in k interactions, each under one of ``GRAVITY_TILTS``, shape (n, k)."""
-        data, gravity_tilts = self._data, GRAVITY_TILTS[branches.ravel().astype(np.intp)]
-        readings = self._predictor.read_all(
-            values, data.programs, gravity_tilts, coarse_step=coarse_step
-        )
-        misfits = data.misfits(readings, np.tile(np.arange(len(data)), len(values)))
-        misfits[:, BRANCH] = branches.ravel()
-        return misfits.reshape(len(values), len(data), MISFITS)
 
     def _residuals(self, misfits: Array) -> Array:
         """Of n points in k interactions, shape (n, k, …)."""

@@ -19,7 +19,7 @@ from __future__ import annotations
 import importlib
 import math
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from typing import Any, Final
 
 import numpy as np
@@ -169,78 +169,75 @@ class Likelihood:
             [density.residuals for density in DENSITIES.values()],
         )
 
-    def misfits_of(self, predictor: Predictor, values: Array, *, surely: bool = False) -> Array:
-        """The misfits of n points of the cube in every interaction, shape (n, k, MISFITS).
-
-        Args:
-            predictor: Computes readings.
-            values: Shape (n, size).
-            surely: Take it that everybody falls as statics has it; see ``branches`` of
-                ``misfits_at``.
-        """
-        count = len(self._data)
-        rows, interactions = (
-            np.repeat(np.arange(len(values)), count),
-            np.tile(np.arange(count), len(values)),
-        )
+    def misfits_of(
+        self,
+        predictor: Predictor,
+        values: Array,
+        *,
+        branches: Array | float | None = None,
+        coarse_step: bool = True,
+    ) -> Array:
+        """The misfits of n points of the cube, shape (n, size); see ``misfits_of_bodies``."""
         bodies = predictor.unknowns.bodies(values)
-        branches = np.zeros(len(rows)) if surely else None
-        misfits = self.misfits_at(predictor, bodies, rows, interactions, branches=branches)
-        return misfits.reshape(len(values), count, MISFITS)
+        return self.misfits_of_bodies(predictor, bodies, branches=branches, coarse_step=coarse_step)
 
-    def misfits_at(
+    def misfits_of_bodies(
         self,
         predictor: Predictor,
         bodies: Bodies,
-        rows: Columns,
-        interactions: Columns,
+        interactions: Columns | None = None,
         *,
-        branches: Array | None = None,
+        branches: Array | float | None = None,
+        coarse_step: bool = True,
     ) -> Array:
-        """The misfits of some bodies, each in one interaction.
+        """The misfits of n bodies in k interactions, shape (n, k, MISFITS).
 
         Where what was observed is more likely an outlier than what a body feels, it may have
         fallen to another side: the first of ``GRAVITY_TILTS`` that explains it is taken.
 
         Args:
             predictor: Computes readings.
-            bodies: From the predictor's unknowns.
-            rows: Which of them, shape (m,).
-            interactions: In which interaction, shape (m,).
-            branches: Numbers of ``GRAVITY_TILTS``, shape (m,): take it that everybody falls under
-                these, with coarse steps.
-
-        Returns:
-            Shape (m, MISFITS).
+            bodies: As ``Unknowns.bodies`` makes them.
+            interactions: Which, shape (k,); by default all.
+            branches: Numbers of ``GRAVITY_TILTS``, shape (n, k) or one for all: take it that
+                everybody falls under these. Under 0 that is as statics has it.
+            coarse_step: Whether joints turn in coarse steps, where ``branches`` are given.
         """
-        data = self._data
-        if not rows.size:
-            return np.empty((0, MISFITS))
+        every = np.arange(len(self._data)) if interactions is None else interactions
+        rows, columns = np.indices((len(bodies), len(every))).reshape(2, -1)
+        each, shape = every[columns], (len(bodies), len(every), MISFITS)
+        under = partial(self._misfits_under, predictor, bodies)
         if branches is not None:
-            gravity_tilts = GRAVITY_TILTS[branches.astype(np.intp)]
-            readings = predictor.read(
-                bodies, rows, data.programs[interactions], gravity_tilts, coarse_step=True
-            )
-            misfits = data.misfits(readings, interactions)
-            misfits[:, BRANCH] = branches
-            return misfits
-        misfits = data.misfits(
-            predictor.read(bodies, rows, data.programs[interactions]), interactions
-        )
-        left = self._unexplained(misfits, interactions)
-        if not left.size:
-            return misfits
-        numbers = np.arange(1, len(GRAVITY_TILTS))
-        each, gravity_tilts = np.repeat(left, len(numbers)), np.tile(numbers, len(left))
-        programs = data.programs[interactions[each]]
-        readings = predictor.read(bodies, rows[each], programs, GRAVITY_TILTS[gravity_tilts])
-        others = data.misfits(readings, interactions[each])
-        others[:, BRANCH] = gravity_tilts
-        explained = np.ones((len(left), len(numbers)), dtype=bool)
-        explained.flat[self._unexplained(others, interactions[each])] = False
+            sides = np.broadcast_to(branches, shape[:2]).ravel().astype(np.intp)
+            return under(rows, each, sides, coarse_step=coarse_step).reshape(shape)
+        misfits = under(rows, each, np.zeros_like(rows))
+        left, sides = self._unexplained(misfits, each), np.arange(1, len(GRAVITY_TILTS))
+        again = np.repeat(left, len(sides))
+        others = under(rows[again], each[again], np.tile(sides, len(left)))
+        explained = np.ones((len(left), len(sides)), dtype=bool)
+        explained.flat[self._unexplained(others, each[again])] = False
         elsewhere = np.flatnonzero(explained.any(axis=1))
         first = np.argmax(explained[elsewhere], axis=1)
-        misfits[left[elsewhere]] = others[elsewhere * len(numbers) + first]
+        misfits[left[elsewhere]] = others[elsewhere * len(sides) + first]
+        return misfits.reshape(shape)
+
+    def _misfits_under(
+        self,
+        predictor: Predictor,
+        bodies: Bodies,
+        rows: Columns,
+        interactions: Columns,
+        sides: Columns,
+        *,
+        coarse_step: bool = False,
+    ) -> Array:
+        """Of some of the bodies, each in one interaction under one of ``GRAVITY_TILTS``."""
+        if not rows.size:
+            return np.empty((0, MISFITS))
+        programs, gravity_tilts = self._data.programs[interactions], GRAVITY_TILTS[sides]
+        readings = predictor.read(bodies, rows, programs, gravity_tilts, coarse_step=coarse_step)
+        misfits = self._data.misfits(readings, interactions)
+        misfits[:, BRANCH] = sides
         return misfits
 
     def readings_of(self, predictor: Predictor, values: Array) -> PredictedReadings:
@@ -310,7 +307,8 @@ class Likelihood:
                 the search.
             scales: Logarithms of the factors on the noise of the modalities ``SCALED``, shape
                 (n, 2); as announced by default.
-            interactions: Which interactions the columns are, where not all in order, shape (n, k).
+            interactions: Which interactions the columns are, where not all in order, shape (n, k)
+                or (1, k).
 
         Returns:
             Shape (n, k).

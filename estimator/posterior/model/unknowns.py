@@ -286,8 +286,6 @@ class Predictor:
         values: Array,
         programs: Array,
         gravity_tilts: Array | None = None,
-        *,
-        coarse_step: bool = False,
     ) -> PredictedReadings:
         """Predicted readings of n points in each of k programs: n · k rows, programs fastest.
 
@@ -295,13 +293,10 @@ class Predictor:
             values: Points, shape (n, size).
             programs: rad, shape (k, motors).
             gravity_tilts: As in ``read``.
-            coarse_step: As in ``read``.
         """
         count = len(programs)
         rows, each = np.repeat(np.arange(len(values)), count), np.tile(programs, (len(values), 1))
-        return self.read(
-            self.unknowns.bodies(values), rows, each, gravity_tilts, coarse_step=coarse_step
-        )
+        return self.read(self.unknowns.bodies(values), rows, each, gravity_tilts)
 
     def simulated(self, reference: Physics, values: Array, programs: Array) -> PredictedReadings:
         """What a simulator predicts of n points in each of k programs, as ``read_all`` does.

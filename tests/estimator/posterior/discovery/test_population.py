@@ -50,7 +50,7 @@ def test_chains_fit_as_well_as_every_body_weighed(short: Predictor) -> None:
     point, rng = (keys[777] + 0.5) / counts, np.random.default_rng(6)
     data = draw(short, point, programs(2, seed=3), rng, noise=noise)
     likelihood = Likelihood(data, noise)
-    misfits = likelihood.misfits_of(short, (keys + 0.5) / counts, surely=True)
+    misfits = likelihood.misfits_of(short, (keys + 0.5) / counts, branches=0)
     noise_scales = HOTTEST ** np.linspace(0, 1, levels)
     factors: Array = np.array(np.meshgrid(NODES, NODES)).reshape(2, -1).T
 

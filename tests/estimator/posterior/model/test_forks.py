@@ -98,7 +98,7 @@ def test_a_body_at_a_fork_explains_both_sides_the_other_half_as_well() -> None:
         misfits = likelihood.misfits_of(predictor, point)
         assert (misfits[0, 0, BRANCH] > 0) == (row == other)
         fits.append(likelihood.of(misfits)[0, 0])
-        surely = likelihood.misfits_of(predictor, point, surely=True)
+        surely = likelihood.misfits_of(predictor, point, branches=0)
         alone = likelihood.of(surely)[0, 0]
         assert (fits[-1] > alone + 5) == (row == other)
     assert fits[1] - fits[0] == pytest.approx(math.log(0.5), abs=1e-3)
