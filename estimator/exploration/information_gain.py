@@ -27,7 +27,7 @@ from estimator.posterior.model import mixture, noise
 from estimator.posterior.model.likelihood import Noise, apart
 from estimator.posterior.model.mixture import Level, Spread, level_of, log_densities
 from estimator.posterior.model.noise import drawn
-from estimator.posterior.model.sensor_data import DENSITIES, ReadingCounts
+from estimator.posterior.model.sensor_data import DENSITIES
 from estimator.readings.observation import PredictedReadings
 
 
@@ -173,8 +173,7 @@ class InformationGain:
         logs = np.full(2, math.log(self._noise.outlier))
         for name, count in (("touch", bits), ("tilt", 2), ("clearance", 1)):
             if name in self._modalities:
-                known = ReadingCounts(count=np.full(2, count), beyond=beyond)
-                logs += DENSITIES[name].log_anywhere(known, self._cap)
+                logs += DENSITIES[name].log_anywhere(np.full(2, count), beyond, self._cap)
         density: Array = np.exp(logs)
         return density
 

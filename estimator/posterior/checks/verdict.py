@@ -135,7 +135,7 @@ def fit_of(point: Array, predictor: Predictor, data: SensorData, noise: Noise) -
     misfits = likelihood.misfits_of(predictor, one)
     outliers = likelihood.inlier_share(misfits)[0] < 0.5
     short = (likelihood.best() - likelihood.of(misfits))[0]
-    read = sum(float(data.observed[name].known.count[~outliers].sum()) for name in SCALED)
+    read = sum(float(data.observed[name].count[~outliers].sum()) for name in SCALED)
     excess = float(short[~outliers].sum()) - MEAN_LOSS * read
     unexplained = (
         np.count_nonzero(outliers & (_margins(one, predictor, data)[0] > SURE_PATH))

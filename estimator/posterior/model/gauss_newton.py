@@ -19,7 +19,7 @@ from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.noise import step_weight
-from estimator.posterior.model.sensor_data import BRANCH, MISFITS, SensorData
+from estimator.posterior.model.sensor_data import BRANCH, SensorData
 from estimator.posterior.model.unknowns import Columns, Predictor, Unknowns
 
 ROUGH: Final = 4.0
@@ -261,8 +261,8 @@ class GaussNewton:
         others = self._likelihood.misfits_of(
             self._predictor, moved, branches=branches, coarse_step=wide
         )
-        residuals = self._residuals(misfits)
-        there = self._residuals(others).reshape(count, size, len(self._data), -1)
+        residuals = self._data.residuals(misfits)
+        there = self._data.residuals(others).reshape(count, size, len(self._data), -1)
         change = there - residuals[:, None]
         weight = self._likelihood.inlier_share(misfits, noise_scale)[..., None]
         sigmas = noise_scale * self._likelihood.sigmas
@@ -282,14 +282,6 @@ class GaussNewton:
         log_precision = np.linalg.slogdet(self.slopes(values, free=free).precision)[1]
         volumes: Array = 0.5 * (lengths * math.log(2 * math.pi) - log_precision)
         return np.minimum(0.0, volumes)
-
-    def _residuals(self, misfits: Array) -> Array:
-        """Of n points in k interactions, shape (n, k, …)."""
-        count, interactions, _ = misfits.shape
-        flat = self._data.residuals(
-            misfits.reshape(-1, MISFITS), np.tile(np.arange(interactions), count)
-        )
-        return flat.reshape(count, interactions, -1)
 
     def _of(self, misfits: Array, noise_scale: float) -> Array:
         fits: Array = self._likelihood.of(misfits, noise_scale).sum(axis=1)

@@ -148,21 +148,22 @@ class Likelihood:
     def __init__(self, data: SensorData, noise: Noise):
         self._data = data
         self._noise = noise
-        self._known = known = {name: observed.known for name, observed in data.observed.items()}
+        counts = {name: observed.count for name, observed in data.observed.items()}
+        beyond = data.observed["clearance"].beyond
         anywhere = np.zeros(len(data))
         for name in MODALITIES:
-            anywhere += DENSITIES[name].log_anywhere(known[name], data.cap)
+            anywhere += DENSITIES[name].log_anywhere(counts[name], beyond, data.cap)
         self._every = np.arange(len(data))[None]
         self._read = _compiled().Read(
-            tilts=known["tilt"].count.astype(float),
-            clear=known["clearance"].count > 0,
-            beyond=known["clearance"].beyond,
-            bits=known["touch"].count.astype(float),
+            tilts=counts["tilt"].astype(float),
+            clear=counts["clearance"] > 0,
+            beyond=beyond,
+            bits=counts["touch"].astype(float),
             log_anywhere=math.log(noise.outlier) + anywhere,
         )
         self._spread = noise.spread
         self.noise_factors = NoiseFactors.known_by(
-            float(known["tilt"].count.sum()), float(known["clearance"].count.sum())
+            float(counts["tilt"].sum()), float(counts["clearance"].sum())
         )
         self.sigmas = np.repeat(
             [noise.of(name) for name in DENSITIES],
@@ -370,7 +371,7 @@ class Likelihood:
         """Log-likelihood of a perfect prediction, an upper bound, shape (1, k)."""
         misfits = np.zeros((1, len(self._data), MISFITS))
         for name, density in DENSITIES.items():
-            misfits[..., COLUMNS[name]] = density.least_misfit(self._known[name])
+            misfits[..., COLUMNS[name]] = density.least_misfit(self._data.observed[name].beyond)
         return self.of(misfits)
 
     def terms(

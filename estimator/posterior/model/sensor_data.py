@@ -37,22 +37,20 @@ class ObservedModality:
 
     Attributes:
         values: Shape (k, values), or (k, 1) for all of what does not count; NaN where missing.
-        beyond: Whether what is measured lies beyond the sensor's range, shape (k,); ``None`` for
-            sensors that have no such end.
+        beyond: Whether what is measured lies beyond the sensor's range, shape (k,).
     """
 
     values: Array
-    beyond: Flags | None = None
+    beyond: Flags
 
     def __getitem__(self, interactions: NDArray[np.intp] | slice) -> ObservedModality:
         """The readings of some of the interactions."""
         chosen = object.__new__(ObservedModality)
         if isinstance(interactions, slice):
             interactions = np.arange(len(self.values))[interactions]
-        beyond = None if self.beyond is None else self.beyond.take(interactions)
         chosen.__dict__.update(  # take is several times as fast as an index
             values=self.values.take(interactions, axis=0),
-            beyond=beyond,
+            beyond=self.beyond.take(interactions),
             complete=self.complete,
         )
         return chosen
@@ -68,22 +66,10 @@ class ObservedModality:
         return bool(self.present.all())
 
     @property
-    def known(self) -> ReadingCounts:
-        """How much was read."""
-        return ReadingCounts(count=np.sum(self.present, axis=1), beyond=self.beyond)
-
-
-@dataclass(frozen=True, kw_only=True)
-class ReadingCounts:
-    """How much of one modality was read.
-
-    Attributes:
-        count: Values that are not missing, shape (k,).
-        beyond: As in ``ObservedModality``.
-    """
-
-    count: NDArray[np.int64]
-    beyond: Flags | None
+    def count(self) -> NDArray[np.int64]:
+        """How many values are not missing, shape (k,)."""
+        counts: NDArray[np.int64] = np.sum(self.present, axis=1)
+        return counts
 
 
 class Density(ABC):
@@ -106,36 +92,36 @@ class Density(ABC):
 
     def observed(self, observations: Sequence[Observation], *, counts: bool) -> ObservedModality:
         """The readings of some interactions; all are missing where the modality does not count."""
-        modality = MODALITIES[self.name]
-        values = np.array([modality.values(item) for item in observations], dtype=float)
-        if not counts:
-            values[...] = np.nan
-        return ObservedModality(values=values)
+        modality, values = MODALITIES[self.name], np.full((len(observations), 1), np.nan)
+        if counts:  # else the robot may have other sensors than its models
+            values = np.array([modality.values(item) for item in observations], dtype=float)
+        return ObservedModality(values=values, beyond=np.zeros(len(values), dtype=bool))
 
     @abstractmethod
     def misfit(self, observed: ObservedModality, readings: PredictedReadings, into: Array) -> None:
         """Writes the misfits of n predictions into an array of shape (n, misfits)."""
 
-    def least_misfit(self, known: ReadingCounts) -> Array:
-        """Misfits of a perfect prediction, shape (k, misfits)."""
-        return np.zeros((len(known.count), self.misfits))
+    def least_misfit(self, beyond: Flags) -> Array:
+        """Misfits of a perfect prediction, shape (k, misfits); see ``ObservedModality``."""
+        return np.zeros((len(beyond), self.misfits))
 
     def residual(self, misfits: Array, observed: ObservedModality) -> Array:
-        """Observed minus predicted, shape (n, residuals); 0 where unknown."""
-        return misfits[:, : self.residuals]
+        """Observed minus predicted, shape (…, k, residuals); 0 where unknown."""
+        return misfits[..., : self.residuals]
 
     @abstractmethod
     def standardised_residual(
         self, misfits: Array, observed: ObservedModality, noise: float
     ) -> Array:
-        """Residual in units of the noise, shape (n,); 0 where nothing was read."""
+        """Residual in units of the noise, shape (k,); 0 where nothing was read."""
 
     @abstractmethod
-    def log_anywhere(self, known: ReadingCounts, cap: float) -> Array:
+    def log_anywhere(self, count: NDArray[np.int64], beyond: Flags, cap: float) -> Array:
         """Logarithm of the density of readings in an arbitrary pose, shape (k,).
 
         Args:
-            known: Of shape (k,).
+            count: How many values were read, shape (k,).
+            beyond: As in ``ObservedModality``.
             cap: The range of the distance sensor, m.
         """
 
@@ -148,12 +134,6 @@ class TouchDensity(Density):
     residuals = 0
     scaled = False
     beside = 0.0
-
-    def observed(self, observations: Sequence[Observation], *, counts: bool) -> ObservedModality:
-        """The bits; where touch does not count the robot may have other sensors than its models."""
-        if not counts:
-            return ObservedModality(values=np.full((len(observations), 1), np.nan))
-        return super().observed(observations, counts=True)
 
     def misfit(self, observed: ObservedModality, readings: PredictedReadings, into: Array) -> None:
         """How many bits differ, and of how many the model is not sure."""
@@ -169,9 +149,9 @@ class TouchDensity(Density):
         """The bits that differ, each as many standard deviations as it is unlikely."""
         return misfits[:, 0] * math.sqrt(-2 * math.log(noise))
 
-    def log_anywhere(self, known: ReadingCounts, cap: float) -> Array:
+    def log_anywhere(self, count: NDArray[np.int64], beyond: Flags, cap: float) -> Array:
         """Each bit even."""
-        logs: Array = math.log(0.5) * known.count.astype(float)
+        logs: Array = math.log(0.5) * count.astype(float)
         return logs
 
 
@@ -188,7 +168,7 @@ class TiltDensity(Density):
         """Both angles, rad."""
         np.subtract(observed.values, readings.tilt, out=into)
         if not observed.complete:
-            into[~observed.present] = 0.0
+            np.copyto(into, 0.0, where=~observed.present)
 
     def standardised_residual(
         self, misfits: Array, observed: ObservedModality, noise: float
@@ -198,9 +178,9 @@ class TiltDensity(Density):
         larger: Array = both[np.arange(len(both)), np.argmax(np.abs(both), axis=1)]
         return larger
 
-    def log_anywhere(self, known: ReadingCounts, cap: float) -> Array:
+    def log_anywhere(self, count: NDArray[np.int64], beyond: Flags, cap: float) -> Array:
         """Uniform over ±90°."""
-        logs: Array = -math.log(math.pi) * known.count.astype(float)
+        logs: Array = -math.log(math.pi) * count.astype(float)
         return logs
 
 
@@ -228,20 +208,14 @@ class ClearanceDensity(Density):
         np.subtract(observed.values[:, 0], readings.clearance, out=into[:, 0])
         if not observed.complete:
             into[~observed.present] = 0.0
-        if observed.beyond is not None:
-            into[readings.saturated & observed.beyond, 0] = -np.inf
+        into[readings.saturated & observed.beyond, 0] = -np.inf
 
-    def least_misfit(self, known: ReadingCounts) -> Array:
+    def least_misfit(self, beyond: Flags) -> Array:
         """Misfits of a perfect prediction: 0, or -inf where the ground lies beyond the range."""
-        least = super().least_misfit(known)
-        if known.beyond is not None:
-            least[known.beyond] = -np.inf
-        return least
+        return np.where(beyond[:, None], -np.inf, 0.0)
 
     def residual(self, misfits: Array, observed: ObservedModality) -> Array:
         """The distance, m; 0 beyond the range too."""
-        if observed.beyond is None:
-            return misfits
         return np.where(observed.beyond[:, None], 0.0, misfits)
 
     def standardised_residual(
@@ -250,12 +224,10 @@ class ClearanceDensity(Density):
         """The residual in units of the noise."""
         return self.residual(misfits, observed)[:, 0] / noise
 
-    def log_anywhere(self, known: ReadingCounts, cap: float) -> Array:
+    def log_anywhere(self, count: NDArray[np.int64], beyond: Flags, cap: float) -> Array:
         """Uniform over the range, and a share beyond it."""
-        logs = np.where(known.count > 0, math.log((1 - _BEYOND) / cap), 0.0)
-        if known.beyond is not None:
-            logs[known.beyond] = math.log(_BEYOND)
-        return logs
+        within = np.where(count > 0, math.log((1 - _BEYOND) / cap), 0.0)
+        return np.where(beyond, math.log(_BEYOND), within)
 
 
 def _counted(flags: Flags) -> Array:
@@ -341,17 +313,14 @@ class SensorData:
         values[:, BRANCH] = 0.0
         return values
 
-    def residuals(self, misfits: Array, interactions: Columns) -> Array:
-        """Observed minus predicted tilt (rad) and clearance (m), shape (n, 3); 0 where unknown.
+    def residuals(self, misfits: Array) -> Array:
+        """Observed minus predicted tilt (rad) and clearance (m), shape (n, k, 3); 0 where unknown.
 
         Args:
-            misfits: Shape (n, MISFITS).
-            interactions: Which interaction each is of, shape (n,).
+            misfits: Shape (n, k, MISFITS).
         """
-        return np.column_stack(
-            [
-                density.residual(misfits[:, COLUMNS[name]], self.observed[name][interactions])
-                for name, density in DENSITIES.items()
-                if density.residuals
-            ]
-        )
+        residuals = [
+            density.residual(misfits[..., COLUMNS[name]], self.observed[name])
+            for name, density in DENSITIES.items()
+        ]
+        return np.concatenate(residuals, axis=-1)

@@ -208,7 +208,7 @@ class Weigher:
 
     def _strays(self, weights: Sequence[_Weight]) -> bool:
         """Whether the best fit of these lacks more than noise takes."""
-        read = sum(self._data.observed[name].known.count.sum() for name in SCALED)
+        read = sum(self._data.observed[name].count.sum() for name in SCALED)
         best = float(self._likelihood.best().sum())
         fit = max(float(one.particles.fits.max()) for one in weights)
         return best - fit - MEAN_LOSS * float(read) >= _STRAYS

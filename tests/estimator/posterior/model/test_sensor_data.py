@@ -21,7 +21,8 @@ def test_every_modality_has_a_density() -> None:
 def test_what_was_not_read_has_no_density(name: str) -> None:
     nothing = Observation(angles=(0.0,), touch=(None, None))
     observed = DENSITIES[name].observed([nothing], counts=True)
-    assert DENSITIES[name].log_anywhere(observed.known, 0.2).tolist() == [0.0]
+    nowhere = DENSITIES[name].log_anywhere(observed.count, observed.beyond, 0.2)
+    assert nowhere.tolist() == [0.0]
 
 
 def test_an_interaction_in_which_nothing_was_read_says_nothing() -> None:
