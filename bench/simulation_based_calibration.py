@@ -25,7 +25,7 @@ import importlib
 import json
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, Final, Literal, TypeAlias, get_args
@@ -191,7 +191,7 @@ def trial(run: BodyRun) -> list[dict[str, Any]]:
         predictor=predictor,
         body=body,
         scales=np.zeros(2) if run.robots == "stated" else drawn_scales(2, rng),
-        noise=replace(noise, outlier=0.0) if run.robots == "stated" else noise,
+        noise=noise._replace(outlier=0.0) if run.robots == "stated" else noise,
         cap=cap,
         rng=rng,
     )

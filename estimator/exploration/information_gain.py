@@ -23,9 +23,9 @@ from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.executors import Threads
 from estimator.physics.kernel.compiling import compiled, entrance, stamp
-from estimator.posterior.model import mixture, noise
+from estimator.posterior.model import mixture
 from estimator.posterior.model.likelihood import Noise, apart
-from estimator.posterior.model.mixture import Level, Spread, level_of, log_densities
+from estimator.posterior.model.mixture import Level, level_of, log_densities
 from estimator.posterior.model.noise import drawn
 from estimator.posterior.model.sensor_data import DENSITIES
 from estimator.readings.observation import PredictedReadings
@@ -121,7 +121,7 @@ class InformationGain:
             laid_out(predictions.beyond),
             laid_out(predictions.no_prediction),
             laid_out(scales),
-            self._noise.spread,
+            self._noise,
             self._anywhere(predictions.touch.shape[2]),
             self._cap,
             2.0 if tilt else 0.0,
@@ -193,7 +193,7 @@ def _left(readings: Array | None, amounts: Array, before: float) -> float:
     return float(np.sqrt(np.maximum(left, 0.0) / free).sum())
 
 
-_SOURCES: Final = stamp(Path(__file__).parent, *map(Path, (mixture.__file__, noise.__file__)))
+_SOURCES: Final = stamp(Path(__file__).parent, *sorted(Path(mixture.__file__).parent.glob("*.py")))
 _LEVEL_SIZE: Final = len(Level._fields)
 _LEAST: Final = -60.0  # logarithm of a density that vanishes beside an outlier's
 
@@ -251,7 +251,7 @@ def _make_gains(sources: int) -> Any:
         beyond: Flags,
         no_prediction: Flags,
         scales: Array,
-        spread: Spread,
+        spread: Noise,
         anywhere: Array,
         cap: float,
         angles: float,

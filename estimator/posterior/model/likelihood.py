@@ -18,9 +18,8 @@ from __future__ import annotations
 
 import importlib
 import math
-from dataclasses import dataclass, replace
 from functools import cache, partial
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -62,14 +61,14 @@ LIKELY: Final = np.array([1.0, *[0.5] * len(_SIDES), *[0.05] * len(_SIDES)])
 
 _LOG_LIKELY: Final = np.log(LIKELY)
 _PLAINLY: Final = 3.0  # standard deviations
-_WORST_TOUCH: Final = 0.4  # chance of a wrong bit on the hottest levels
 _AS_ANNOUNCED: Final = np.zeros((1, 2))
 _NO_COLUMNS: Final = np.empty((0, 0))
 
 
-@dataclass(frozen=True, kw_only=True)
-class Noise:
+class Noise(NamedTuple):
     """Standard deviations of the sensors about a perfect model's readings, and shares of outliers.
+
+    A tuple, as compiled functions take it.
 
     Attributes:
         tilt: Standard deviation of each tilt, rad.
@@ -103,26 +102,12 @@ class Noise:
     def widened(self, factors: Array) -> Noise:
         """With so many times the noise of the modalities ``SCALED``, shape (2,)."""
         wide = (self.of(name) * factor for name, factor in zip(SCALED, factors, strict=True))
-        return replace(self, **dict(zip(SCALED, map(float, wide), strict=True)))
+        return self._replace(**dict(zip(SCALED, map(float, wide), strict=True)))
 
     def of(self, modality: str) -> float:
         """The figure of one modality."""
         figure: float = getattr(self, modality)
         return figure
-
-    @property
-    def spread(self) -> Any:
-        """All that the density needs to know of it: a ``Spread`` of ``mixture``."""
-        return _compiled().Spread(
-            tilt=self.tilt,
-            clearance=self.clearance,
-            touch=self.touch,
-            worst_touch=_WORST_TOUCH,
-            tilt_beside=DENSITIES["tilt"].beside,
-            clearance_beside=DENSITIES["clearance"].beside,
-            outlier=self.outlier,
-            nearby=self.nearby,
-        )
 
 
 def apart(one: PredictedReadings, other: PredictedReadings, noise: Noise) -> Flags:
@@ -161,7 +146,6 @@ class Likelihood:
             bits=counts["touch"].astype(float),
             log_anywhere=math.log(noise.outlier) + anywhere,
         )
-        self._spread = noise.spread
         self.noise_factors = NoiseFactors.known_by(
             float(counts["tilt"].sum()), float(counts["clearance"].sum())
         )
@@ -352,7 +336,7 @@ class Likelihood:
             factors.clearance,
             factors.weights,
             self._read,
-            self._spread,
+            self._noise,
             _LOG_LIKELY,
             sums,
             terms,
@@ -400,7 +384,7 @@ class Likelihood:
             np.atleast_1d(np.asarray(noise_scale, dtype=float)),
             _AS_ANNOUNCED if scales is None else np.ascontiguousarray(scales),
             self._read,
-            self._spread,
+            self._noise,
             _LOG_LIKELY,
             *results,
         )

@@ -17,18 +17,19 @@ from numpy.typing import NDArray
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.physics.kernel.compiling import compiled, entrance, stamp
+from estimator.posterior.model.likelihood import Noise
 from estimator.posterior.model.noise import LOG_PEAK, log_above, log_shape
-from estimator.posterior.model.sensor_data import BRANCH, COLUMNS, NO_PREDICTION
+from estimator.posterior.model.sensor_data import BRANCH, COLUMNS, DENSITIES, NO_PREDICTION
 
 _SOURCES: Final = stamp(Path(__file__).parent)
 _TILT: Final = COLUMNS["tilt"].start  # and the one after it
 _CLEARANCE: Final = COLUMNS["clearance"].start
 _WRONG: Final = COLUMNS["touch"].start
 _DOUBTFUL: Final = _WRONG + 1
-_NO_PREDICTION: Final = NO_PREDICTION
-_BRANCH: Final = BRANCH
+_TILT_BESIDE: Final = DENSITIES["tilt"].beside
+_CLEARANCE_BESIDE: Final = DENSITIES["clearance"].beside
 
-_LOG_PEAK: Final = LOG_PEAK
+_WORST_TOUCH: Final = 0.4  # chance of a wrong bit on the hottest levels
 _LOG_EVEN: Final = math.log(0.5)
 _MULTIPLIED: Final = 8  # interactions whose densities are multiplied before a logarithm is taken
 
@@ -52,30 +53,6 @@ class Read(NamedTuple):
     beyond: Flags
     bits: Array
     log_anywhere: Array
-
-
-class Spread(NamedTuple):
-    """Sensor noise, before noise scales and noise factors.
-
-    Attributes:
-        tilt: rad.
-        clearance: m.
-        touch: Probability that a bit is wrong.
-        worst_touch: What this may grow to.
-        tilt_beside: How much farther where a robot ends beside the pose predicted, rad.
-        clearance_beside: How much farther clearance strays there, m.
-        outlier: Share of the interactions that do not end as the body does.
-        nearby: Share of these that end beside it.
-    """
-
-    tilt: float
-    clearance: float
-    touch: float
-    worst_touch: float
-    tilt_beside: float
-    clearance_beside: float
-    outlier: float
-    nearby: float
 
 
 class Level(NamedTuple):
@@ -107,13 +84,13 @@ class Level(NamedTuple):
 
 
 @compiled
-def level_of(spread: Spread, noise_scale: float, log_tilt: float, log_clearance: float) -> Level:
+def level_of(spread: Noise, noise_scale: float, log_tilt: float, log_clearance: float) -> Level:
     """The noise with a factor on all of it, and two more, as logarithms, on tilt and clearance."""
     tilt = spread.tilt * noise_scale * math.exp(log_tilt)
     clearance = spread.clearance * noise_scale * math.exp(log_clearance)
-    touch = min(spread.touch * noise_scale, spread.worst_touch)
-    tilt_beside = math.hypot(tilt, spread.tilt_beside)
-    clearance_beside = math.hypot(clearance, spread.clearance_beside)
+    touch = min(spread.touch * noise_scale, _WORST_TOUCH)
+    tilt_beside = math.hypot(tilt, _TILT_BESIDE)
+    clearance_beside = math.hypot(clearance, _CLEARANCE_BESIDE)
     return Level(
         tilt,
         math.log(tilt),
@@ -139,7 +116,7 @@ def _log_bits(bits: float, wrong: float, doubtful: float, level: Level) -> float
 def _log_tilt(one: float, other: float, angles: float, noise: float, log_noise: float) -> float:
     """Of both angles; the misfit of one that was not read is 0, and it is not counted."""
     shape = _log_shape(one / noise) + _log_shape(other / noise)
-    return shape + angles * (_LOG_PEAK - log_noise)
+    return shape + angles * (LOG_PEAK - log_noise)
 
 
 @compiled
@@ -147,7 +124,7 @@ def _log_clearance(misfit: float, beyond: bool, noise: float, log_noise: float) 
     """Of a distance, or of the ground's lying beyond the sensor's range."""
     if beyond:
         return _log_above(misfit / noise)
-    return _log_shape(misfit / noise) + _LOG_PEAK - log_noise
+    return _log_shape(misfit / noise) + LOG_PEAK - log_noise
 
 
 @compiled
@@ -201,7 +178,7 @@ def _make_mixture(sources: int) -> Any:
         noise_scales: Array,
         scales: Array,
         read: Read,
-        spread: Spread,
+        spread: Noise,
         log_likely: Array,
         inlier: Array,
         outlier: Array,
@@ -230,7 +207,7 @@ def _make_mixture(sources: int) -> Any:
                 interaction = interactions[row if len(interactions) > 1 else 0, column]
                 anywhere = read.log_anywhere[interaction]
                 first, beside = -math.inf, anywhere
-                if not misfits[row, column, _NO_PREDICTION] > 0:
+                if not misfits[row, column, NO_PREDICTION] > 0:
                     first, beside = log_densities(
                         (misfits[row, column, _TILT], misfits[row, column, _TILT + 1]),
                         read.tilts[interaction],
@@ -241,7 +218,7 @@ def _make_mixture(sources: int) -> Any:
                         read.bits[interaction],
                         level,
                     )
-                    first += log_inlier + log_likely[int(misfits[row, column, _BRANCH])]
+                    first += log_inlier + log_likely[int(misfits[row, column, BRANCH])]
                     beside += log_outlier
                 second = _log_sum(log_elsewhere + anywhere, log_nearby + beside)
                 if outlier.shape[1]:
@@ -308,7 +285,7 @@ def _make_over_factors(sources: int) -> Any:
         clearance_factors: Array,
         weights: Array,
         read: Read,
-        spread: Spread,
+        spread: Noise,
         log_likely: Array,
         sums: Array,
         terms: Array,
@@ -335,8 +312,8 @@ def _make_over_factors(sources: int) -> Any:
         level = level_of(spread, 1.0, 0.0, 0.0)
         tilts = np.empty((4, len(tilt_factors)))
         clearances = np.empty((4, len(clearance_factors)))
-        _fill_noises(spread.tilt, spread.tilt_beside, tilt_factors, tilts)
-        _fill_noises(spread.clearance, spread.clearance_beside, clearance_factors, clearances)
+        _fill_noises(spread.tilt, _TILT_BESIDE, tilt_factors, tilts)
+        _fill_noises(spread.clearance, _CLEARANCE_BESIDE, clearance_factors, clearances)
         by_tilt = np.empty((2, len(tilt_factors)))
         by_clearance = np.empty((2, len(clearance_factors)))
         product = np.empty((len(tilt_factors), len(clearance_factors)))
@@ -347,7 +324,7 @@ def _make_over_factors(sources: int) -> Any:
             total, multiplied = 0.0, 0
             for column in range(misfits.shape[1]):
                 anywhere = read.log_anywhere[column]
-                if misfits[row, column, _NO_PREDICTION] > 0:
+                if misfits[row, column, NO_PREDICTION] > 0:
                     total += anywhere
                     continue
                 least = log_elsewhere + anywhere  # what remains where nothing is explained
@@ -356,7 +333,7 @@ def _make_over_factors(sources: int) -> Any:
                 wrong, doubtful = misfits[row, column, _WRONG], misfits[row, column, _DOUBTFUL]
                 angles = read.tilts[column]
                 bits = _log_bits(read.bits[column], wrong, doubtful, level) - least
-                first = log_inlier + log_likely[int(misfits[row, column, _BRANCH])] + bits
+                first = log_inlier + log_likely[int(misfits[row, column, BRANCH])] + bits
                 beside = log_nearby + log_outlier + bits
                 for one in range(len(tilt_factors)):
                     alone = _log_tilt(left, forward, angles, tilts[0, one], tilts[1, one])

@@ -109,7 +109,7 @@ def test_the_density_of_all_readings_adds_up_to_one_also_where_there_are_two_sid
     program: Array,
 ) -> None:
     predictor, point = equal_legs()
-    noise, step = replace(NOISE, tilt=0.03), 0.02
+    noise, step = NOISE._replace(tilt=0.03), 0.02
     grid = np.arange(-0.7, 0.7, step)
     seen = [
         Observation(angles=tuple(program.tolist()), touch=(None,) * 4, tilt=(x, y))
