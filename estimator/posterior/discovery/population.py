@@ -61,8 +61,6 @@ class Population:
         self.levels = levels
         self.chains_per_level = len(values) // levels
         self._noise_scales = np.repeat(HOTTEST ** np.linspace(0, 1, levels), self.chains_per_level)
-        self._misfits = np.zeros((len(values), 0, MISFITS))
-        self._fits = np.zeros((len(values), 0))
 
     @classmethod
     def of_prior(
@@ -90,6 +88,7 @@ class Population:
         self._data, self._noise = data, noise
         self._surely = surely
         self._likelihood = Likelihood(data, noise)
+        self._misfits = np.empty((len(self.values), len(data), MISFITS))
         self._look(slice(None))
 
     def restart(self, level: int) -> None:
@@ -150,13 +149,9 @@ class Population:
         return cls(predictor, rng, values, scales, levels=int(state["levels"]))
 
     def _look(self, rows: slice) -> None:
-        misfits = self._likelihood.misfits_of(
+        self._misfits[rows] = self._likelihood.misfits_of(
             self._predictor, self.values[rows], branches=0 if self._surely else None
         )
-        if self._misfits.shape[1] != len(self._data):
-            self._misfits = misfits
-        else:
-            self._misfits[rows] = misfits
         self._fits = self._likelihood.of(self._misfits, self._noise_scales, self.scales)
 
     def _move(self, rows: Columns, still: Columns) -> None:

@@ -105,8 +105,7 @@ class Free:
 
     def of(self, values: Array) -> Array:
         """What points have there, in units of the spreads, shape (n, d)."""
-        own: Array = np.take_along_axis(values, self.columns, axis=1) / self.spreads
-        return own
+        return np.take_along_axis(values, self.columns, axis=1) / self.spreads
 
     def within(self, values: Array, own: Array) -> Array:
         """The points with that there, as far as it is possible."""
@@ -152,8 +151,8 @@ class GaussNewton:
         unexplained = np.flatnonzero(self._likelihood.inlier_share(misfits)[0] < 0.5)
         return list(reversed(unexplained.tolist()))
 
-    def rough_fits(self, values: Array, interactions: Columns) -> Array:
-        """Log-likelihoods of n points in k of the interactions, shape (n, k).
+    def rough_fits(self, values: Array, interactions: Columns | None = None) -> Array:
+        """Log-likelihoods of n points in k of the interactions, by default all, shape (n, k).
 
         Under ``ROUGH`` times the announced noise, everybody falling as statics has it.
         """
@@ -161,7 +160,8 @@ class GaussNewton:
         misfits = self._likelihood.misfits_of_bodies(
             self._predictor, bodies, interactions, branches=0
         )
-        return self._likelihood.of(misfits, ROUGH, interactions=interactions[None])
+        which = None if interactions is None else interactions[None]
+        return self._likelihood.of(misfits, ROUGH, interactions=which)
 
     def _all(self, values: Array, free: Free | None) -> Free:
         return free or Free.lengths(self._predictor.unknowns.continuous, len(values))

@@ -244,16 +244,19 @@ class Likelihood:
         """
         inlier, outlier = self.terms(self.misfits_of(predictor, values), scales=scales)
         shared = np.log(self._sides(predictor, values))
-        log_likelihood: Array = np.logaddexp(inlier - shared, outlier)
-        return log_likelihood
+        return np.logaddexp(inlier - shared, outlier)
 
     def _sides(self, predictor: Predictor, values: Array) -> Array:
         """How likely all sides are to which a body may fall, together; shape (n, k), at least 1."""
         count, likely = len(GRAVITY_TILTS), np.exp(_LOG_LIKELY)
-        rows = np.repeat(np.arange(len(values)), len(self._data) * count)
-        programs = np.tile(np.repeat(self._data.programs, count, axis=0), (len(values), 1))
-        gravity_tilts = np.tile(GRAVITY_TILTS, (len(values) * len(self._data), 1))
-        readings = predictor.read(predictor.unknowns.bodies(values), rows, programs, gravity_tilts)
+        shape = len(values), len(self._data), count
+        rows, interactions, branches = np.indices(shape).reshape(3, -1)
+        readings = predictor.read(
+            predictor.unknowns.bodies(values),
+            rows,
+            self._data.programs[interactions],
+            GRAVITY_TILTS[branches],
+        )
         sides = [readings[::count]]
         counted = [np.ones(len(sides[0]), dtype=bool)]
         for branch in range(1, count):
@@ -314,8 +317,7 @@ class Likelihood:
         factors = self.noise_factors
         terms = np.empty((len(misfits), factors.tilt.size, factors.clearance.size))
         self._over_factors(misfits, terms)
-        by_factors: Array = terms.reshape(len(misfits), -1) + factors.log_weights
-        return by_factors
+        return terms.reshape(len(misfits), -1) + factors.log_weights
 
     def integrated(self, misfits: Array) -> Array:
         """Log-likelihoods with the noise factors integrated out, shape (n,).

@@ -78,8 +78,7 @@ _STEP: Final = 1.5  # standard deviations of the posterior
 
 def log_prior(scales: Array) -> Array:
     """Log-density of the prior of each factor's logarithm, to a constant; of any shape."""
-    density: Array = -0.5 * (scales / np.where(scales < 0, _LESS, _MORE)) ** 2
-    return density
+    return -0.5 * (scales / np.where(scales < 0, _LESS, _MORE)) ** 2
 
 
 def drawn_scales(shape: int | tuple[int, ...], rng: np.random.Generator) -> Array:
