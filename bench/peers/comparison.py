@@ -212,7 +212,7 @@ def _rows(
         own = Predictor(as_stated, make_physics())
         started = time.process_time()
         answer = peer(Target(own, data, noise, limit), seed)
-        yield row(name, answer, own.simulations, time.process_time() - started)
+        yield row(name, answer, own.cost.simulations, time.process_time() - started)
 
 
 def table(rows: Sequence[Row]) -> str:

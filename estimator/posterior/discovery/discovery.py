@@ -110,14 +110,14 @@ class Discovery:
             data: The observations of all interactions.
             noise: Sensor noise.
         """
-        predictor, likelihood = self.predictor, Likelihood(data, noise)
+        predictor = self.predictor
         self._data, self._noise = data, noise
         self._founders: list[Array] = []
         self.population.observe(data, noise, surely=True)
-        self._solver = GaussNewton(predictor, data, likelihood)
+        self._solver = GaussNewton(predictor, data, Likelihood(data, noise))
         self._neighbours = None
         if joined_parts(predictor.unknowns) and len(data) >= _SEVERAL:
-            self._neighbours = Neighbours(predictor, data, likelihood, self.rng)
+            self._neighbours = Neighbours(predictor.unknowns, self._solver, self.rng)
         self._before, self._visited = _Visited(predictor), _Visited(predictor)
         starts = np.concatenate([self.found, self.drawn])
         fits = self._solver.fits(starts)
@@ -271,7 +271,7 @@ class _Visited:
             values = np.concatenate(
                 [
                     other_attachments(leaders[row], columns, self._unknowns, rng)
-                    for columns in self._unknowns.parts
+                    for columns in self._unknowns.parts.values()
                 ]
             )
             promising = ranked_by_attachments(values, solver, self._unknowns, rng)[:_PROMISING]

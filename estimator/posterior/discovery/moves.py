@@ -75,7 +75,7 @@ def propose(
             fresh[chosen, columns] = rng.random(chosen.size)
     chosen = np.flatnonzero(kinds == Move.PART)
     which = rng.integers(len(unknowns.parts), size=chosen.size)
-    for part, columns in enumerate(unknowns.parts):
+    for part, columns in enumerate(unknowns.parts.values()):
         those = chosen[which == part]
         fresh[np.ix_(those, columns)] = rng.random((those.size, columns.size))
     if unknowns.places:
@@ -115,7 +115,7 @@ def exchange_parts(
     """
     first, second = one.copy(), other.copy()
     which = rng.integers(len(unknowns.parts), size=len(one))
-    for part, columns in enumerate(unknowns.parts):
+    for part, columns in enumerate(unknowns.parts.values()):
         cells = np.ix_(np.flatnonzero(which == part), columns)
         first[cells], second[cells] = other[cells], one[cells]
     return first, second

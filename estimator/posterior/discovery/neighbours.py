@@ -24,9 +24,7 @@ import numpy as np
 from estimator.body.morphology import BASE, Array
 from estimator.posterior.discovery.moves import exchange_places
 from estimator.posterior.model.gauss_newton import GaussNewton, best_of_each
-from estimator.posterior.model.likelihood import Likelihood
-from estimator.posterior.model.sensor_data import SensorData
-from estimator.posterior.model.unknowns import Columns, Predictor, Unknowns
+from estimator.posterior.model.unknowns import Columns, Unknowns
 
 _LENGTHS: Final = 2  # times each choice is tried: with the parts' lengths, and random ones
 _KEPT: Final = 16  # of the rows of parts that are joined
@@ -42,22 +40,15 @@ class Neighbours:
     and with any other on it.
 
     Args:
-        predictor: Computes readings.
-        data: The observations.
-        likelihood: Of ``data``.
+        unknowns: The cube.
+        solver: Compares and polishes bodies.
         rng: Draws lengths.
     """
 
-    def __init__(
-        self,
-        predictor: Predictor,
-        data: SensorData,
-        likelihood: Likelihood,
-        rng: np.random.Generator,
-    ) -> None:
-        self._unknowns = predictor.unknowns
-        self._joined = joined_parts(predictor.unknowns)
-        self._solver = GaussNewton(predictor, data, likelihood)
+    def __init__(self, unknowns: Unknowns, solver: GaussNewton, rng: np.random.Generator) -> None:
+        self._unknowns = unknowns
+        self._joined = joined_parts(unknowns)
+        self._solver = solver
         self._rng = rng
 
     def of(self, leader: Array) -> tuple[Array, Array]:
@@ -87,7 +78,7 @@ class Neighbours:
                     if displaced in other.columns and displaced not in other.kept
                 ]
         points = np.concatenate(near)
-        fits = self._solver.rough_fits(points, np.arange(self._solver.interactions)).sum(axis=1)
+        fits = self._solver.rough_fits(points).sum(axis=1)
         best = best_of_each(self._unknowns.keys(points), fits)
         return self._solver.polished(points[best], _POLISHED)
 
@@ -175,24 +166,17 @@ def _sitting_on(carrier: int, column: int, unknowns: Unknowns) -> float:
     return float((carrier + 1.5) / unknowns.counts[column])
 
 
-def _columns_of_parts(unknowns: Unknowns) -> dict[int, list[int]]:
-    own: dict[int, list[int]] = {}
-    for column, gene in enumerate(unknowns.genes):
-        own.setdefault(gene.part, []).append(column)
-    return own
-
-
 def _possibly_joined(unknowns: Unknowns) -> tuple[Joined, ...]:
-    genes, own = unknowns.genes, _columns_of_parts(unknowns)
-    chosen = [part for part in own if any(genes[at].choices > 1 for at in own[part])]
-    joined = [Joined(columns=np.array(own[part])) for part in chosen]
+    genes, own = unknowns.genes, unknowns.parts
+    chosen = sorted({gene.part for gene in genes if gene.choices > 1})
+    joined = [Joined(columns=own[part]) for part in chosen]
     for part in chosen:
-        for column in own[part]:
+        for column in own[part].tolist():
             gene = genes[column]
             if gene.trait == "parent":
                 joined += [
                     Joined(
-                        columns=np.array(own[carrier] + own[part]),
+                        columns=np.concatenate([own[carrier], own[part]]),
                         kept=(column,),
                         carried=((column, _sitting_on(carrier, column, unknowns)),),
                     )
@@ -200,12 +184,13 @@ def _possibly_joined(unknowns: Unknowns) -> tuple[Joined, ...]:
                     if carrier < part
                 ]
             elif gene.trait == "mount" and gene.parent in chosen:
-                joined.append(Joined(columns=np.array(own[gene.parent] + own[part])))
+                columns = np.concatenate([own[gene.parent], own[part]])
+                joined.append(Joined(columns=columns))
     return tuple(joined)
 
 
 def _joined(unknowns: Unknowns) -> tuple[Joined, ...]:
-    genes, own = unknowns.genes, _columns_of_parts(unknowns)
+    genes, own = unknowns.genes, unknowns.parts
     chosen = {gene.part: gene.parent for gene in genes if gene.choices > 1}
     carriers = {
         part: parent for part, parent in chosen.items() if parent is not None and parent in chosen
@@ -217,13 +202,9 @@ def _joined(unknowns: Unknowns) -> tuple[Joined, ...]:
             chain.insert(0, carriers[chain[0]])
         if chain == [part] and part in carriers.values():
             continue  # it is tried with those that it carries
-        mounts = [column for column in own[chain[0]] if genes[column].trait == "mount"]
-        joined.append(
-            Joined(
-                columns=np.array([column for one in chain for column in own[one]]),
-                kept=tuple(mounts) if len(chain) == _MOST else (),
-            )
-        )
+        columns = np.concatenate([own[one] for one in chain])
+        mounts = [at for at in own[chain[0]].tolist() if genes[at].trait == "mount"]
+        joined.append(Joined(columns=columns, kept=tuple(mounts) if len(chain) == _MOST else ()))
     return tuple(joined)
 
 
@@ -241,7 +222,7 @@ def ranked(
 
     Interactions in which the points differ as much as usual are tried first, the others with
     those alone that fit best in these. Where they differ most bodies fall to one side or the
-    other, whatever their solver, and the right choices do not stand out.
+    other, whatever their lengths, and the right choices do not stand out.
 
     Args:
         points: Shape (n, size).
@@ -252,14 +233,14 @@ def ranked(
     """
     interactions = np.arange(solver.interactions)
     if len(points) <= _FEWEST or interactions.size <= _TRIED_FIRST:
-        fits = solver.rough_fits(points, interactions).sum(axis=1)
+        fits = solver.rough_fits(points).sum(axis=1)
         return points[np.argsort(-fits, kind="stable")]
     if len(unexplained):
         order = np.concatenate([unexplained, np.setdiff1d(interactions, unexplained)])
         tried, share = 1, _EXPLAINING
     else:
         sample = rng.choice(len(points), round(_SAMPLED * len(points)), replace=False)
-        spread = solver.rough_fits(points[sample], interactions).std(axis=0)
+        spread = solver.rough_fits(points[sample]).std(axis=0)
         order = np.argsort(np.abs(spread - np.median(spread)), kind="stable")
         tried, share = _TRIED_FIRST, _GO_ON
     fits = solver.rough_fits(points, order[:tried]).sum(axis=1)
@@ -281,8 +262,7 @@ def ranked_by_attachments(
     """The best point of each set of attachments, best first; see ``ranked``."""
     best_first = ranked(points, solver, rng, unexplained)
     firsts = best_of_each(unknowns.keys(best_first), -np.arange(len(best_first), dtype=float))
-    rest: Array = best_first[firsts]
-    return rest
+    return best_first[firsts]
 
 
 def with_subtrees_of_others(
@@ -297,7 +277,7 @@ def with_subtrees_of_others(
         solver: Compares and polishes them.
 
     Returns:
-        Points with good solver, and their log-likelihoods.
+        Points with good lengths, and their log-likelihoods.
     """
     points = []
     for other in others:
@@ -307,5 +287,5 @@ def with_subtrees_of_others(
             points.append(point)
     several = unknowns.permitted(np.array(points))
     several = several[best_of_each(unknowns.keys(several), np.zeros(len(several)))]
-    fits = solver.rough_fits(several, np.arange(solver.interactions)).sum(axis=1)
+    fits = solver.rough_fits(several).sum(axis=1)
     return solver.polished(several[np.argsort(-fits, kind="stable")[:_POLISHED]])

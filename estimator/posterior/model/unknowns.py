@@ -47,7 +47,7 @@ class Unknowns:
         parents: Which columns choose what a part sits on, shape (size,).
         bits: Information that says which of all attachments a body has, were they equally likely.
         many: Whether these are so many that changes of single parts do not lead to the body.
-        parts: Columns that belong to one part, for each part that has any.
+        parts: Columns that belong to one part, by its number, of each part that has any.
         places: Columns that say where parts sit, of parts that may have each other's mounts and not
             share them: in each array one row a part, and the same columns for each.
         hinges: Columns of these parts' hinges, part by part.
@@ -70,10 +70,10 @@ class Unknowns:
         self.counts: Columns = np.array([gene.choices for gene in genes], dtype=np.intp)
         self.parents: Flags = np.array([gene.trait == "parent" for gene in genes])
         self.bits = float(np.log2(self.counts[self.choices]).sum())
-        self.parts: tuple[Columns, ...] = tuple(
-            _where([gene.part == part for gene in genes])
+        self.parts: dict[int, Columns] = {
+            part: _where([gene.part == part for gene in genes])
             for part in sorted({gene.part for gene in genes})
-        )
+        }
         self.places: tuple[Columns, ...] = _places(genome)
         self.hinges: tuple[tuple[Columns, ...], ...] = tuple(
             tuple(
@@ -223,33 +223,23 @@ class Predictor:
 
     def __init__(self, unknowns: Unknowns, physics: ArrayPhysics) -> None:
         self.unknowns = unknowns
-        self._simulations_elsewhere = 0
-        self._steps_elsewhere = 0
         self._physics = physics
+        self._elsewhere = Cost(0, 0)
 
     def of(self, unknowns: Unknowns) -> Predictor:
         """A predictor of other unknowns; physics is shared, and the cost counted there."""
         return Predictor(unknowns, self._physics)
 
     @property
-    def simulations(self) -> int:
-        """How many interactions were simulated so far."""
-        return self._physics.simulations + self._simulations_elsewhere
-
-    @property
-    def steps(self) -> int:
-        """How many time steps were computed so far."""
-        return self._physics.steps + self._steps_elsewhere
-
-    @property
     def cost(self) -> Cost:
         """Counts of what was computed so far."""
-        return Cost(self.simulations, self.steps)
+        simulations, steps = self._elsewhere
+        return Cost(self._physics.simulations + simulations, self._physics.steps + steps)
 
     def add_cost(self, cost: Cost) -> None:
         """Counts what a copy has computed in a worker process."""
-        self._simulations_elsewhere += cost.simulations
-        self._steps_elsewhere += cost.steps
+        simulations, steps = self._elsewhere
+        self._elsewhere = Cost(simulations + cost.simulations, steps + cost.steps)
 
     def read(
         self,
@@ -294,9 +284,8 @@ class Predictor:
             programs: rad, shape (k, motors).
             gravity_tilts: As in ``read``.
         """
-        count = len(programs)
-        rows, each = np.repeat(np.arange(len(values)), count), np.tile(programs, (len(values), 1))
-        return self.read(self.unknowns.bodies(values), rows, each, gravity_tilts)
+        rows, each = np.indices((len(values), len(programs))).reshape(2, -1)
+        return self.read(self.unknowns.bodies(values), rows, programs[each], gravity_tilts)
 
     def simulated(self, reference: Physics, values: Array, programs: Array) -> PredictedReadings:
         """What a simulator predicts of n points in each of k programs, as ``read_all`` does.

@@ -164,12 +164,12 @@ class Sampler:
     @property
     def steps(self) -> int:
         """How many time steps were computed so far."""
-        return sum(one.steps for one in self._predictors)
+        return sum(one.cost.steps for one in self._predictors)
 
     @property
     def simulations(self) -> int:
         """How many interactions were simulated so far."""
-        return sum(one.simulations for one in self._predictors)
+        return sum(one.cost.simulations for one in self._predictors)
 
     @property
     def _predictors(self) -> list[Predictor]:

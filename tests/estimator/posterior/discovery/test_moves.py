@@ -60,7 +60,7 @@ def test_parts_are_exchanged_whole(unknowns: Unknowns) -> None:
     for row in range(50):
         exchanged = [
             index
-            for index, columns in enumerate(unknowns.parts)
+            for index, columns in unknowns.parts.items()
             if np.array_equal(first[row, columns], other[row, columns])
             and np.array_equal(second[row, columns], one[row, columns])
         ]

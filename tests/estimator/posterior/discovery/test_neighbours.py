@@ -101,7 +101,7 @@ def test_a_leg_of_which_all_three_parts_are_put_on_otherwise_is_put_right() -> N
     leader[anew] = (leader[anew] + 0.5) % 1
     _, (wanted, before) = lengths.polished(np.stack([truth, leader]))
     assert before < wanted - 10
-    _, fits = Neighbours(predictor, data, Likelihood(data, NOISE), rng).of(leader)
+    _, fits = Neighbours(unknowns, lengths, rng).of(leader)
     assert fits.max() > wanted - 2
 
 
@@ -110,15 +110,13 @@ def test_a_leg_of_two_parts_that_may_sit_anywhere_is_put_right() -> None:
     unknowns, rng = predictor.unknowns, np.random.default_rng(1)
     truth = quadruped()
     data = draw(predictor, truth, rng.uniform(-0.5, 0.5, (_POSES, 8)), rng, outlier=0.0)
-    likelihood = Likelihood(data, NOISE)
+    lengths = GaussNewton(predictor, data, Likelihood(data, NOISE))
     leader = truth.copy()
     leg = np.concatenate([unknowns.parts[part] for part in (3, 7)])
     leader[leg] = 0.6  # elsewhere, on other parts, and otherwise hinged
-    _, (wanted, before) = GaussNewton(predictor, data, likelihood).polished(
-        np.stack([truth, leader])
-    )
+    _, (wanted, before) = lengths.polished(np.stack([truth, leader]))
     assert before < wanted - 10
-    points, fits = Neighbours(predictor, data, likelihood, rng).of(leader)
+    points, fits = Neighbours(unknowns, lengths, rng).of(leader)
     assert fits.max() > wanted - 2
     assert unknowns.keys(points)[int(np.argmax(fits))] == unknowns.keys(truth[None])[0]
 
@@ -126,17 +124,16 @@ def test_a_leg_of_two_parts_that_may_sit_anywhere_is_put_right() -> None:
 def test_two_legs_in_each_others_places_are_put_right(
     predictor: Predictor, truth: Array, data: SensorData
 ) -> None:
-    unknowns, likelihood = predictor.unknowns, Likelihood(data, NOISE)
-    lengths = GaussNewton(predictor, data, likelihood)
+    unknowns, lengths = predictor.unknowns, GaussNewton(predictor, data, Likelihood(data, NOISE))
     leader, rng = confused(truth, unknowns), np.random.default_rng(3)
     _, wanted = lengths.polished(truth[None])
     rows = np.concatenate(
-        [other_attachments(leader, columns, unknowns, rng) for columns in unknowns.parts]
+        [other_attachments(leader, columns, unknowns, rng) for columns in unknowns.parts.values()]
     )
     best = rows[np.argsort(-lengths.rough_fits(rows, np.arange(_POSES)).sum(axis=1))[:60]]
     _, alone = lengths.polished(best)
     assert alone.max() < wanted[0] - 10
-    points, fits = Neighbours(predictor, data, likelihood, rng).of(leader)
+    points, fits = Neighbours(unknowns, lengths, rng).of(leader)
     assert not unknowns.forbidden(points).any()
     assert fits.max() > wanted[0] - 2
     assert np.array_equal(fits, lengths.fits(points))

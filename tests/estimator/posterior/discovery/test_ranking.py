@@ -42,9 +42,9 @@ def test_what_fits_best_is_hardly_ever_lost_with_most_of_the_work_spared(
 ) -> None:
     rng, lengths = np.random.default_rng(3), lengths_with(predictor, 8)
     points = rng.random((3000, POINT.size))
-    before = predictor.simulations
+    before = predictor.cost.simulations
     best_first = ranked(points, lengths, rng)
-    assert predictor.simulations - before < 0.5 * len(points) * 8
+    assert predictor.cost.simulations - before < 0.5 * len(points) * 8
     truly = points[np.argsort(-fits_of(points, lengths))[:20]]
     assert np.array_equal(best_first[0], truly[0])
     assert sum(any(np.array_equal(one, other) for other in best_first[:40]) for one in truly) >= 15
@@ -62,9 +62,9 @@ def test_of_each_set_of_attachments_the_best_is_kept(predictor: Predictor) -> No
 def test_points_are_ranked_first_by_what_they_have_to_explain(predictor: Predictor) -> None:
     rng, lengths = np.random.default_rng(3), lengths_with(predictor, 8)
     points = rng.random((3000, POINT.size))
-    before = predictor.simulations
+    before = predictor.cost.simulations
     best_first = ranked(points, lengths, rng, unexplained=[5])
-    assert predictor.simulations - before < 0.25 * len(points) * 8
+    assert predictor.cost.simulations - before < 0.25 * len(points) * 8
     alone = lengths.rough_fits(points, np.array([5]))[:, 0]
     least = np.sort(lengths.rough_fits(best_first, np.array([5]))[:, 0])[0]
     assert least >= np.quantile(alone, 0.9)
