@@ -16,7 +16,7 @@ from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.plugins import Registry
 from estimator.posterior.fitted import FittedPosterior
-from estimator.posterior.model.sensor_data import DENSITIES
+from estimator.posterior.model.sensor_data import DENSITIES, SCALED
 from estimator.readings.modalities import MODALITIES
 from estimator.readings.observation import Observation, PredictedReadings, Program
 from estimator.storage.run_config import Learn
@@ -132,10 +132,10 @@ def most_disputed_program(situation: Situation) -> Choice:
     for index, program in enumerate(programs):
         readings = models.predict(program)
         columns: list[Array] = []
-        for name, density in DENSITIES.items():
+        for name in DENSITIES:
             if name in models.modalities:
                 values = MODALITIES[name].predicted(readings).T
-                columns += list(values / noise.of(name) if density.scaled else _SATURATED * values)
+                columns += list(values / noise.of(name) if name in SCALED else _SATURATED * values)
         spread[index] = sum(_mean_distance(values) for values in columns)
     winner = int(np.argmax(spread))
     return Choice(

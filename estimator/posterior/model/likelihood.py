@@ -356,8 +356,7 @@ class Likelihood:
     def best(self) -> Array:
         """Log-likelihood of a perfect prediction, an upper bound, shape (1, k)."""
         misfits = np.zeros((1, len(self._data), MISFITS))
-        for name, density in DENSITIES.items():
-            misfits[..., COLUMNS[name]] = density.least_misfit(self._data.observed[name].beyond)
+        misfits[:, self._read.beyond, COLUMNS["clearance"]] = -np.inf  # beyond the range, too
         return self.of(misfits)
 
     def terms(

@@ -75,15 +75,14 @@ class Density(ABC):
         name: Of the modality.
         misfits: How many numbers say how far a prediction is from what was observed.
         residuals: How many of the misfits, the first ones, are observed minus predicted on a
-            continuous scale.
-        scaled: Whether the robot's noise may be another than announced, by an unknown factor.
+            continuous scale. If there are any the robot's noise may be another than announced, by
+            an unknown factor.
         beside: How far readings stray, in their unit, where a robot ends beside the pose predicted.
     """
 
     name: ClassVar[str]
     misfits: ClassVar[int]
     residuals: ClassVar[int]
-    scaled: ClassVar[bool]
     beside: ClassVar[float]
 
     def observed(self, observations: Sequence[Observation], *, counts: bool) -> ObservedModality:
@@ -96,10 +95,6 @@ class Density(ABC):
     @abstractmethod
     def misfit(self, observed: ObservedModality, readings: PredictedReadings, into: Array) -> None:
         """Writes the misfits of n predictions into an array of shape (n, misfits)."""
-
-    def least_misfit(self, beyond: Flags) -> Array:
-        """Misfits of a perfect prediction, shape (k, misfits); see ``ObservedModality``."""
-        return np.zeros((len(beyond), self.misfits))
 
     def residual(self, misfits: Array, observed: ObservedModality) -> Array:
         """Observed minus predicted, shape (…, k, residuals); 0 where unknown."""
@@ -128,7 +123,6 @@ class TouchDensity(Density):
     name = "touch"
     misfits = 2
     residuals = 0
-    scaled = False
     beside = 0.0
 
     def misfit(self, observed: ObservedModality, readings: PredictedReadings, into: Array) -> None:
@@ -156,7 +150,6 @@ class TiltDensity(Density):
     name = "tilt"
     misfits = 2
     residuals = 2
-    scaled = True
     beside = math.radians(3.0)
 
     def misfit(self, observed: ObservedModality, readings: PredictedReadings, into: Array) -> None:
@@ -188,7 +181,6 @@ class ClearanceDensity(Density):
     name = "clearance"
     misfits = 1
     residuals = 1
-    scaled = True
     beside = 0.01
 
     def observed(self, observations: Sequence[Observation], *, counts: bool) -> ObservedModality:
@@ -203,10 +195,6 @@ class ClearanceDensity(Density):
         if not observed.complete:
             into[~observed.present] = 0.0
         into[readings.saturated & observed.beyond, 0] = -np.inf
-
-    def least_misfit(self, beyond: Flags) -> Array:
-        """Misfits of a perfect prediction: 0, or -inf where the ground lies beyond the range."""
-        return np.where(beyond[:, None], -np.inf, 0.0)
 
     def residual(self, misfits: Array, observed: ObservedModality) -> Array:
         """The distance, m; 0 beyond the range too."""
@@ -235,7 +223,7 @@ DENSITIES: Final[Mapping[str, Density]] = MappingProxyType(
 """In the order in which terms are added up, and in which misfits, residuals and noise factors are
 columns of arrays."""
 
-SCALED: Final = tuple(name for name, density in DENSITIES.items() if density.scaled)
+SCALED: Final = tuple(name for name, density in DENSITIES.items() if density.residuals)
 """Modalities whose noise has an unknown factor, in the order of the factors."""
 
 
