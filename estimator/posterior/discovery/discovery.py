@@ -190,10 +190,6 @@ class Discovery:
             if everyone.best().fits[0] < bodies.fits[0] + _HIGHER:
                 break
 
-    def start_half_anew(self) -> None:
-        """Draws the chains of the hotter half of the levels from the prior."""
-        self.population.restart(self.population.levels // 2)
-
     def start_anew(self, steps: int) -> None:
         """Draws all chains from the prior and lets them take in one interaction after the other.
 

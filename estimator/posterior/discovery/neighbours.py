@@ -21,6 +21,7 @@ from typing import Final
 
 import numpy as np
 
+from estimator.body.arrays import Flags
 from estimator.body.morphology import BASE, Array
 from estimator.posterior.discovery.moves import exchange_places
 from estimator.posterior.model.gauss_newton import GaussNewton, best_of_each
@@ -144,8 +145,8 @@ def joined_parts(unknowns: Unknowns) -> tuple[Joined, ...]:
     return _possibly_joined(unknowns) if unknowns.many else ()
 
 
-def subtrees(point: Array, unknowns: Unknowns) -> list[Columns]:
-    """Columns of each part together with those of all that it carries.
+def subtrees(point: Array, unknowns: Unknowns) -> list[Flags]:
+    """Which columns are of each part or of what it carries, shape (size,) each.
 
     Args:
         point: Of the cube, shape (size,).
@@ -156,14 +157,7 @@ def subtrees(point: Array, unknowns: Unknowns) -> list[Columns]:
     for part in reversed(range(len(parents))):
         if parents[part] != BASE:
             carried[parents[part]] |= carried[part]
-    return [
-        np.flatnonzero([gene.part in together for gene in unknowns.genes]) for together in carried
-    ]
-
-
-def _sitting_on(carrier: int, column: int, unknowns: Unknowns) -> float:
-    """The value with which a column chooses a part, or the main body, as its part's parent."""
-    return float((carrier + 1.5) / unknowns.counts[column])
+    return [np.array([gene.part in own for gene in unknowns.genes]) for own in carried]
 
 
 def _possibly_joined(unknowns: Unknowns) -> tuple[Joined, ...]:
@@ -178,7 +172,8 @@ def _possibly_joined(unknowns: Unknowns) -> tuple[Joined, ...]:
                     Joined(
                         columns=np.concatenate([own[carrier], own[part]]),
                         kept=(column,),
-                        carried=((column, _sitting_on(carrier, column, unknowns)),),
+                        # the middle of the values that stand for it; the main body's come first
+                        carried=((column, (carrier + 1.5) / gene.choices),),
                     )
                     for carrier in chosen
                     if carrier < part
@@ -279,12 +274,9 @@ def with_subtrees_of_others(
     Returns:
         Points with good lengths, and their log-likelihoods.
     """
-    points = []
-    for other in others:
-        for subtree in subtrees(other, unknowns):
-            point = body.copy()
-            point[subtree] = other[subtree]
-            points.append(point)
+    points = [
+        np.where(subtree, other, body) for other in others for subtree in subtrees(other, unknowns)
+    ]
     several = unknowns.permitted(np.array(points))
     several = several[best_of_each(unknowns.keys(several), np.zeros(len(several)))]
     fits = solver.rough_fits(several).sum(axis=1)

@@ -20,7 +20,7 @@ from estimator.body.morphology import Array
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.noise import step_weight
 from estimator.posterior.model.sensor_data import BRANCH, SensorData
-from estimator.posterior.model.unknowns import Columns, Predictor, Unknowns
+from estimator.posterior.model.unknowns import Attachments, Columns, Predictor, Unknowns
 
 ROUGH: Final = 4.0
 """Factor on the noise under which bodies are compared whose lengths are not right yet."""
@@ -202,7 +202,7 @@ class GaussNewton:
         led, free = values, self._all(values, free)
         for noise_scale in _WIDE:
             led, fits = self._narrower(led, free, noise_scale)
-        kept = np.arange(len(fits)) if groups is None else _best_of_groups(fits, groups, most)
+        kept = np.arange(len(fits)) if groups is None else best_of_each(groups, fits, most)
         both, free = np.concatenate([led[kept], values[kept]]), free[np.tile(kept, 2)]
         going_on = np.arange(len(both))  # who does not get better once never will
         for noise_scale in _NARROW:
@@ -225,7 +225,7 @@ class GaussNewton:
         farthest = np.where(free.normal, _FARTHEST_AWAY, _FARTHEST)
         size = np.max(np.abs(step) / farthest, axis=1, keepdims=True, initial=0.0)
         step *= np.minimum(1.0, 1.0 / np.maximum(size, 1e-12))
-        best = self._of(slopes.misfits, noise_scale) + free.log_prior(values)
+        best = self._likelihood.of(slopes.misfits, noise_scale).sum(axis=1) + free.log_prior(values)
         branches = slopes.misfits[..., BRANCH]
         rows = np.arange(len(values))
         for share in (1.0, _SHORTER):
@@ -234,7 +234,7 @@ class GaussNewton:
             misfits = self._likelihood.misfits_of(
                 self._predictor, trial, branches=branches[rows], coarse_step=noise_scale > 1
             )
-            fits = self._of(misfits, noise_scale) + own.log_prior(trial)
+            fits = self._likelihood.of(misfits, noise_scale).sum(axis=1) + own.log_prior(trial)
             better = fits > best[rows]
             values[rows[better]], best[rows[better]] = trial[better], fits[better]
             rows = rows[~better]
@@ -283,25 +283,13 @@ class GaussNewton:
         volumes: Array = 0.5 * (lengths * math.log(2 * math.pi) - log_precision)
         return np.minimum(0.0, volumes)
 
-    def _of(self, misfits: Array, noise_scale: float) -> Array:
-        fits: Array = self._likelihood.of(misfits, noise_scale).sum(axis=1)
-        return fits
 
-
-def _best_of_groups(fits: Array, groups: Columns, most: int) -> Columns:
-    """Of each group the ``most`` points that fit best; indices, best first."""
-    counted: Counter[int] = Counter()
+def best_of_each(keys: Sequence[Attachments] | Columns, fits: Array, most: int = 1) -> Columns:
+    """Of points with equal keys the ``most`` that fit best; indices, best first."""
+    counted: Counter[Attachments | int] = Counter()
     kept = []
     for row in np.argsort(-fits, kind="stable").tolist():
-        counted[groups[row]] += 1
-        if counted[groups[row]] <= most:
+        counted[keys[row]] += 1
+        if counted[keys[row]] <= most:
             kept.append(row)
     return np.array(kept, dtype=np.intp)
-
-
-def best_of_each(keys: Sequence[tuple[int, ...]], fits: Array) -> list[int]:
-    """Of points with equal keys the one that fits best; indices, best first."""
-    best: dict[tuple[int, ...], int] = {}
-    for index in np.argsort(-fits, kind="stable").tolist():
-        best.setdefault(keys[index], index)
-    return list(best.values())

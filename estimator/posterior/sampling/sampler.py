@@ -366,6 +366,6 @@ def _searched(steps: int, again: bool, anew: bool, search: Discovery) -> Discove
     if anew:
         search.start_anew(steps)
     elif again:
-        search.start_half_anew()
+        search.population.restart(search.population.levels // 2)  # the hotter half
     search.search(steps)
     return search
