@@ -256,8 +256,7 @@ def ranked_by_attachments(
 ) -> Array:
     """The best point of each set of attachments, best first; see ``ranked``."""
     best_first = ranked(points, solver, rng, unexplained)
-    firsts = best_of_each(unknowns.keys(best_first), -np.arange(len(best_first), dtype=float))
-    return best_first[firsts]
+    return best_first[best_of_each(unknowns.keys(best_first), np.zeros(len(best_first)))]
 
 
 def with_subtrees_of_others(

@@ -180,18 +180,13 @@ class Population:
 
     def _cross(self) -> None:
         """Exchanges a part between chains of one level, in pairs that accept together."""
-        rng = self._rng
+        rng, unknowns = self._rng, self._predictor.unknowns
         chains = np.arange(len(self.values)).reshape(self.levels, self.chains_per_level)
-        one, other = np.split(rng.permuted(chains, axis=1), 2, axis=1)
-        pair = np.concatenate([one.ravel(), other.ravel()])
-        half = len(pair) // 2
-        fresh = np.concatenate(
-            exchange_parts(
-                self.values[pair[:half]], self.values[pair[half:]], self._predictor.unknowns, rng
-            )
-        )
-        allowed = ~self._predictor.unknowns.forbidden(fresh).reshape(2, half).any(axis=0)
-        pair, fresh = pair[np.tile(allowed, 2)], fresh[np.tile(allowed, 2)]
+        halves = np.split(rng.permuted(chains, axis=1), 2, axis=1)
+        one, other = (half.ravel() for half in halves)
+        fresh = np.concatenate(exchange_parts(self.values[one], self.values[other], unknowns, rng))
+        allowed = np.tile(~unknowns.forbidden(fresh).reshape(2, -1).any(axis=0), 2)
+        pair, fresh = np.concatenate([one, other])[allowed], fresh[allowed]
         misfits, fits = self._proposed(pair, fresh)
         gain = (fits - self._fits[pair]).sum(axis=1).reshape(2, -1).sum(axis=0)
         accepted = np.tile(np.log(rng.random(len(gain))) < gain, 2)

@@ -116,8 +116,6 @@ class Free:
 
     def log_prior(self, values: Array) -> Array:
         """Logarithm of the parameters' density beside its peak, shape (n,)."""
-        if not self.normal.any():
-            return np.zeros(len(values))
         density: Array = -0.5 * np.sum(self.of(values)[:, self.normal] ** 2, axis=1)
         return density
 

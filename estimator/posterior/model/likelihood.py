@@ -146,9 +146,7 @@ class Likelihood:
             bits=counts["touch"].astype(float),
             log_anywhere=math.log(noise.outlier) + anywhere,
         )
-        self.noise_factors = NoiseFactors.known_by(
-            float(counts["tilt"].sum()), float(counts["clearance"].sum())
-        )
+        self.noise_factors = NoiseFactors.known_by(counts["tilt"].sum(), counts["clearance"].sum())
         self.sigmas = np.repeat(
             [noise.of(name) for name in DENSITIES],
             [density.residuals for density in DENSITIES.values()],
