@@ -186,9 +186,11 @@ class Likelihood:
                 everybody falls under these. Under 0 that is as statics has it.
             coarse_step: Whether joints turn in coarse steps, where ``branches`` are given.
         """
-        every = np.arange(len(self._data)) if interactions is None else interactions
-        rows, columns = np.indices((len(bodies), len(every))).reshape(2, -1)
-        each, shape = every[columns], (len(bodies), len(every), MISFITS)
+        if interactions is None:
+            interactions = np.arange(len(self._data))
+        shape = len(bodies), len(interactions), MISFITS
+        rows, columns = np.indices(shape[:2]).reshape(2, -1)
+        each = interactions[columns]
         under = partial(self._misfits_under, predictor, bodies)
         if branches is not None:
             sides = np.broadcast_to(branches, shape[:2]).ravel().astype(np.intp)
@@ -214,7 +216,10 @@ class Likelihood:
         *,
         coarse_step: bool = False,
     ) -> Array:
-        """Of some of the bodies, each in one interaction under one of ``GRAVITY_TILTS``."""
+        """Of m of the bodies, each in one interaction under one of ``GRAVITY_TILTS``, by numbers.
+
+        Shape (m, MISFITS).
+        """
         if not rows.size:
             return np.empty((0, MISFITS))
         programs, gravity_tilts = self._data.programs[interactions], GRAVITY_TILTS[sides]
