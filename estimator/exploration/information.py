@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -20,7 +19,7 @@ from estimator.body.morphology import Array
 from estimator.executors import Threads
 from estimator.exploration.best_programs import CANDIDATES, best_programs
 from estimator.exploration.few_limbs import limbs_of, with_few_limbs
-from estimator.exploration.information_gain import InformationGain, Predictions
+from estimator.exploration.information_gain import InformationGain
 from estimator.exploration.rules import Choice, Situation
 from estimator.parameters.table import deviating
 from estimator.posterior.fitted import FittedPosterior
@@ -208,31 +207,33 @@ class Chooser:
 
         def rough(programs: Array) -> Array:
             (quick,) = self._read(fewer, programs, _PLUMB, coarse_step=True)
-            return self._bits(fewer, Predictions.of(quick, len(fewer)), rng, _DRAWS)
+            return self._bits(fewer, quick, rng, _DRAWS)
 
         def good(programs: Array) -> Array:
-            predictions = self._sure_predictions(few, programs, coarse_step=True)
-            return self._bits(few, predictions, rng, _DRAWS)
+            readings = self._sure_readings(few, programs, coarse_step=True)
+            return self._bits(few, readings, rng, _DRAWS)
 
         def sure(programs: Array) -> Array:
-            return self._bits(known, self._surest_predictions(known, programs), rng, _MORE_DRAWS)
+            return self._bits(known, self._surest_readings(known, programs), rng, _MORE_DRAWS)
 
         programs, gains = best_programs(
             good, self._ends, rng, candidates=candidates, rough=rough, sure=sure
         )
         chosen, bits = programs[[0]], gains[[0]]
-        predictions, narrowed, about_causes = self._surest_predictions(known, chosen), None, 0.0
+        readings, narrowed, about_causes = self._surest_readings(known, chosen), None, 0.0
         if asked is not None:
             narrowed = float(bits[0])
-            bits = self._bits(replace(known, asked=None), predictions, rng, _MORE_DRAWS)
+            bits = self._bits(replace(known, asked=None), readings, rng, _MORE_DRAWS)
         elif known.causes is not None:
-            (about_causes,) = self._about_causes(known, predictions, rng, _MORE_DRAWS).tolist()
-            predictions = self._surest_predictions(stated, chosen)
-            bits = self._bits(stated, predictions, rng, _MORE_DRAWS)
+            (about_causes,) = self._gain.of(
+                readings, known.scales, known.causes, rng, draws=_MORE_DRAWS
+            ).tolist()
+            readings = self._surest_readings(stated, chosen)
+            bits = self._bits(stated, readings, rng, _MORE_DRAWS)
         return InformativeProgram(
             program=chosen[0],
             bits=float(bits[0]),
-            about=self._about(samples, predictions, rng),
+            about=self._about(samples, readings, rng),
             causes=causes,
             about_causes=about_causes,
             narrowed=narrowed,
@@ -291,48 +292,37 @@ class Chooser:
         )
 
     def _bits(
-        self, known: _Hypotheses, predictions: Predictions, rng: np.random.Generator, draws: int
+        self, known: _Hypotheses, readings: PredictedReadings, rng: np.random.Generator, draws: int
     ) -> Array:
         if known.asked is not None:
-            return self._gain.narrowed(predictions, known.asked)
-        bits = self._gain.of(predictions, known.scales, known.groups, rng, draws=draws)
-        return bits + self._about_causes(known, predictions, rng, draws)
+            return self._gain.narrowed(readings, known.asked)
+        bits = self._gain.of(readings, known.scales, known.groups, rng, draws=draws)
+        if known.causes is not None:
+            bits += self._gain.of(readings, known.scales, known.causes, rng, draws=draws)
+        return bits
 
-    def _about_causes(
-        self, known: _Hypotheses, predictions: Predictions, rng: np.random.Generator, draws: int
-    ) -> Array:
-        if known.causes is None:
-            return np.zeros(len(predictions.tilt))
-        return self._gain.of(predictions, known.scales, known.causes, rng, draws=draws)
-
-    def _sure_predictions(
+    def _sure_readings(
         self, known: _Hypotheses, programs: Array, *, coarse_step: bool = False
-    ) -> Predictions:
-        """Predicted readings, none where a body may fall to more sides than one.
+    ) -> PredictedReadings:
+        """Predicted readings, undecided where a body may fall to more sides than one.
 
-        Where much is to be found, none also where it matters how thick capsules are: what is
-        square but not known to be rests on its edges.
+        Where much is to be found, also where it matters how thick capsules are: what is square but
+        not known to be rests on its edges.
         """
         plumb, *others = self._read(known, programs, _BRANCHES, coarse_step=coarse_step)
         if self._predictor.unknowns.many:
             radius = np.where(known.bodies.box, 1.0, _THICKER) * known.bodies.radius
             thicker = replace(known, bodies=known.bodies.changed(radius=radius))
             others += self._read(thicker, programs, _PLUMB, coarse_step=coarse_step)
-        predictions = Predictions.of(plumb, len(known))
-        for other in others:
-            apart = self._gain.apart(plumb, other)
-            predictions.no_prediction[apart.reshape(predictions.no_prediction.shape)] = True
-        return predictions
+        apart = [self._gain.apart(plumb, other) for other in others]
+        return replace(plumb, undecided=plumb.undecided | np.any(apart, axis=0))
 
-    def _surest_predictions(self, known: _Hypotheses, programs: Array) -> Predictions:
-        """Predicted readings, none also where path margins are small: slow to compute."""
-        predictions = self._sure_predictions(known, programs)
+    def _surest_readings(self, known: _Hypotheses, programs: Array) -> PredictedReadings:
+        """Predicted readings, undecided also where path margins are small: slow to compute."""
+        readings = self._sure_readings(known, programs)
         rows, repeated = _each_with_each(len(known), programs)
         margins = self._predictor.margins(known.bodies, rows, repeated, most=_FORESEEABLE)
-        predictions.no_prediction[
-            (margins < _FORESEEABLE).reshape(predictions.no_prediction.shape)
-        ] = True
-        return predictions
+        return replace(readings, undecided=readings.undecided | (margins < _FORESEEABLE))
 
     def _read(
         self,
@@ -357,22 +347,16 @@ class Chooser:
         return [readings[branch::count] for branch in range(count)]
 
     def _about(
-        self, samples: Posterior, predictions: Predictions, rng: np.random.Generator
+        self, samples: Posterior, readings: PredictedReadings, rng: np.random.Generator
     ) -> Array:
-        unknowns = self._predictor.unknowns
+        unknowns, values = self._predictor.unknowns, samples.values
         about = np.zeros(unknowns.size)
-        for column, groups in _groups(
-            samples.values, unknowns.choices, unknowns.attachments(samples.values)
-        ):
+        groups = unknowns.decided(values)
+        upper = values > np.median(values, axis=0)
+        groups[:, unknowns.continuous] = upper[:, unknowns.continuous]
+        for column in (*unknowns.choices, *unknowns.continuous):
             about[column] = self._gain.of(
-                predictions, samples.scales, groups, rng, draws=4 * len(groups)
-            )[0]
-        for column in unknowns.continuous:
-            halves = (samples.values[:, column] > np.median(samples.values[:, column])).astype(
-                np.int64
-            )
-            about[column] = self._gain.of(
-                predictions, samples.scales, halves, rng, draws=4 * len(halves)
+                readings, samples.scales, groups[:, column], rng, draws=4 * len(values)
             )[0]
         return np.maximum(about, 0.0)
 
@@ -380,9 +364,3 @@ class Chooser:
 def _each_with_each(count: int, programs: Array) -> tuple[Columns, Array]:
     """Numbers of all bodies with the first program, then with the next; and their programs."""
     return np.tile(np.arange(count), len(programs)), np.repeat(programs, count, axis=0)
-
-
-def _groups(
-    values: Array, columns: Columns, chosen: NDArray[np.int64]
-) -> Sequence[tuple[int, NDArray[np.int64]]]:
-    return [(int(column), chosen[:, index]) for index, column in enumerate(columns)]

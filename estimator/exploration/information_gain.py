@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -29,40 +28,6 @@ from estimator.posterior.model.mixture import Level, level_of, log_densities
 from estimator.posterior.model.noise import drawn
 from estimator.posterior.model.sensor_data import DENSITIES
 from estimator.readings.observation import PredictedReadings
-
-
-@dataclass(frozen=True, kw_only=True)
-class Predictions:
-    """Readings that n samples predict in each of p programs.
-
-    Attributes:
-        touch: Touch bits, shape (p, n, s).
-        doubtful: Whether a touch bit is undecided, shape (p, n, s).
-        tilt: rad, shape (p, n, 2).
-        clearance: m, shape (p, n).
-        beyond: The ground lies beyond the sensor's range, shape (p, n).
-        no_prediction: The model cannot predict its pose, shape (p, n).
-    """
-
-    touch: Flags
-    doubtful: Flags
-    tilt: Array
-    clearance: Array
-    beyond: Flags
-    no_prediction: Flags
-
-    @classmethod
-    def of(cls, readings: PredictedReadings, samples: int) -> Predictions:
-        """From readings of all samples in one program and the next."""
-        shape = (len(readings) // samples, samples)
-        return cls(
-            touch=readings.touch.reshape(*shape, -1),
-            doubtful=readings.touch_doubtful.reshape(*shape, -1),
-            tilt=readings.tilt.reshape(*shape, 2),
-            clearance=readings.clearance.reshape(shape),
-            beyond=readings.saturated.reshape(shape),
-            no_prediction=(readings.undecided | ~readings.valid).reshape(shape),
-        )
 
 
 class InformationGain:
@@ -89,7 +54,7 @@ class InformationGain:
 
     def of(
         self,
-        predictions: Predictions,
+        readings: PredictedReadings,
         scales: Array,
         groups: NDArray[np.int64],
         rng: np.random.Generator,
@@ -99,30 +64,32 @@ class InformationGain:
         """Expected information of each program, in bits, shape (p,).
 
         Args:
-            predictions: Of equally likely samples.
+            readings: Of n equally likely samples in one program and the next, p · n rows.
             scales: Logarithms of their noise factors, shape (n, 2).
             groups: Group of each sample, shape (n,).
             rng: Draws the noise, which is the same for all programs.
             draws: Readings per program; one sample after the other.
         """
         touch, tilt, clear = (name in self._modalities for name in ("touch", "tilt", "clearance"))
+        predicted = readings.reshaped(len(readings) // len(scales), len(scales))
+        bits = predicted.touch.shape[2]
         sensors = slice(None if touch else 0)
         noise_draws = drawn((draws, 3), rng)
-        uniforms = rng.random((draws, 1 + predictions.touch.shape[2]))
+        uniforms = rng.random((draws, 1 + bits))
         if not tilt:
             noise_draws[:, :2] = 0.0
-        result = np.zeros(len(predictions.tilt))
+        result = np.zeros(len(predicted.tilt))
         laid_out = np.ascontiguousarray  # the kernel would be compiled for each layout
         arguments = (
-            laid_out(predictions.touch[..., sensors]),
-            laid_out(predictions.doubtful[..., sensors]),
-            laid_out(predictions.tilt) if tilt else np.zeros_like(predictions.tilt),
-            laid_out(predictions.clearance),
-            laid_out(predictions.beyond),
-            laid_out(predictions.no_prediction),
+            laid_out(predicted.touch[..., sensors]),
+            laid_out(predicted.touch_doubtful[..., sensors]),
+            laid_out(predicted.tilt) if tilt else np.zeros_like(predicted.tilt),
+            laid_out(predicted.clearance),
+            laid_out(predicted.saturated),
+            predicted.undecided | ~predicted.valid,
             laid_out(scales),
             self._noise,
-            self._anywhere(predictions.touch.shape[2]),
+            self._anywhere(bits),
             self._cap,
             2.0 if tilt else 0.0,
             clear,
@@ -136,27 +103,29 @@ class InformationGain:
         )
         return result / math.log(2)
 
-    def narrowed(self, predictions: Predictions, amounts: Array) -> Array:
+    def narrowed(self, readings: PredictedReadings, amounts: Array) -> Array:
         """By what share each program is expected to narrow what is known of amounts, shape (p,).
 
         Standard deviations, all added up, of what is left by linear regression on tilt and
         clearance among the samples that touch alike. A sample without a prediction narrows nothing.
 
         Args:
-            predictions: Of equally likely samples.
-            amounts: Of these, shape (n, k), in one unit.
+            readings: As for ``of``.
+            amounts: Of the samples, shape (n, k), in one unit.
         """
         touch, tilt, clear = (name in self._modalities for name in ("touch", "tilt", "clearance"))
-        height = np.where(predictions.beyond, self._cap, predictions.clearance)[..., None]
+        predicted = readings.reshaped(len(readings) // len(amounts), len(amounts))
+        height = np.where(predicted.saturated, self._cap, predicted.clearance)[..., None]
         measured = np.concatenate(
             [
-                predictions.tilt[..., : 2 * tilt] / self._noise.tilt,
+                predicted.tilt[..., : 2 * tilt] / self._noise.tilt,
                 height[..., : int(clear)] / self._noise.clearance,
             ],
             axis=-1,
         )
-        bits = predictions.touch & ~predictions.doubtful & touch
-        feet = np.where(predictions.no_prediction, -1, bits @ (1 << np.arange(bits.shape[-1])))
+        bits = predicted.touch & ~predicted.touch_doubtful & touch
+        nothing = predicted.undecided | ~predicted.valid
+        feet = np.where(nothing, -1, bits @ (1 << np.arange(bits.shape[-1])))
         before = float(amounts.std(axis=0, ddof=1).sum())
         left = np.zeros(len(feet))
         for program, alike in enumerate(feet):

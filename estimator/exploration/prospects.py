@@ -17,7 +17,7 @@ import numpy as np
 
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array, Morphology
-from estimator.exploration.information_gain import InformationGain, Predictions
+from estimator.exploration.information_gain import InformationGain
 from estimator.physics.base import ArrayPhysics
 from estimator.physics.equivalence import Reference, images
 from estimator.posterior.indistinguishable import indistinguishable_points
@@ -152,10 +152,10 @@ def prospects(
     )
     told, unforeseen = [], []
     for program in programs[:_PROGRAMS]:
-        predicted = Predictions.of(predictor.read_all(bodies, program[None]), len(bodies))
+        predicted = predictor.read_all(bodies, program[None])
         scales, groups = np.zeros((len(bodies), 2)), np.arange(len(bodies))
         told.append(gain.of(predicted, scales, groups, rng, draws=_DRAWS)[0])
-        unforeseen.append(predicted.no_prediction.mean())
+        unforeseen.append(np.mean(predicted.undecided | ~predicted.valid))
     hidden = _hidden(genome, predictor, bodies[:_CHANGED], programs, modalities=modalities, rng=rng)
     never = [gene for gene in genome.genes if hidden.get(gene.name, 0.0) >= NEVER]
     lengths = [gene for gene in genome.genes if gene.trait == "length"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from estimator.body.arrays import Bodies
 from estimator.body.morphology import Array
 from estimator.exploration.best_programs import best_programs
-from estimator.exploration.information_gain import InformationGain, Predictions
+from estimator.exploration.information_gain import InformationGain
 from estimator.posterior.fitted import FittedPosterior
 from estimator.posterior.posterior import systematic
 from estimator.readings.observation import PredictedReadings
@@ -101,11 +101,10 @@ def best_of(
     def bits(programs: Array, draws: int, *, margins: bool) -> Array:
         programs = attainable(known, programs)
         predicted = readings_in(known, hypotheses.bodies, programs)
-        predictions = Predictions.of(predicted, len(hypotheses))
         if margins:
-            near = near_forks(known, hypotheses.bodies, programs)
-            predictions.no_prediction[near] = True
-        told = gain.of(predictions, hypotheses.scales, hypotheses.groups, rng, draws=draws)
+            near = near_forks(known, hypotheses.bodies, programs).ravel()
+            predicted = replace(predicted, undecided=predicted.undecided | near)
+        told = gain.of(predicted, hypotheses.scales, hypotheses.groups, rng, draws=draws)
         if safe_for is not None:
             told = told - _UNSAFE * near_forks(known, safe_for, programs).mean(axis=1)
         return told

@@ -1,14 +1,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import fields
 
 import numpy as np
 import pytest
 
 from estimator.body.morphology import Array
 from estimator.executors import Threads
-from estimator.exploration.information_gain import InformationGain, Predictions
+from estimator.exploration.information_gain import InformationGain
 from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.noise import drawn
 from estimator.posterior.model.sensor_data import DENSITIES, SensorData
@@ -22,22 +21,17 @@ NOISE = Noise(tilt=0.01, clearance=0.002)
 
 def predictions(
     tilts: Array, *, no_prediction: bool = False, doubtful: bool = False
-) -> Predictions:
+) -> PredictedReadings:
     """One program, samples that differ by their first tilt and touch alike."""
-    count = len(tilts)
-    tilt = np.zeros((1, count, 2))
-    tilt[0, :, 0] = tilts
-    return Predictions(
-        touch=np.zeros((1, count, 2), dtype=bool),
-        doubtful=np.full((1, count, 2), doubtful),
-        tilt=tilt,
-        clearance=np.full((1, count), 0.1),
-        beyond=np.zeros((1, count), dtype=bool),
-        no_prediction=np.full((1, count), no_prediction),
-    )
+    readings = PredictedReadings.empty(len(tilts), 2)
+    readings.touch_doubtful[:] = doubtful
+    readings.tilt[:, 0] = tilts
+    readings.clearance[:] = 0.1
+    readings.valid[:] = not no_prediction
+    return readings
 
 
-def bits(of: Predictions, groups: list[int]) -> float:
+def bits(of: PredictedReadings, groups: list[int]) -> float:
     gain = InformationGain(NOISE, CAP, ("touch", "tilt", "clearance"))
     scales = np.zeros((len(groups), 2))
     rng = np.random.default_rng(1)
@@ -83,7 +77,7 @@ def test_a_gain_is_what_readings_drawn_from_the_likelihood_tell(
     readings.saturated[1] = True
     scales, groups = np.log([[1.0, 1.5], [2.0, 1.0], [1.0, 1.0], [1.0, 1.0]]), np.arange(4)
     found = InformationGain(noise, CAP, modalities).of(
-        Predictions.of(readings, 4), scales, groups, np.random.default_rng(1), draws=40_000
+        readings, scales, groups, np.random.default_rng(1), draws=40_000
     )[0]
     count, present = 3000, 0.0  # of each body that foretells anything
     for source in range(3):
@@ -128,12 +122,10 @@ def test_only_what_differs_between_groups_counts() -> None:
 def test_threads_do_not_show_in_the_result() -> None:
     rng = np.random.default_rng(2)
     programs = [predictions(tilts) for tilts in rng.normal(0, 0.02, (5, 8))]
-    names = [item.name for item in fields(Predictions)]
-    joined = {name: np.concatenate([getattr(one, name) for one in programs]) for name in names}
     with Threads(3) as threads:
         one, three = (
             InformationGain(NOISE, CAP, ("touch", "tilt"), some).of(
-                Predictions(**joined),
+                PredictedReadings.concatenate(programs),
                 np.zeros((8, 2)),
                 np.arange(8),
                 np.random.default_rng(1),
