@@ -72,26 +72,23 @@ def best_programs(
             f"candidates have the shape ({CANDIDATES}, {len(low)}), or another number of programs, "
             f"not {programs.shape}"
         )
-    programs = _best(programs, _scored(rough or score, programs), _LIKELY)
+    programs, _ = _best(programs, _scored(rough or score, programs), _LIKELY)
     scores = _scored(score, programs)
     for spread in spreads:
-        best = np.repeat(_best(programs, scores, _REFINED), _VARIANTS, axis=0)
+        best = np.repeat(_best(programs, scores, _REFINED)[0], _VARIANTS, axis=0)
         near = np.clip(best + rng.normal(0, spread, best.shape), low, high)
         near = np.where(best == 0, 0.0, near)
         programs = np.concatenate([programs, near])
         scores = np.concatenate([scores, _scored(score, near)])
-    order = np.argsort(-scores, kind="stable")[:_FINALISTS]
-    programs, scores = programs[order], scores[order]
+    programs, scores = _best(programs, scores, _FINALISTS)
     if sure is not None:
-        scores = _scored(sure, programs)
-        order = np.argsort(-scores, kind="stable")
-    else:
-        order = np.arange(len(programs))
+        programs, scores = _best(programs, _scored(sure, programs), _FINALISTS)
+    return programs, scores
+
+
+def _best(programs: Array, scores: Array, count: int) -> tuple[Array, Array]:
+    order = np.argsort(-scores, kind="stable")[:count]
     return programs[order], scores[order]
-
-
-def _best(programs: Array, scores: Array, count: int) -> Array:
-    return programs[np.argsort(-scores, kind="stable")[:count]]
 
 
 def _scored(score: Score, programs: Array) -> Array:

@@ -24,7 +24,7 @@ from estimator.executors import Threads
 from estimator.physics.kernel.compiling import compiled, entrance, stamp
 from estimator.posterior.model import mixture
 from estimator.posterior.model.likelihood import Noise, apart
-from estimator.posterior.model.mixture import Level, level_of, log_densities
+from estimator.posterior.model.mixture import level_of, log_densities
 from estimator.posterior.model.noise import drawn
 from estimator.posterior.model.sensor_data import DENSITIES
 from estimator.readings.observation import PredictedReadings
@@ -163,7 +163,6 @@ def _left(readings: Array | None, amounts: Array, before: float) -> float:
 
 
 _SOURCES: Final = stamp(Path(__file__).parent, *sorted(Path(mixture.__file__).parent.glob("*.py")))
-_LEVEL_SIZE: Final = len(Level._fields)
 _LEAST: Final = -60.0  # logarithm of a density that vanishes beside an outlier's
 
 
@@ -184,28 +183,6 @@ def _draw_bits(touch: Flags, doubtful: Flags, wrong: float, uniforms: Array, bit
     """Touch bits as they may be observed under one prediction; the first number is not theirs."""
     for bit in range(len(bits)):
         bits[bit] = touch[bit] != (uniforms[1 + bit] < (0.5 if doubtful[bit] else wrong))
-
-
-@compiled
-def _keep(level: Level, kept: Array) -> None:
-    for number in range(len(level)):
-        kept[number] = level[number]
-
-
-@compiled
-def _kept(levels: Array, row: int) -> Level:
-    return Level(
-        levels[row, 0],
-        levels[row, 1],
-        levels[row, 2],
-        levels[row, 3],
-        levels[row, 4],
-        levels[row, 5],
-        levels[row, 6],
-        levels[row, 7],
-        levels[row, 8],
-        levels[row, 9],
-    )
 
 
 def _make_gains(sources: int) -> Any:
@@ -247,9 +224,7 @@ def _make_gains(sources: int) -> Any:
         """
         _, samples, sensors = touch.shape
         bits = np.empty(sensors, np.bool_)
-        levels = np.empty((samples, _LEVEL_SIZE))
-        for sample in range(samples):
-            _keep(level_of(spread, 1.0, scales[sample, 0], scales[sample, 1]), levels[sample])
+        levels = [level_of(spread, 1.0, one[0], one[1]) for one in scales]
         beside = spread.outlier * spread.nearby
         for program in range(start, end):
             total = 0.0
@@ -257,7 +232,7 @@ def _make_gains(sources: int) -> Any:
                 source, chance = draw % samples, uniforms[draw, 0]
                 if no_prediction[program, source] or beside <= chance < spread.outlier:
                     continue
-                level = _kept(levels, source)
+                level = levels[source]
                 of_tilt, of_clearance = level.tilt, level.clearance
                 if chance < beside:
                     of_tilt, of_clearance = level.tilt_beside, level.clearance_beside
@@ -290,7 +265,7 @@ def _make_gains(sources: int) -> Any:
                             far,
                             _differing(touch[program, other], doubtful[program, other], bits),
                             float(sensors),
-                            _kept(levels, other),
+                            levels[other],
                         )
                         density = (1 - spread.nearby) * elsewhere
                         if nearby > _LEAST:
