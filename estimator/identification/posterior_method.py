@@ -31,17 +31,17 @@ from estimator.posterior.checks.simulator import (
     probability_unlisted,
     recheck,
 )
-from estimator.posterior.fitted import FittedPosterior, load_posterior, unknowns_of
+from estimator.posterior.fitted import FittedPosterior
 from estimator.posterior.indistinguishable import (
     Indistinguishable,
     indistinguishable_points,
     probability_of,
 )
 from estimator.posterior.model.likelihood import Noise
-from estimator.posterior.model.unknowns import Attachments, Predictor
+from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
 from estimator.posterior.posterior import Posterior
 from estimator.posterior.sampling.sampler import Effort, Sampler
-from estimator.posterior.summary import summarise
+from estimator.posterior.summary import load_posterior, summarise
 from estimator.randomness import Stream, generator, seeds
 from estimator.readings.observation import Observation
 from estimator.storage.posteriors import RIVAL, SURE, NextMovement, StoredPosterior
@@ -133,7 +133,7 @@ class PosteriorMethod:
         self._reference = make_reference()
         effort = Effort()
         self._sampler = Sampler(
-            unknowns_of(store),
+            Unknowns(store.genome, store.problem.table),
             make_physics,
             Noise.announced(store.capabilities),
             effort,
@@ -328,8 +328,7 @@ class PosteriorMethod:
         )
 
     def _fitted(self, posterior: Posterior, observations: Sequence[Observation]) -> FittedPosterior:
-        fitted = FittedPosterior.in_run(self._store, posterior, observations)
-        return replace(fitted, open_predictor=lambda: self._predictor)
+        return FittedPosterior.in_run(self._store, posterior, observations)
 
     def _cost(self) -> Counters:
         """What the run has cost by now, this process's share added to what was on disk."""

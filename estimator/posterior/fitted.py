@@ -21,11 +21,12 @@ from estimator.errors import EstimatorError
 from estimator.parameters.changes import Within, changes_of
 from estimator.parameters.table import Parameter
 from estimator.physics.backends import open_arrays
-from estimator.physics.base import ArrayPhysics, WorldSettings
+from estimator.physics.base import ArrayPhysics
 from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Predictor, Unknowns
-from estimator.posterior.posterior import Mode, Posterior, systematic
+from estimator.posterior.posterior import Posterior, systematic
+from estimator.posterior.summary import load_posterior
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation, PredictedReadings
@@ -67,7 +68,7 @@ class FittedPosterior:
         modalities: Sensors that count.
         observations: Observations of the interactions that were learnt from.
         posterior: The samples, and the sets of attachments that they choose among.
-        open_predictor: Makes what computes readings, when it is first needed.
+        open_physics: Opens the back-end that computes readings, when it is first needed.
         best: The best body's genome, shape (genes,); ``None`` before the first interaction. Of a
             posterior it has the most probable attachments and the medians of their lengths.
         summary: What a run stores and states of it; ``None`` of a population, and before the first
@@ -86,7 +87,7 @@ class FittedPosterior:
     modalities: tuple[str, ...]
     observations: tuple[Observation, ...]
     posterior: Posterior
-    open_predictor: Callable[[], Predictor]
+    open_physics: Callable[[], ArrayPhysics]
     best: Array | None = None
     summary: StoredPosterior | None = None
     errors: Array | None = None
@@ -120,7 +121,7 @@ class FittedPosterior:
         """As a run has stored it."""
         with reading(store.directory):
             best = np.array(stored.best, dtype=float)
-            posterior = load_posterior(stored, unknowns_of(store))
+            posterior = load_posterior(stored, Unknowns(store.genome, store.problem.table))
             fitted = cls.in_run(store, posterior, observations)
             fitted = replace(fitted, best=best, summary=stored)
             return fitted.changed_by([change.name for change in stored.changes])
@@ -185,12 +186,12 @@ class FittedPosterior:
             modalities=settings.modalities,
             observations=tuple(observations),
             posterior=posterior,
-            open_predictor=partial(_opened, unknowns_of(store), physics, store.world),
+            open_physics=partial(open_arrays, physics, store.world),
         )
 
     def computed_by(self, physics: ArrayPhysics) -> FittedPosterior:
         """This posterior, with readings computed by a back-end that is open already."""
-        return replace(self, open_predictor=lambda: Predictor(self.unknowns, physics))
+        return replace(self, open_physics=lambda: physics)
 
     # --- the bodies -------------------------------------------------------------------------------
 
@@ -307,8 +308,7 @@ class FittedPosterior:
     @cached_property
     def predictor(self) -> Predictor:
         """Computes readings."""
-        predictor = self.open_predictor()
-        return predictor.of(self.unknowns) if self.changes else predictor
+        return Predictor(self.unknowns, self.open_physics())
 
     @cached_property
     def body_arrays(self) -> Bodies:
@@ -431,39 +431,6 @@ class FittedPosterior:
         return angles
 
 
-def unknowns_of(store: RunStore) -> Unknowns:
-    """What a run's posterior is over; of a population, bodies that are just as stated."""
-    table = store.problem.table if store.settings.keeps_samples else ()
-    return Unknowns(store.genome, table)
-
-
-def load_posterior(stored: StoredPosterior, unknowns: Unknowns) -> Posterior:
-    """Loads the posterior that was stored with its summary."""
-    points = unknowns.points(
-        np.array([mode.genes for mode in stored.modes]).reshape(-1, unknowns.genes_size),
-        {
-            name: np.array([mode.amounts.get(name, 0.0) for mode in stored.modes])
-            for name in {name for mode in stored.modes for name in mode.amounts}
-        },
-    )
-    return Posterior(
-        values=unknowns.points(
-            np.array(stored.genes),
-            {name: np.array(amounts) for name, amounts in stored.amounts.items()},
-        ),
-        scales=np.array(stored.scales),
-        weights=np.array(stored.weights),
-        modes=tuple(
-            Mode(key, mode.probability, point, mode.ess, mode.found)
-            for key, mode, point in zip(unknowns.keys(points), stored.modes, points, strict=True)
-        ),
-        adequate_fit=stored.probability_within_problem is not None,
-        changed=(
-            np.array([change.amounts for change in stored.changes]).T if stored.changes else None
-        ),
-    )
-
-
 class _Changed(Unknowns):
     """The cube of a problem, with a column more for the amount of each change since.
 
@@ -484,7 +451,3 @@ class _Changed(Unknowns):
         for row, theta in zip(self._changes, values[:, self._identified :].T, strict=True):
             bodies = row.applied(bodies, row.amounts(row.wide or 1.0, theta))
         return bodies
-
-
-def _opened(unknowns: Unknowns, physics: str, world: WorldSettings) -> Predictor:
-    return Predictor(unknowns, open_arrays(physics, world))

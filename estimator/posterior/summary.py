@@ -1,4 +1,4 @@
-"""The summary of a posterior, as stored and reported: probability, fit, predictions."""
+"""The summary of a posterior, as stored, loaded and reported: probability, fit, predictions."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from estimator.posterior.model.special import logsumexp
 from estimator.posterior.model.unknowns import Columns, Predictor, Unknowns
 from estimator.posterior.posterior import (
     MOSTLY,
+    Mode,
     Posterior,
     coverage_of_classes,
     ess_of_class,
@@ -191,6 +192,29 @@ def _predicted(
             outlier_probability=float(np.clip(outlier[interaction], 0, 1)),
         )
         for interaction in range(len(data))
+    )
+
+
+def load_posterior(stored: StoredPosterior, unknowns: Unknowns) -> Posterior:
+    """Loads the posterior that was stored with its summary."""
+    names = {name for mode in stored.modes for name in mode.amounts}
+    points = unknowns.points(
+        np.array([mode.genes for mode in stored.modes]).reshape(-1, unknowns.genes_size),
+        {name: np.array([mode.amounts.get(name, 0.0) for mode in stored.modes]) for name in names},
+    )
+    amounts = {name: np.array(column) for name, column in stored.amounts.items()}
+    return Posterior(
+        values=unknowns.points(np.array(stored.genes), amounts),
+        scales=np.array(stored.scales),
+        weights=np.array(stored.weights),
+        modes=tuple(
+            Mode(key, mode.probability, point, mode.ess, mode.found)
+            for key, mode, point in zip(unknowns.keys(points), stored.modes, points, strict=True)
+        ),
+        adequate_fit=stored.probability_within_problem is not None,
+        changed=(
+            np.array([change.amounts for change in stored.changes]).T if stored.changes else None
+        ),
     )
 
 

@@ -15,7 +15,6 @@ from estimator.body.morphology import Array, Morphology
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.fitted import FittedPosterior
-from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Posterior
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
@@ -97,16 +96,15 @@ def make_posterior(
 ) -> FittedPosterior:
     """Some genomes as a posterior, all as probable as each other."""
     physics = StaticsPhysics(problem.settings(capabilities))
-    posterior = FittedPosterior(
+    return FittedPosterior(
         problem=problem,
         capabilities=capabilities,
         modalities=modalities,
         observations=(),
         posterior=Posterior.equally_likely(samples),
-        open_predictor=lambda: Predictor(posterior.unknowns, physics),
+        open_physics=lambda: physics,
         best=best,
     )
-    return posterior
 
 
 def make_order(folder: Path, robot: str, seed: int = 3) -> RunConfig:

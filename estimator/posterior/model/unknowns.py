@@ -226,10 +226,6 @@ class Predictor:
         self._physics = physics
         self._elsewhere = Cost(0, 0)
 
-    def of(self, unknowns: Unknowns) -> Predictor:
-        """A predictor of other unknowns; physics is shared, and the cost counted there."""
-        return Predictor(unknowns, self._physics)
-
     @property
     def cost(self) -> Cost:
         """Counts of what was computed so far."""

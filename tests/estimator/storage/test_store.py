@@ -17,7 +17,7 @@ from random import Random
 import pytest
 
 from estimator.errors import ProblemError, RunDirectoryError
-from estimator.posterior.fitted import FittedPosterior, unknowns_of
+from estimator.posterior.fitted import FittedPosterior
 from estimator.readings.observation import Observation
 from estimator.storage.database import DATABASE, is_locked
 from estimator.storage.records import (
@@ -76,7 +76,7 @@ def test_a_run_keeps_how_well_its_robot_was_calibrated(tmp_path: Path) -> None:
     asked = SETTINGS.model_copy(update={"method": "posterior"})
     RunStore.create(tmp_path / "run", asked, known, "me").close()
     with RunStore.open(tmp_path / "run") as store:
-        rows = unknowns_of(store).table
+        rows = store.problem.table
     assert {row.narrow for row in rows if row.group == "zero_deg"} == {0.002}
 
 

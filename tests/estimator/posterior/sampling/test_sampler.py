@@ -12,6 +12,7 @@ from estimator.body.morphology import Base
 from estimator.errors import SearchStateError
 from estimator.executors import ThisProcess, WorkerProcesses
 from estimator.parameters.table import CARE
+from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.checks.verdict import Fit
 from estimator.posterior.discovery.discovery import Discovery
 from estimator.posterior.model.gauss_newton import Free, GaussNewton
@@ -106,12 +107,12 @@ def test_evidence_is_the_integral_over_the_lengths(narrow: Predictor) -> None:
     assert mode.ess > 100
 
 
-def test_how_carefully_a_robot_was_built_is_averaged_over(narrow: Predictor) -> None:
+def test_how_carefully_a_robot_was_built_is_averaged_over() -> None:
     """An accelerometer that is tilted three times as far as usual tells something of the care."""
     problem = Problem.parse(TWO_UNKNOWN_ROWS, "two rows")
     table = [row for row in problem.table if row.group == "accelerometer_deg"]
     genome = Genome(problem, Base(size=(0.14, 0.14, 0.085), mass=1.0))
-    predictor = narrow.of(Unknowns(genome, table))
+    predictor = Predictor(Unknowns(genome, table), StaticsPhysics())
     true = predictor.unknowns.points(POINT[None], {table[0].name: np.array([3 * table[0].narrow])})
     data = draw(predictor, true[0], programs(3, seed=3), np.random.default_rng(6))
     likelihood = Likelihood(data, NOISE)
