@@ -102,15 +102,11 @@ def indistinguishable_shares(
     points = np.vstack([posterior.values[rows], *(modes[number].point for number in bare)])
     owners = np.concatenate([of_samples[rows], bare]).astype(np.int64)
     weights = np.concatenate([posterior.weights[rows], np.ones(len(bare))])
-    shares = np.zeros(len(modes))
-    shares[0] = 1.0
-    if not len(points):
-        return shares
     others = np.tile(modes[0].point, (len(points), 1))
     others[:, unknowns.continuous] = points[:, unknowns.continuous]
     same = indistinguishable(others, points)
     whole = np.bincount(owners, weights, len(modes))
     part = np.bincount(owners, weights * same, len(modes))
-    np.divide(part, whole, out=shares, where=whole > 0)
+    shares = np.divide(part, whole, out=np.zeros(len(modes)), where=whole > 0)
     shares[0] = 1.0
     return shares

@@ -14,7 +14,7 @@ from estimator.posterior.indistinguishable import Indistinguishable, indistingui
 from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.special import logsumexp
-from estimator.posterior.model.unknowns import Columns, Predictor, Unknowns
+from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.posterior import (
     MOSTLY,
     Mode,
@@ -238,15 +238,9 @@ def information_gained(
         data: The observations of all interactions.
         noise: Sensor noise.
     """
-    last = data[-1:]
-    likelihood = Likelihood(last, noise)
-
-    def fits(posterior: Posterior, rows: Columns) -> Array:
-        return likelihood.normalised(predictor, posterior.values[rows], posterior.scales[rows])[
-            :, 0
-        ]
-
-    others = fits(before, systematic(before.weights, SAMPLES - 1, 0.5))
-    own = fits(after, np.arange(len(after.values)))
+    likelihood = Likelihood(data[-1:], noise)
+    rows = systematic(before.weights, SAMPLES - 1, 0.5)
+    others = likelihood.normalised(predictor, before.values[rows], before.scales[rows])
+    own = likelihood.normalised(predictor, after.values, after.scales)[:, 0]
     mean = np.logaddexp(own, logsumexp(others)) - math.log(1 + len(others))
     return float(after.weights @ (own - mean)) / math.log(2)

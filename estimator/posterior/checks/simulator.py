@@ -12,7 +12,7 @@ it. What the simulator confirms belongs to the posterior as well.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -25,7 +25,7 @@ from estimator.posterior.model.likelihood import FORKS, Likelihood, Noise, apart
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.special import expit, logsumexp, softmax
 from estimator.posterior.model.unknowns import Attachments, Predictor
-from estimator.posterior.posterior import Mode, Posterior, systematic
+from estimator.posterior.posterior import Posterior, systematic
 
 SAMPLES: Final = 16
 """Samples simulated, shared out among the modes by their probability."""
@@ -76,8 +76,7 @@ def recheck(
         noise: Sensor noise.
         reference: The simulator.
     """
-    unknowns = predictor.unknowns
-    keys = unknowns.keys(posterior.values)
+    keys = predictor.unknowns.keys(posterior.values)
     values, scales, owners = [], [], []
     modes = [mode for mode in posterior.modes[:_RIVALS] if mode.probability >= _WORTH]
     modes = modes or list(posterior.modes[:1])
@@ -90,31 +89,35 @@ def recheck(
         owners += [index] * max(1, len(chosen))
     points, factors, owner = np.concatenate(values), np.concatenate(scales), np.array(owners)
     likelihood = Likelihood(data, noise)
-    known = likelihood.misfits_of(predictor, points)
-    by_statics = likelihood.of(known, scales=factors).sum(axis=1)
-    interactions = np.tile(np.arange(len(data)), len(points))
-    misfits = data.misfits(predictor.simulated(reference, points, data.programs), interactions)
-    misfits = misfits.reshape(known.shape)
-    misfits = np.where(_forks(predictor, points, data, noise)[..., None], known, misfits)
-    simulated = likelihood.of(misfits, scales=factors).sum(axis=1)
-    ratios = simulated - by_statics
+    by_statics = likelihood.of(likelihood.misfits_of(predictor, points), scales=factors)
+    by_simulator = np.where(
+        _forks(predictor, points, data, noise),
+        by_statics,
+        _simulated_fits(points, data, predictor, noise, reference, scales=factors),
+    )
+    fits = by_simulator.sum(axis=1)
+    ratios = fits - by_statics.sum(axis=1)
+    of_modes = [owner == index for index in range(len(modes))]
     logs = np.log([mode.probability for mode in modes])
-    logs += [
-        logsumexp(ratios[owner == index]) - np.log(np.sum(owner == index))
-        for index in range(len(modes))
-    ]
+    logs += [logsumexp(ratios[own]) - np.log(np.sum(own)) for own in of_modes]
     probabilities = softmax(logs) * sum(mode.probability for mode in modes)
-    weights = softmax(ratios)
     better = [
-        replace(
-            mode, probability=float(probability), point=_best(points, simulated, owner == index)
-        )
-        for index, (mode, probability) in enumerate(zip(modes, probabilities, strict=True))
+        replace(mode, probability=float(probability), point=points[own][np.argmax(fits[own])])
+        for mode, probability, own in zip(modes, probabilities, of_modes, strict=True)
     ]
     others = [mode for mode in posterior.modes if mode not in modes]
+    gains = {
+        mode.attachments: new.probability / mode.probability
+        for mode, new in zip(modes, better, strict=True)
+    }
+    weights = posterior.weights * np.array([gains.get(key, 1.0) for key in keys])
     return Recheck(
-        posterior=_reweighted(posterior, keys, modes, better, others),
-        ess=float(1 / np.sum(weights**2)),
+        posterior=replace(
+            posterior,
+            weights=weights / weights.sum(),
+            modes=tuple(sorted([*better, *others], key=lambda mode: -mode.probability)),
+        ),
+        ess=float(1 / np.sum(softmax(ratios) ** 2)),
         simulated=len(points),
     )
 
@@ -177,50 +180,31 @@ def outliers_left(
     samples = posterior.values[systematic(posterior.weights, _TRIED, 0.5)]
     points = np.vstack([posterior.modes[0].point, samples])
     likelihood = Likelihood(data, noise)
-    fits = likelihood.of(likelihood.misfits_of(predictor, points))
+    fits = _fits(likelihood, predictor, points)
     amends = np.zeros(len(data))
     for interaction in np.flatnonzero(likelihood.best()[0] - fits[0] > _POORLY).tolist():
         one = data[interaction : interaction + 1]
-        simulated = simulated_fits(points, one, predictor, noise, reference)
+        simulated = _simulated_fits(points, one, predictor, noise, reference)[:, 0]
         average = logsumexp(simulated - fits[:, interaction]) - logsumexp(-fits[:, interaction])
         amends[interaction] = max(0.0, average - fits[0, interaction])
     left: Array = outliers * np.exp(-amends)
     return left
 
 
-def simulated_fits(
-    points: Array, one: SensorData, predictor: Predictor, noise: Noise, reference: Physics
+def _simulated_fits(
+    points: Array,
+    data: SensorData,
+    predictor: Predictor,
+    noise: Noise,
+    reference: Physics,
+    *,
+    scales: Array | None = None,
 ) -> Array:
-    """Log-likelihoods of n points in one interaction by the simulator, shape (n,)."""
-    readings = predictor.simulated(reference, points, one.programs)
-    misfits = one.misfits(readings, np.zeros(len(points), dtype=np.intp))
-    fits: Array = Likelihood(one, noise).of(misfits[:, None])[:, 0]
-    return fits
-
-
-def _best(points: Array, fits: Array, chosen: Array) -> Array:
-    rows = np.flatnonzero(chosen)
-    best: Array = points[rows[np.argmax(fits[rows])]]
-    return best
-
-
-def _reweighted(
-    posterior: Posterior,
-    keys: Sequence[tuple[int, ...]],
-    before: Sequence[Mode],
-    after: Sequence[Mode],
-    others: Sequence[Mode],
-) -> Posterior:
-    factor = {
-        one.attachments: new.probability / one.probability
-        for one, new in zip(before, after, strict=True)
-    }
-    weights = posterior.weights * np.array([factor.get(key, 1.0) for key in keys])
-    return replace(
-        posterior,
-        weights=weights / weights.sum(),
-        modes=tuple(sorted([*after, *others], key=lambda mode: -mode.probability)),
-    )
+    """Log-likelihoods of n points in k interactions by the simulator, shape (n, k)."""
+    readings = predictor.simulated(reference, points, data.programs)
+    misfits = data.misfits(readings, np.tile(np.arange(len(data)), len(points)))
+    by_points = misfits.reshape(len(points), len(data), -1)
+    return Likelihood(data, noise).of(by_points, scales=scales)
 
 
 def _forks(predictor: Predictor, points: Array, data: SensorData, noise: Noise) -> Array:
@@ -283,7 +267,7 @@ def leave_one_out_check(
             continue
         tried = draws[rng.permutation(rows)[:_SIMULATED]]
         one = data[interaction : interaction + 1]
-        observed = simulated_fits(tried, one, predictor, noise, reference)
+        observed = _simulated_fits(tried, one, predictor, noise, reference)[:, 0]
         # which of them the simulator confirms is chance: there a trifle decides
         logs = others - log_density - math.log(_DRAWS)
         confirmed = logs[rows] + logsumexp(observed) - math.log(len(observed))

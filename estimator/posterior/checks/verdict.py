@@ -21,9 +21,9 @@ from estimator.body.morphology import Array
 from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.noise import MEAN_LOSS, VARIANCE_LOSS
 from estimator.posterior.model.sensor_data import COLUMNS, DENSITIES, SCALED, SensorData
-from estimator.posterior.model.special import at_least, logsumexp
+from estimator.posterior.model.special import at_least, softmax
 from estimator.posterior.model.unknowns import Predictor
-from estimator.posterior.posterior import Posterior
+from estimator.posterior.posterior import Mode, Posterior
 from estimator.readings.modalities import MODALITIES
 from estimator.storage.posteriors import FitVerdict, UnexplainedInteraction
 
@@ -50,46 +50,14 @@ def judge(posterior: Posterior, predictor: Predictor, data: SensorData, noise: N
         data: The observations.
         noise: Sensor noise.
     """
-    misfits = Likelihood(data, noise).misfits_of(predictor, posterior.values)
-    samples = misfits, posterior.scales, posterior.weights
-    bodies = posterior.modes[0].point, posterior.values, posterior.weights
-    return _judged(bodies, samples, predictor, data, noise)
-
-
-def judge_body(point: Array, predictor: Predictor, data: SensorData, noise: Noise) -> FitVerdict:
-    """The verdict on one body, shape (size,), averaged over its noise factors."""
+    best, weights = posterior.modes[0].point[None], posterior.weights
     likelihood = Likelihood(data, noise)
-    misfits = likelihood.misfits_of(predictor, point[None])
-    fits, factors = likelihood.by_noise_factors(misfits)[0], likelihood.noise_factors.both
-    weights = np.exp(fits - logsumexp(fits[None], axis=1)[0])
-    samples = misfits.repeat(len(factors), axis=0), factors, weights
-    return _judged((point, point[None], np.ones(1)), samples, predictor, data, noise)
-
-
-def _judged(
-    bodies: tuple[Array, Array, Array],
-    samples: tuple[Array, Array, Array],
-    predictor: Predictor,
-    data: SensorData,
-    noise: Noise,
-) -> FitVerdict:
-    """The verdict on the best body.
-
-    Args:
-        bodies: It, shape (size,), and all that are left, shape (n, size), with weights.
-        samples: Misfits, scales and weights.
-        predictor: Computes readings and path margins.
-        data: The observations.
-        noise: Sensor noise.
-    """
-    (first, points, shares), (misfits, scales, weights) = bodies, samples
-    best = first[None]
-    inliers = weights @ Likelihood(data, noise).inlier_share(misfits, scales=scales)
-    outliers = inliers < 0.5
+    misfits = likelihood.misfits_of(predictor, posterior.values)
+    outliers = weights @ likelihood.inlier_share(misfits, scales=posterior.scales) < 0.5
     odd = np.flatnonzero(outliers)
-    sure = shares @ (_margins(points, predictor, data[odd]) > SURE_PATH) > _SURELY
+    sure = weights @ (_margins(posterior.values, predictor, data[odd]) > SURE_PATH) > _SURELY
     residuals = standardised_residuals(best, predictor, data, noise)
-    as_found = noise.widened(np.exp(weights @ scales))
+    as_found = noise.widened(np.exp(weights @ posterior.scales))
     farthest = np.abs(list(standardised_residuals(best, predictor, data, as_found).values())).max(
         axis=0
     )
@@ -103,10 +71,25 @@ def _judged(
         )
         for index in odd[sure].tolist()
     )
-    share = weights @ (scales > math.log(TOO_NOISY))
+    share = weights @ (posterior.scales > math.log(TOO_NOISY))
     noisy = tuple(name for name, one in zip(SCALED, share, strict=True) if one > _SURELY)
     contradicting = _contradicting(best, predictor, data, noise, ~outliers)
     return FitVerdict(unexplained=unexplained, noisy=noisy, contradicting=contradicting)
+
+
+def judge_body(point: Array, predictor: Predictor, data: SensorData, noise: Noise) -> FitVerdict:
+    """The verdict on one body, shape (size,), averaged over its noise factors."""
+    likelihood = Likelihood(data, noise)
+    fits = likelihood.by_noise_factors(likelihood.misfits_of(predictor, point[None]))[0]
+    factors = likelihood.noise_factors.both
+    alone = Posterior(
+        values=np.tile(point, (len(factors), 1)),
+        scales=factors,
+        weights=softmax(fits),
+        modes=(Mode(attachments=(), probability=1.0, point=point, ess=math.inf, found=()),),
+        adequate_fit=True,
+    )
+    return judge(alone, predictor, data, noise)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,7 +98,7 @@ class Fit:
 
     Attributes:
         unexplained: How many interactions it leaves unexplained.
-        excess: How much farther it residuals from the others than bodies do on average that are the
+        excess: How much farther from the others it lies than bodies do on average that are the
             robot's, in standard deviations, under the announced noise.
     """
 
@@ -144,7 +127,7 @@ def fit_of(point: Array, predictor: Predictor, data: SensorData, noise: Noise) -
     )
     return Fit(
         unexplained=int(unexplained),
-        # where nothing is left, nothing residuals
+        # where nothing is left, nothing lies apart
         excess=excess / math.sqrt(VARIANCE_LOSS * read) if read else 0.0,
     )
 
