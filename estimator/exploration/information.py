@@ -22,9 +22,9 @@ from estimator.exploration.few_limbs import limbs_of, with_few_limbs
 from estimator.exploration.information_gain import InformationGain
 from estimator.exploration.rules import Choice, Situation
 from estimator.parameters.table import deviating
-from estimator.posterior.fitted import FittedPosterior
+from estimator.posterior.fitted import FittedPosterior, each_with_each
 from estimator.posterior.model.likelihood import FORKS, GRAVITY_TILTS
-from estimator.posterior.model.unknowns import Columns, Predictor
+from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Posterior
 from estimator.posterior.summary import SAMPLES
 from estimator.readings.observation import PredictedReadings
@@ -138,13 +138,8 @@ class _Hypotheses:
 
     def some(self, rows: slice) -> _Hypotheses:
         """Some of them."""
-        return _Hypotheses(
-            bodies=self.bodies[rows],
-            scales=self.scales[rows],
-            groups=self.groups[rows],
-            causes=None if self.causes is None else self.causes[rows],
-            asked=None if self.asked is None else self.asked[rows],
-        )
+        chosen = {name: own[rows] for name, own in vars(self).items() if own is not None}
+        return replace(self, **chosen)
 
 
 class Chooser:
@@ -156,12 +151,7 @@ class Chooser:
         ends: Lowest and highest target of each motor, rad, shape (motors, 2).
     """
 
-    def __init__(
-        self,
-        predictor: Predictor,
-        gain: InformationGain,
-        ends: Array,
-    ) -> None:
+    def __init__(self, predictor: Predictor, gain: InformationGain, ends: Array) -> None:
         self._predictor = predictor
         self._gain = gain
         self._ends = ends
@@ -320,7 +310,7 @@ class Chooser:
     def _surest_readings(self, known: _Hypotheses, programs: Array) -> PredictedReadings:
         """Predicted readings, undecided also where path margins are small: slow to compute."""
         readings = self._sure_readings(known, programs)
-        rows, repeated = _each_with_each(len(known), programs)
+        rows, repeated = each_with_each(len(known), programs)
         margins = self._predictor.margins(known.bodies, rows, repeated, most=_FORESEEABLE)
         return replace(readings, undecided=readings.undecided | (margins < _FORESEEABLE))
 
@@ -337,7 +327,7 @@ class Chooser:
         count = len(gravity_tilts)
         at_once = max(1, _AT_ONCE // (count * len(known)))
         for start in range(0, len(programs), at_once):
-            rows, repeated = _each_with_each(len(known), programs[start : start + at_once])
+            rows, repeated = each_with_each(len(known), programs[start : start + at_once])
             rows, each = np.repeat(rows, count), np.tile(gravity_tilts, (len(rows), 1))
             repeated = np.repeat(repeated, count, axis=0)
             pieces.append(
@@ -359,8 +349,3 @@ class Chooser:
                 readings, samples.scales, groups[:, column], rng, draws=4 * len(values)
             )[0]
         return np.maximum(about, 0.0)
-
-
-def _each_with_each(count: int, programs: Array) -> tuple[Columns, Array]:
-    """Numbers of all bodies with the first program, then with the next; and their programs."""
-    return np.tile(np.arange(count), len(programs)), np.repeat(programs, count, axis=0)

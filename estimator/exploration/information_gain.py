@@ -130,9 +130,10 @@ class InformationGain:
         left = np.zeros(len(feet))
         for program, alike in enumerate(feet):
             for pattern in np.unique(alike):
-                rows = np.flatnonzero(alike == pattern)
-                some = measured[program, rows] if pattern >= 0 else None
-                left[program] += len(rows) * _left(some, amounts[rows], before)
+                rows, each = np.flatnonzero(alike == pattern), before
+                if pattern >= 0:
+                    each = _left(measured[program, rows], amounts[rows], before)
+                left[program] += len(rows) * each
         narrowed: Array = 1 - left / feet.shape[1] / before
         return narrowed
 
@@ -147,13 +148,13 @@ class InformationGain:
         return density
 
 
-def _left(readings: Array | None, amounts: Array, before: float) -> float:
+def _left(readings: Array, amounts: Array, before: float) -> float:
     """Standard deviations of amounts, added up, once readings, in units of their noise, are known.
 
-    ``before`` where there are none, or too few samples.
+    ``before`` where there are too few samples.
     """
-    free = 0 if readings is None else len(readings) - 1 - readings.shape[1]
-    if readings is None or free <= 0:
+    free = len(readings) - 1 - readings.shape[1]
+    if free <= 0:
         return before
     away, asked = readings - readings.mean(axis=0), amounts - amounts.mean(axis=0)
     both = away.T @ asked

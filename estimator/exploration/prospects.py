@@ -156,7 +156,7 @@ def prospects(
         scales, groups = np.zeros((len(bodies), 2)), np.arange(len(bodies))
         told.append(gain.of(predicted, scales, groups, rng, draws=_DRAWS)[0])
         unforeseen.append(np.mean(predicted.undecided | ~predicted.valid))
-    hidden = _hidden(genome, predictor, bodies[:_CHANGED], programs, modalities=modalities, rng=rng)
+    hidden = _hidden(predictor, bodies[:_CHANGED], programs, modalities, rng)
     never = [gene for gene in genome.genes if hidden.get(gene.name, 0.0) >= NEVER]
     lengths = [gene for gene in genome.genes if gene.trait == "length"]
     return Prospects(
@@ -179,18 +179,16 @@ def _length_bits(problem: Problem, gene: Gene) -> float:
 
 
 def _hidden(
-    genome: Genome,
     predictor: Predictor,
     bodies: Array,
     programs: Array,
-    *,
     modalities: Sequence[str],
     rng: np.random.Generator,
 ) -> dict[str, float]:
     """Of how many bodies no reading shows another value of an unknown, by its name."""
     unknowns = predictor.unknowns
     found = {}
-    for column, gene in enumerate(genome.genes):
+    for column, gene in enumerate(unknowns.genes):
         others = bodies.copy()
         least = 1 / gene.choices if gene.choices > 1 else _STEP
         steps = rng.uniform(least, 1 - least, len(bodies)) if gene.choices else _STEP

@@ -24,7 +24,7 @@ from estimator.physics.backends import open_arrays
 from estimator.physics.base import ArrayPhysics
 from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.sensor_data import SensorData
-from estimator.posterior.model.unknowns import Predictor, Unknowns
+from estimator.posterior.model.unknowns import Columns, Predictor, Unknowns
 from estimator.posterior.posterior import Posterior, systematic
 from estimator.posterior.summary import load_posterior
 from estimator.problem.genome import Genome
@@ -363,8 +363,7 @@ class FittedPosterior:
         at_once, pieces = max(1, _AT_ONCE // max(1, count)), []
         for start in range(0, len(several), at_once):
             some = several[start : start + at_once]
-            rows, repeated = np.tile(np.arange(count), len(some)), np.repeat(some, count, axis=0)
-            pieces.append(self.predictor.read(bodies, rows, repeated))
+            pieces.append(self.predictor.read(bodies, *each_with_each(count, some)))
         readings = PredictedReadings.concatenate(pieces)
         return readings if angles.ndim == 1 else readings.reshaped(len(several), count)
 
@@ -379,8 +378,7 @@ class FittedPosterior:
         """
         angles = self._checked(programs)
         several, count = np.atleast_2d(angles), len(self)
-        rows = np.tile(np.arange(count), len(several))
-        margins = self.predictor.margins(self.body_arrays, rows, np.repeat(several, count, axis=0))
+        margins = self.predictor.margins(self.body_arrays, *each_with_each(count, several))
         return margins.reshape(*angles.shape[:-1], count)
 
     def log_likelihood(self, program: ArrayLike, observation: Observation) -> Array:
@@ -429,6 +427,11 @@ class FittedPosterior:
         if not np.isfinite(angles).all():
             raise EstimatorError("a motor program holds an angle that is not finite: give rad")
         return angles
+
+
+def each_with_each(count: int, programs: Array) -> tuple[Columns, Array]:
+    """Numbers of all bodies with the first program, then with the next; and their programs."""
+    return np.tile(np.arange(count), len(programs)), np.repeat(programs, count, axis=0)
 
 
 class _Changed(Unknowns):

@@ -14,7 +14,7 @@ from estimator.body.arrays import Bodies
 from estimator.body.morphology import Array
 from estimator.exploration.best_programs import best_programs
 from estimator.exploration.information_gain import InformationGain
-from estimator.posterior.fitted import FittedPosterior
+from estimator.posterior.fitted import FittedPosterior, each_with_each
 from estimator.posterior.posterior import systematic
 from estimator.readings.observation import PredictedReadings
 from estimator.use.causes import Particles, Weighed, Weigher
@@ -122,17 +122,13 @@ def best_of(
 
 def readings_in(known: FittedPosterior, bodies: Bodies, programs: Array) -> PredictedReadings:
     """Readings of all bodies in one program and the next."""
-    rows, each = _all_in_each(len(bodies), programs)
+    rows, each = each_with_each(len(bodies), programs)
     return known.predictor.read(bodies, rows, each, coarse_step=True)
 
 
 def near_forks(known: FittedPosterior, bodies: Bodies, programs: Array) -> NDArray[np.bool_]:
     """Which bodies may fall elsewhere in which programs, shape (programs, bodies)."""
-    rows, each = _all_in_each(len(bodies), programs)
+    rows, each = each_with_each(len(bodies), programs)
     margins = known.predictor.margins(bodies, rows, each, most=SAFE)
     near: NDArray[np.bool_] = (margins < SAFE - 1e-9).reshape(len(programs), -1)
     return near
-
-
-def _all_in_each(count: int, programs: Array) -> tuple[NDArray[np.intp], Array]:
-    return np.tile(np.arange(count), len(programs)), np.repeat(programs, count, axis=0)
