@@ -124,19 +124,11 @@ class FittedPosterior:
             posterior = load_posterior(stored, Unknowns(store.genome, store.problem.table))
             fitted = cls.in_run(store, posterior, observations)
             fitted = replace(fitted, best=best, summary=stored)
-            return fitted.changed_by([change.name for change in stored.changes])
-
-    def changed_by(self, names: Sequence[str]) -> FittedPosterior:
-        """This posterior, with changes by their names in ``possible_changes``.
-
-        Raises:
-            ValueError: There is no such change.
-        """
-        rows = {row.name: row for row in self.possible_changes} if names else {}
-        unknown = [name for name in names if name not in rows]
-        if unknown:
-            raise ValueError(f"there is no change {', '.join(unknown)}")
-        return replace(self, changes=tuple(rows[name] for name in names))
+            rows = {row.name: row for row in fitted.possible_changes} if stored.changes else {}
+            unknown = [change.name for change in stored.changes if change.name not in rows]
+            if unknown:
+                raise ValueError(f"there is no change {', '.join(unknown)}")
+            return replace(fitted, changes=tuple(rows[change.name] for change in stored.changes))
 
     @classmethod
     def _of_population(cls, store: RunStore) -> FittedPosterior | None:
