@@ -43,7 +43,7 @@ from estimator.parameters.table import CARE, MEDIAN_CARE
 from estimator.physics.equivalence import PROGRAMS
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.indistinguishable import indistinguishable_points
-from estimator.posterior.model.likelihood import GRAVITY_TILTS, LIKELY, Noise, apart
+from estimator.posterior.model.likelihood import GRAVITY_TILTS, LIKELY, Likelihood, Noise, apart
 from estimator.posterior.model.noise import drawn, drawn_scales
 from estimator.posterior.model.sensor_data import DENSITIES, SensorData
 from estimator.posterior.model.unknowns import Predictor, Unknowns
@@ -220,9 +220,9 @@ def trial(run: BodyRun) -> list[dict[str, Any]]:
         observed.append(robot.perform(program))
         if run.random and left:
             continue
-        data, before = SensorData.of(observed, tuple(MODALITIES), cap), posterior
-        posterior = sampler.learn(data)
-        summary = summarise(posterior, predictor, data, noise, indistinguishable, before=before)
+        likelihood = Likelihood(SensorData.of(observed, tuple(MODALITIES), cap), noise)
+        before, posterior = posterior, sampler.learn(likelihood.data)
+        summary = summarise(posterior, predictor, likelihood, indistinguishable, before=before)
         leader = posterior.modes[0].point.copy()
         leader[unknowns.continuous] = body[unknowns.continuous]
         leader[unknowns.genes_size :] = body[unknowns.genes_size :]
@@ -244,7 +244,7 @@ def trial(run: BodyRun) -> list[dict[str, Any]]:
                 or sum(cause.probability for cause in summary.causes) > _FAULTY,
                 "expected_bits": bits,
                 "information_gain_bits": summary.information_gain_bits,
-                "true_bits": information_gained(before, truth, predictor, data, noise),
+                "true_bits": information_gained(before, truth, predictor, likelihood),
             }
         )
     return told

@@ -22,8 +22,7 @@ from estimator.physics.backends import open_arrays
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.fitted import FittedPosterior
 from estimator.posterior.model.gauss_newton import GaussNewton
-from estimator.posterior.model.likelihood import Likelihood, Noise
-from estimator.posterior.model.sensor_data import SensorData
+from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.unknowns import Attachments, Predictor
 from estimator.posterior.sampling.sampler import Effort, Sampler
 from estimator.storage.store import RunStore
@@ -63,8 +62,7 @@ class Target:
 
     Args:
         predictor: Computes readings.
-        data: The observations.
-        noise: Sensor noise.
+        likelihood: Of the observations.
         seconds: CPU time after which it raises ``TimeIsUpError``.
 
     Attributes:
@@ -73,10 +71,10 @@ class Target:
         evaluations: How many bodies it was asked for.
     """
 
-    def __init__(self, predictor: Predictor, data: SensorData, noise: Noise, seconds: float):
+    def __init__(self, predictor: Predictor, likelihood: Likelihood, seconds: float):
         self.predictor = predictor
         self.unknowns = predictor.unknowns
-        self._likelihood = Likelihood(data, noise)
+        self._likelihood = likelihood
         self._ends = time.process_time() + seconds
         self.best, self.fit, self.evaluations = np.full(self.unknowns.size, 0.5), -np.inf, 0
 
@@ -162,13 +160,13 @@ def _rows(
     fitted = FittedPosterior.of(store)
     assert fitted is not None
     assert fitted.best is not None
-    seed, data, noise, unknowns = figures.seed, fitted.data, fitted.noise, fitted.unknowns
+    seed, likelihood, unknowns = figures.seed, fitted.likelihood, fitted.unknowns
     as_stated = unknowns.searched(np.zeros(len(unknowns.table)))
     make_physics = partial(open_arrays, "statics", store.world)
     predictor = Predictor(as_stated, make_physics())
-    solver = GaussNewton(predictor, data, Likelihood(data, noise))
+    solver = GaussNewton(predictor, likelihood)
     solver.fits(fitted.best[None])  # compiled code is loaded before time is taken
-    Target(predictor, data, noise, limit)(fitted.best[None])
+    Target(predictor, likelihood, limit)(fitted.best[None])
     base: float | None = None
 
     def row(
@@ -195,8 +193,8 @@ def _rows(
     effort = Effort()
     seeds = np.random.SeedSequence(seed).spawn(effort.populations + 1)
     started = time.process_time()
-    ours = Sampler(unknowns, make_physics, noise, effort, seeds, workers=ThisProcess())
-    posterior = ours.learn(data)
+    ours = Sampler(unknowns, make_physics, fitted.noise, effort, seeds, workers=ThisProcess())
+    posterior = ours.learn(fitted.data)
     modes = posterior.modes
     points = unknowns.cube(np.array([mode.point for mode in modes]))
     if posterior.as_stated is not None:
@@ -211,7 +209,7 @@ def _rows(
     for name, peer in peers.items():
         own = Predictor(as_stated, make_physics())
         started = time.process_time()
-        answer = peer(Target(own, data, noise, limit), seed)
+        answer = peer(Target(own, likelihood, limit), seed)
         yield row(name, answer, own.cost.simulations, time.process_time() - started)
 
 

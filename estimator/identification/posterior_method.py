@@ -254,13 +254,12 @@ class PosteriorMethod:
         if summary.simulated:
             return
         sampled = self._fitted(self._posterior, observations)
-        data, noise = sampled.data, sampled.noise
-        checked = recheck(self._posterior, self._predictor, data, noise, self._reference)
+        likelihood = sampled.likelihood
+        checked = recheck(self._posterior, self._predictor, likelihood, self._reference)
         posterior = leave_one_out_check(
             checked.posterior,
             self._predictor,
-            data,
-            noise,
+            likelihood,
             reference=self._reference,
             like=self._like_first_of(checked.posterior, summary),
             rng=generator(self._store.settings.seed, Stream.LEFT_OUT),
@@ -296,8 +295,7 @@ class PosteriorMethod:
             np.array([one.outlier_probability for one in summary.predicted]),
             fitted.posterior,
             self._predictor,
-            fitted.data,
-            fitted.noise,
+            fitted.likelihood,
             reference=self._reference,
         )
         unlisted = probability_unlisted(outliers, fitted.noise)
@@ -321,8 +319,7 @@ class PosteriorMethod:
         return summarise(
             fitted.posterior,
             self._predictor,
-            fitted.data,
-            fitted.noise,
+            fitted.likelihood,
             self._indistinguishable,
             before=before,
         )

@@ -334,7 +334,18 @@ class FittedPosterior:
     @cached_property
     def data(self) -> SensorData:
         """The observations as the likelihood takes them."""
-        return SensorData.of(self.observations, self.modalities, self.clearance_cap)
+        return self.likelihood.data
+
+    @cached_property
+    def likelihood(self) -> Likelihood:
+        """Of the observations."""
+        return self.likelihood_of(self.observations)
+
+    def likelihood_of(self, observations: Sequence[Observation]) -> Likelihood:
+        """Of other observations; sensors that do not count are left out."""
+        return Likelihood(
+            SensorData.of(observations, self.modalities, self.clearance_cap), self.noise
+        )
 
     def predict(self, programs: ArrayLike) -> PredictedReadings:
         """Readings that the samples predict, without noise, each on its undisturbed branch.
@@ -400,8 +411,8 @@ class FittedPosterior:
                 f"robot {self.capabilities.robot!r} has {touch} touch sensors, and the observation "
                 f"has {len(observation.touch)} values: give None for one that was not read"
             )
-        observed = SensorData.of([observation], self.modalities, self.clearance_cap)
-        likelihood = Likelihood(replace(observed, programs=angles[None]), self.noise)
+        taken = {"angles": tuple(angles.tolist()), "measured": ()}
+        likelihood = self.likelihood_of([observation.model_copy(update=taken)])
         return likelihood.normalised(self.predictor, self.points, self.scales)[:, 0]
 
     def _checked(self, programs: ArrayLike) -> Array:

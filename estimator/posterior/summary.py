@@ -11,8 +11,7 @@ from estimator.body.limbs import driven_limbs, leg_lengths
 from estimator.body.morphology import Array
 from estimator.posterior.checks.verdict import judge, standardised_residuals
 from estimator.posterior.indistinguishable import Indistinguishable, indistinguishable_shares
-from estimator.posterior.model.likelihood import Likelihood, Noise
-from estimator.posterior.model.sensor_data import SensorData
+from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.special import logsumexp
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.posterior import (
@@ -40,8 +39,7 @@ _RIVALS: Final = 20  # of them, that are compared with the first where nothing i
 def summarise(
     posterior: Posterior,
     predictor: Predictor,
-    data: SensorData,
-    noise: Noise,
+    likelihood: Likelihood,
     indistinguishable: Indistinguishable,
     *,
     before: Posterior | None = None,
@@ -49,10 +47,9 @@ def summarise(
     """Summarises a posterior.
 
     Args:
-        posterior: After the interactions of ``data``.
+        posterior: After some interactions.
         predictor: Computes readings.
-        data: The observations.
-        noise: Sensor noise.
+        likelihood: Of these.
         indistinguishable: The test of equivalence.
         before: The posterior before the last interaction, by which its information is measured.
     """
@@ -67,7 +64,7 @@ def summarise(
     behind = ess_of_class(chances, np.array([mode.ess for mode in modes]), shares)
     gained = None
     if before is not None:
-        gained = information_gained(before, posterior, predictor, data, noise)
+        gained = information_gained(before, posterior, predictor, likelihood)
     return StoredPosterior(
         genes=tuple(map(tuple, unknowns.cube(posterior.values).tolist())),
         amounts={
@@ -99,8 +96,8 @@ def summarise(
         as_stated_m=_as_stated(posterior, unknowns),
         low_ess=bool(predictor.unknowns.choices.size) and behind < _FEW,
         information_gain_bits=gained,
-        predicted=_predicted(posterior, predictor, data, noise),
-        **dict(judge(posterior, predictor, data, noise)),
+        predicted=_predicted(posterior, predictor, likelihood),
+        **dict(judge(posterior, predictor, likelihood)),
     )
 
 
@@ -174,12 +171,11 @@ def _legs_of_several_lengths(point: Array, unknowns: Unknowns) -> dict[int, list
 
 
 def _predicted(
-    posterior: Posterior, predictor: Predictor, data: SensorData, noise: Noise
+    posterior: Posterior, predictor: Predictor, likelihood: Likelihood
 ) -> tuple[PredictedInteraction, ...]:
     best = posterior.modes[0].point[None]
-    likelihood = Likelihood(data, noise)
     readings = likelihood.readings_of(predictor, best)
-    residuals = standardised_residuals(best, predictor, data, noise)
+    residuals = standardised_residuals(best, predictor, likelihood)
     misfits = likelihood.misfits_of(predictor, posterior.values)
     inliers = likelihood.inlier_share(misfits, scales=posterior.scales)
     outlier = 1 - posterior.weights @ inliers
@@ -191,7 +187,7 @@ def _predicted(
             residuals={name: float(values[interaction]) for name, values in residuals.items()},
             outlier_probability=float(np.clip(outlier[interaction], 0, 1)),
         )
-        for interaction in range(len(data))
+        for interaction in range(len(likelihood))
     )
 
 
@@ -223,7 +219,7 @@ SAMPLES: Final = 200
 
 
 def information_gained(
-    before: Posterior, after: Posterior, predictor: Predictor, data: SensorData, noise: Noise
+    before: Posterior, after: Posterior, predictor: Predictor, likelihood: Likelihood
 ) -> float:
     """Information that the last interaction gave about the body, bits.
 
@@ -235,12 +231,11 @@ def information_gained(
         before: The posterior before the last interaction.
         after: The one after it.
         predictor: Computes readings.
-        data: The observations of all interactions.
-        noise: Sensor noise.
+        likelihood: Of all interactions.
     """
-    likelihood = Likelihood(data[-1:], noise)
+    last = likelihood[-1:]
     rows = systematic(before.weights, SAMPLES - 1, 0.5)
-    others = likelihood.normalised(predictor, before.values[rows], before.scales[rows])
-    own = likelihood.normalised(predictor, after.values, after.scales)[:, 0]
+    others = last.normalised(predictor, before.values[rows], before.scales[rows])
+    own = last.normalised(predictor, after.values, after.scales)[:, 0]
     mean = np.logaddexp(own, logsumexp(others)) - math.log(1 + len(others))
     return float(after.weights @ (own - mean)) / math.log(2)

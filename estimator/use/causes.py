@@ -20,8 +20,6 @@ from numpy.typing import NDArray
 from estimator.body.arrays import Bodies
 from estimator.body.morphology import Array
 from estimator.posterior.fitted import FittedPosterior
-from estimator.posterior.model.likelihood import Likelihood
-from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.special import logsumexp, softmax
 from estimator.posterior.posterior import systematic
 from estimator.readings.observation import Observation
@@ -228,8 +226,7 @@ class Weigher:
             surely: Take it that everybody falls as statics has it, with coarse steps.
         """
         known = self.known
-        data = SensorData.of(observations, known.modalities, known.clearance_cap)
-        likelihood = Likelihood(data, known.noise)
+        likelihood = known.likelihood_of(observations)
         branches = 0 if surely else None
         misfits = likelihood.misfits_of_bodies(known.predictor, bodies, branches=branches)
         return likelihood.of(misfits, scales=scales)

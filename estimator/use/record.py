@@ -8,8 +8,7 @@ from typing import Final
 import numpy as np
 
 from estimator.errors import EstimatorError
-from estimator.posterior.model.likelihood import Likelihood
-from estimator.posterior.model.sensor_data import COLUMNS, DENSITIES, SensorData
+from estimator.posterior.model.sensor_data import COLUMNS, DENSITIES
 from estimator.readings.observation import Observation
 from estimator.storage.posteriors import (
     PredictedInteraction,
@@ -114,10 +113,10 @@ def _predicted(
     """Each movement as the middle one of the bodies predicts it, and those that none explains."""
     known = weigher.known
     middle = int(np.argsort(drawn.theta)[len(drawn) // 2])
-    data = SensorData.of(seen, known.modalities, known.clearance_cap)
     bodies, count = weigher.bodies(drawn), len(seen)
+    likelihood = known.likelihood_of(seen)
+    data = likelihood.data
     readings = known.predictor.read(bodies, np.full(count, middle), data.programs)
-    likelihood = Likelihood(data, known.noise)
     misfits = likelihood.misfits_of_bodies(known.predictor, bodies)
     outliers = 1 - likelihood.inlier_share(misfits, scales=weigher.scales(drawn)).mean(axis=0)
     residuals = {

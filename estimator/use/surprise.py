@@ -7,8 +7,7 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Array
-from estimator.posterior.model.likelihood import GRAVITY_TILTS, LIKELY, Likelihood, Noise
-from estimator.posterior.model.sensor_data import SensorData
+from estimator.posterior.model.likelihood import GRAVITY_TILTS, LIKELY, Noise
 from estimator.posterior.model.special import logsumexp
 from estimator.readings.observation import Observation, PredictedReadings
 from estimator.use.causes import Weigher
@@ -43,10 +42,11 @@ def surprise(weigher: Weigher, own: Hypotheses, observation: Observation) -> tup
     scales = own.scales[each]
     chosen = weigher.rng.choice(len(each), size=_REPLICATES, p=shares)
     drawn = _replicates(predicted[chosen], scales[chosen], noise, observation, weigher.rng)
-    data = SensorData.of([*drawn, observation], known.modalities, known.clearance_cap)
+    likelihood = known.likelihood_of([*drawn, observation])
+    data = likelihood.data
     rows = np.repeat(np.arange(len(each)), len(data))
     misfits = data.misfits(predicted[rows], np.tile(np.arange(len(data)), len(each)))
-    logs = Likelihood(data, noise).of(misfits.reshape(len(each), len(data), -1), scales=scales)
+    logs = likelihood.of(misfits.reshape(len(each), len(data), -1), scales=scales)
     odd: Array = -logsumexp(logs + np.log(shares)[:, None], axis=0)
     return odd[:-1], float(odd[-1])
 

@@ -207,7 +207,7 @@ class PaperMethod:
         assert fitted.searched is not None
         if not np.isfinite(fitted.searched[fitted.ranked[0]]):
             return None
-        verdict = judge_body(fitted.best, fitted.predictor, fitted.data, fitted.noise)
+        verdict = judge_body(fitted.best, fitted.predictor, fitted.likelihood)
         return BestFit(
             interactions=len(fitted.observations),
             unexplained=verdict.unexplained,

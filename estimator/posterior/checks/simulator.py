@@ -22,7 +22,6 @@ from estimator.body.morphology import Array
 from estimator.physics.base import Physics, WorldSettings
 from estimator.posterior.model.gauss_newton import GaussNewton
 from estimator.posterior.model.likelihood import FORKS, Likelihood, Noise, apart
-from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.special import expit, logsumexp, softmax
 from estimator.posterior.model.unknowns import Attachments, Predictor
 from estimator.posterior.posterior import Posterior, systematic
@@ -63,8 +62,7 @@ class Recheck:
 def recheck(
     posterior: Posterior,
     predictor: Predictor,
-    data: SensorData,
-    noise: Noise,
+    likelihood: Likelihood,
     reference: Physics,
 ) -> Recheck:
     """Reweights a posterior by a simulator.
@@ -72,8 +70,7 @@ def recheck(
     Args:
         posterior: Found with statics.
         predictor: Statics.
-        data: The observations.
-        noise: Sensor noise.
+        likelihood: Of the observations.
         reference: The simulator.
     """
     keys = predictor.unknowns.keys(posterior.values)
@@ -88,12 +85,11 @@ def recheck(
         scales.append(posterior.scales[chosen] if chosen else np.zeros((1, 2)))
         owners += [index] * max(1, len(chosen))
     points, factors, owner = np.concatenate(values), np.concatenate(scales), np.array(owners)
-    likelihood = Likelihood(data, noise)
     by_statics = likelihood.of(likelihood.misfits_of(predictor, points), scales=factors)
     by_simulator = np.where(
-        _forks(predictor, points, data, noise),
+        _forks(predictor, points, likelihood),
         by_statics,
-        _simulated_fits(points, data, predictor, noise, reference, scales=factors),
+        _simulated_fits(points, predictor, likelihood, reference, scales=factors),
     )
     fits = by_simulator.sum(axis=1)
     ratios = fits - by_statics.sum(axis=1)
@@ -160,8 +156,7 @@ def outliers_left(
     outliers: Array,
     posterior: Posterior,
     predictor: Predictor,
-    data: SensorData,
-    noise: Noise,
+    likelihood: Likelihood,
     *,
     reference: Physics,
 ) -> Array:
@@ -171,20 +166,18 @@ def outliers_left(
         outliers: Of each interaction by statics, shape (k,).
         posterior: Of the bodies that explain the readings.
         predictor: Computes their readings.
-        data: The observations.
-        noise: Sensor noise.
+        likelihood: Of the observations.
         reference: The simulator, asked where an interaction is more likely an outlier than not.
     """
     if not np.any(outliers > _MORE_LIKELY):
         return outliers
     samples = posterior.values[systematic(posterior.weights, _TRIED, 0.5)]
     points = np.vstack([posterior.modes[0].point, samples])
-    likelihood = Likelihood(data, noise)
     fits = _fits(likelihood, predictor, points)
-    amends = np.zeros(len(data))
+    amends = np.zeros(len(likelihood))
     for interaction in np.flatnonzero(likelihood.best()[0] - fits[0] > _POORLY).tolist():
-        one = data[interaction : interaction + 1]
-        simulated = _simulated_fits(points, one, predictor, noise, reference)[:, 0]
+        one = likelihood[interaction : interaction + 1]
+        simulated = _simulated_fits(points, predictor, one, reference)[:, 0]
         average = logsumexp(simulated - fits[:, interaction]) - logsumexp(-fits[:, interaction])
         amends[interaction] = max(0.0, average - fits[0, interaction])
     left: Array = outliers * np.exp(-amends)
@@ -193,27 +186,28 @@ def outliers_left(
 
 def _simulated_fits(
     points: Array,
-    data: SensorData,
     predictor: Predictor,
-    noise: Noise,
+    likelihood: Likelihood,
     reference: Physics,
     *,
     scales: Array | None = None,
 ) -> Array:
     """Log-likelihoods of n points in k interactions by the simulator, shape (n, k)."""
+    data = likelihood.data
     readings = predictor.simulated(reference, points, data.programs)
     misfits = data.misfits(readings, np.tile(np.arange(len(data)), len(points)))
     by_points = misfits.reshape(len(points), len(data), -1)
-    return Likelihood(data, noise).of(by_points, scales=scales)
+    return likelihood.of(by_points, scales=scales)
 
 
-def _forks(predictor: Predictor, points: Array, data: SensorData, noise: Noise) -> Array:
+def _forks(predictor: Predictor, points: Array, likelihood: Likelihood) -> Array:
     """Where a small inclination of gravity changes the branch a body falls to, shape (n, k)."""
-    plumb = predictor.read_all(points, data.programs)
+    programs = likelihood.data.programs
+    plumb = predictor.read_all(points, programs)
     forks = np.zeros(len(plumb), dtype=bool)
     for lean in FORKS:
-        forks |= apart(plumb, predictor.read_all(points, data.programs, lean), noise)
-    return forks.reshape(len(points), len(data))
+        forks |= apart(plumb, predictor.read_all(points, programs, lean), likelihood.noise)
+    return forks.reshape(len(points), len(likelihood))
 
 
 _DRAWS: Final = 64  # bodies for each interaction that is left out
@@ -227,8 +221,7 @@ _LITTLE: Final = 0.01  # share of the posterior that is not worth adding
 def leave_one_out_check(
     posterior: Posterior,
     predictor: Predictor,
-    data: SensorData,
-    noise: Noise,
+    likelihood: Likelihood,
     *,
     reference: Physics,
     like: Collection[Attachments],
@@ -239,25 +232,21 @@ def leave_one_out_check(
     Args:
         posterior: Of bodies that explain the readings by statics.
         predictor: Statics.
-        data: The observations.
-        noise: Sensor noise.
+        likelihood: Of the observations.
         reference: The simulator.
         like: The first mode's attachments, and such as no sensor can tell from them: in the places
             of their samples come the added bodies.
         rng: Draws bodies.
     """
-    if len(data) < 2 or not predictor.unknowns.continuous.size:
+    if len(likelihood) < 2 or not predictor.unknowns.continuous.size:
         return posterior
     best = posterior.modes[0].point
-    likelihood = Likelihood(data, noise)
     highest = _fits(likelihood, predictor, best[None])[0]
-    evidence = highest.sum() - _log_density_at(GaussNewton(predictor, data, likelihood), best)
+    evidence = highest.sum() - _log_density_at(GaussNewton(predictor, likelihood), best)
     added, shares = [], []
-    for interaction in range(len(data)):
-        rest = data[np.delete(np.arange(len(data)), interaction)]
-        draws, log_density = _draws(
-            best, GaussNewton(predictor, rest, Likelihood(rest, noise)), predictor, rng
-        )
+    for interaction in range(len(likelihood)):
+        rest = likelihood[np.delete(np.arange(len(likelihood)), interaction)]
+        draws, log_density = _draws(best, GaussNewton(predictor, rest), predictor, rng)
         fits = _fits(likelihood, predictor, draws)
         others = np.delete(fits, interaction, axis=1).sum(axis=1)
         contradicted = fits[:, interaction] < highest[interaction] - _CONTRADICTED
@@ -266,8 +255,8 @@ def leave_one_out_check(
         if not rows.size:
             continue
         tried = draws[rng.permutation(rows)[:_SIMULATED]]
-        one = data[interaction : interaction + 1]
-        observed = _simulated_fits(tried, one, predictor, noise, reference)[:, 0]
+        one = likelihood[interaction : interaction + 1]
+        observed = _simulated_fits(tried, predictor, one, reference)[:, 0]
         # which of them the simulator confirms is chance: there a trifle decides
         logs = others - log_density - math.log(_DRAWS)
         confirmed = logs[rows] + logsumexp(observed) - math.log(len(observed))

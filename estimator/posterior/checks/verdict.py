@@ -2,7 +2,7 @@
 
 An interaction is *unexplained* when it is more likely the mixture's outlier than not although the
 path there is sure, of nearly all bodies that are left. One such interaction in a run may be an
-outlier. Two of them, one that residuals farther than outliers do, a noise factor that surely lies
+outlier. Two of them, one that strays farther than outliers do, a noise factor that surely lies
 above 2, or a touch sensor that contradicts the body more often than chance allows, say that the
 problem does not describe the robot. The last betrays a limp leg: its foot lies on the ground where
 a stiff one, short enough to carry nothing, would hang in the air.
@@ -18,7 +18,7 @@ import numpy as np
 
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
-from estimator.posterior.model.likelihood import Likelihood, Noise
+from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.noise import MEAN_LOSS, VARIANCE_LOSS
 from estimator.posterior.model.sensor_data import COLUMNS, DENSITIES, SCALED, SensorData
 from estimator.posterior.model.special import at_least, softmax
@@ -41,26 +41,26 @@ _BY_CHANCE: Final = 1e-3  # probability of so many wrong bits of a touch sensor
 _STRIKING: Final = 3.0  # standard deviations
 
 
-def judge(posterior: Posterior, predictor: Predictor, data: SensorData, noise: Noise) -> FitVerdict:
+def judge(posterior: Posterior, predictor: Predictor, likelihood: Likelihood) -> FitVerdict:
     """The verdict on fit.
 
     Args:
-        posterior: After the interactions of ``data``.
+        posterior: After some interactions.
         predictor: Computes readings and path margins.
-        data: The observations.
-        noise: Sensor noise.
+        likelihood: Of these.
     """
     best, weights = posterior.modes[0].point[None], posterior.weights
-    likelihood = Likelihood(data, noise)
     misfits = likelihood.misfits_of(predictor, posterior.values)
     outliers = weights @ likelihood.inlier_share(misfits, scales=posterior.scales) < 0.5
     odd = np.flatnonzero(outliers)
-    sure = weights @ (_margins(posterior.values, predictor, data[odd]) > SURE_PATH) > _SURELY
-    residuals = standardised_residuals(best, predictor, data, noise)
-    as_found = noise.widened(np.exp(weights @ posterior.scales))
-    farthest = np.abs(list(standardised_residuals(best, predictor, data, as_found).values())).max(
-        axis=0
+    sure = (
+        weights @ (_margins(posterior.values, predictor, likelihood.data[odd]) > SURE_PATH)
+        > _SURELY
     )
+    residuals = standardised_residuals(best, predictor, likelihood)
+    widened = likelihood.noise.widened(np.exp(weights @ posterior.scales))
+    as_found = standardised_residuals(best, predictor, Likelihood(likelihood.data, widened))
+    farthest = np.abs(list(as_found.values())).max(axis=0)
     unexplained = tuple(
         UnexplainedInteraction(
             interaction=index,
@@ -73,13 +73,12 @@ def judge(posterior: Posterior, predictor: Predictor, data: SensorData, noise: N
     )
     share = weights @ (posterior.scales > math.log(TOO_NOISY))
     noisy = tuple(name for name, one in zip(SCALED, share, strict=True) if one > _SURELY)
-    contradicting = _contradicting(best, predictor, data, noise, ~outliers)
+    contradicting = _contradicting(best, predictor, likelihood, ~outliers)
     return FitVerdict(unexplained=unexplained, noisy=noisy, contradicting=contradicting)
 
 
-def judge_body(point: Array, predictor: Predictor, data: SensorData, noise: Noise) -> FitVerdict:
+def judge_body(point: Array, predictor: Predictor, likelihood: Likelihood) -> FitVerdict:
     """The verdict on one body, shape (size,), averaged over its noise factors."""
-    likelihood = Likelihood(data, noise)
     fits = likelihood.by_noise_factors(likelihood.misfits_of(predictor, point[None]))[0]
     factors = likelihood.noise_factors.both
     alone = Posterior(
@@ -89,7 +88,7 @@ def judge_body(point: Array, predictor: Predictor, data: SensorData, noise: Nois
         modes=(Mode(attachments=(), probability=1.0, point=point, ess=math.inf, found=()),),
         adequate_fit=True,
     )
-    return judge(alone, predictor, data, noise)
+    return judge(alone, predictor, likelihood)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,10 +110,9 @@ class Fit:
         return self.unexplained > 0 or self.excess > POOR
 
 
-def fit_of(point: Array, predictor: Predictor, data: SensorData, noise: Noise) -> Fit:
+def fit_of(point: Array, predictor: Predictor, likelihood: Likelihood) -> Fit:
     """How well a body, shape (size,), explains the readings."""
-    one = point[None]
-    likelihood = Likelihood(data, noise)
+    one, data = point[None], likelihood.data
     misfits = likelihood.misfits_of(predictor, one)
     outliers = likelihood.inlier_share(misfits)[0] < 0.5
     short = (likelihood.best() - likelihood.of(misfits))[0]
@@ -133,7 +131,7 @@ def fit_of(point: Array, predictor: Predictor, data: SensorData, noise: Noise) -
 
 
 def standardised_residuals(
-    point: Array, predictor: Predictor, data: SensorData, noise: Noise
+    point: Array, predictor: Predictor, likelihood: Likelihood
 ) -> dict[str, Array]:
     """Observed minus predicted in units of the noise, by modality, shape (k,) each.
 
@@ -143,27 +141,26 @@ def standardised_residuals(
     Args:
         point: A body, shape (1, size).
         predictor: Computes readings.
-        data: The observations.
-        noise: Sensor noise.
+        likelihood: Of the observations.
     """
-    (misfits,) = Likelihood(data, noise).misfits_of(predictor, point)
+    (misfits,) = likelihood.misfits_of(predictor, point)
     return {
         name: DENSITIES[name].standardised_residual(
-            misfits[:, COLUMNS[name]], data.observed[name], noise.of(name)
+            misfits[:, COLUMNS[name]], likelihood.data.observed[name], likelihood.noise.of(name)
         )
         for name in MODALITIES
     }
 
 
 def _contradicting(
-    point: Array, predictor: Predictor, data: SensorData, noise: Noise, counts: Flags
+    point: Array, predictor: Predictor, likelihood: Likelihood, counts: Flags
 ) -> tuple[int, ...]:
     """Touch sensors with more wrong bits, in the interactions that count, than chance allows."""
-    observed = data.observed["touch"].values
-    readings = Likelihood(data, noise).readings_of(predictor, point)
+    observed = likelihood.data.observed["touch"].values
+    readings = likelihood.readings_of(predictor, point)
     present = counts[:, None] & ~np.isnan(observed) & ~readings.touch_doubtful
     wrong = np.sum(present & (observed != readings.touch), axis=0)
-    chance = at_least(wrong, np.sum(present, axis=0), noise.touch)
+    chance = at_least(wrong, np.sum(present, axis=0), likelihood.noise.touch)
     return tuple(np.flatnonzero(chance < _BY_CHANCE).tolist())
 
 

@@ -26,8 +26,7 @@ from estimator.posterior.discovery.neighbours import (
 )
 from estimator.posterior.discovery.population import EVERY, Population
 from estimator.posterior.model.gauss_newton import GaussNewton, best_of_each
-from estimator.posterior.model.likelihood import Likelihood, Noise
-from estimator.posterior.model.sensor_data import SensorData
+from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
 
 _WATCHED: Final = 3  # levels, from the coldest up
@@ -103,20 +102,19 @@ class Discovery:
         self.converged: frozenset[Attachments] = frozenset()
         self._explores = explores
 
-    def observe(self, data: SensorData, noise: Noise) -> None:
+    def observe(self, likelihood: Likelihood) -> None:
         """Takes in all observations; the search goes on from its chains and what it has found.
 
         Args:
-            data: The observations of all interactions.
-            noise: Sensor noise.
+            likelihood: Of all interactions.
         """
         predictor = self.predictor
-        self._data, self._noise = data, noise
+        self._likelihood = likelihood
         self._founders: list[Array] = []
-        self.population.observe(data, noise, surely=True)
-        self._solver = GaussNewton(predictor, data, Likelihood(data, noise))
+        self.population.observe(likelihood, surely=True)
+        self._solver = GaussNewton(predictor, likelihood)
         self._neighbours = None
-        if joined_parts(predictor.unknowns) and len(data) >= _SEVERAL:
+        if joined_parts(predictor.unknowns) and len(likelihood) >= _SEVERAL:
             self._neighbours = Neighbours(predictor.unknowns, self._solver, self.rng)
         self._before, self._visited = _Visited(predictor), _Visited(predictor)
         starts = np.concatenate([self.found, self.drawn])
@@ -166,14 +164,14 @@ class Discovery:
     def explains(self) -> bool:
         """Whether the best body explains all readings."""
         leader = self.best().values[0]
-        return fit_of(leader, self.predictor, self._data, self._noise).unexplained == 0
+        return fit_of(leader, self.predictor, self._likelihood).unexplained == 0
 
     def _has_converged(self) -> bool:
         """Whether the best body is still the one that all agreed on, and explains the readings."""
         leader = self._visited.best().values[:1]
         if self.converged.isdisjoint(self.predictor.unknowns.keys(leader)):
             return False
-        return not fit_of(leader[0], self.predictor, self._data, self._noise).is_improvable
+        return not fit_of(leader[0], self.predictor, self._likelihood).is_improvable
 
     def _recombine(self, neighbours: Neighbours) -> None:
         """Gives the best bodies subtrees that other starts have found, and goes on from there."""
@@ -200,14 +198,14 @@ class Discovery:
         Args:
             steps: With each number of interactions but the last.
         """
-        data, noise, population = self._data, self._noise, self.population
-        order = self.rng.permutation(len(data))
+        likelihood, population = self._likelihood, self.population
+        order = self.rng.permutation(len(likelihood))
         population.restart(0)
-        for count in range(1, len(data)):
-            population.observe(data[order[:count]], noise, surely=True)
+        for count in range(1, len(order)):
+            population.observe(likelihood[order[:count]], surely=True)
             for _ in range(steps):
                 population.step()
-        population.observe(data, noise, surely=True)
+        population.observe(likelihood, surely=True)
         self._founders.append(self._visited.best().values[:_FOUNDERS])
         self._before.join(self._visited)
         self._visited = _Visited(self.predictor)

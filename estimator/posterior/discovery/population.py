@@ -15,9 +15,9 @@ import numpy as np
 
 from estimator.body.morphology import Array
 from estimator.posterior.discovery.moves import exchange_parts, propose
-from estimator.posterior.model.likelihood import Likelihood, Noise
+from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.noise import drawn_scales, log_prior
-from estimator.posterior.model.sensor_data import BRANCH, MISFITS, SensorData
+from estimator.posterior.model.sensor_data import BRANCH, MISFITS
 from estimator.posterior.model.unknowns import Columns, Predictor
 
 HOTTEST: Final = 25.0
@@ -76,19 +76,16 @@ class Population:
             levels=levels,
         )
 
-    def observe(self, data: SensorData, noise: Noise, *, surely: bool) -> None:
+    def observe(self, likelihood: Likelihood, *, surely: bool) -> None:
         """Takes in all that was observed so far; the chains stay where they are.
 
         Args:
-            data: All of it.
-            noise: Sensor noise.
+            likelihood: Of all of it.
             surely: Take it that every chain falls as statics has it, and every proposal to the
                 side to which its chain has fallen. That costs less: for chains that search.
         """
-        self._data, self._noise = data, noise
-        self._surely = surely
-        self._likelihood = Likelihood(data, noise)
-        self._misfits = np.empty((len(self.values), len(data), MISFITS))
+        self._likelihood, self._surely = likelihood, surely
+        self._misfits = np.empty((len(self.values), len(likelihood), MISFITS))
         self._look(slice(None))
 
     def restart(self, level: int) -> None:
@@ -121,7 +118,7 @@ class Population:
         chains = type(self)(
             self._predictor, self._rng, self.values[cold].copy(), self.scales[cold].copy()
         )
-        chains.observe(self._data, self._noise, surely=False)
+        chains.observe(self._likelihood, surely=False)
         return chains
 
     def posterior_fits(self, levels: int) -> Array:

@@ -19,7 +19,7 @@ from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.noise import step_weight
-from estimator.posterior.model.sensor_data import BRANCH, SensorData
+from estimator.posterior.model.sensor_data import BRANCH
 from estimator.posterior.model.unknowns import Attachments, Columns, Predictor, Unknowns
 
 ROUGH: Final = 4.0
@@ -125,13 +125,11 @@ class GaussNewton:
 
     Args:
         predictor: Computes readings.
-        data: The observations.
-        likelihood: Of ``data``.
+        likelihood: Of the observations.
     """
 
-    def __init__(self, predictor: Predictor, data: SensorData, likelihood: Likelihood) -> None:
+    def __init__(self, predictor: Predictor, likelihood: Likelihood) -> None:
         self._predictor = predictor
-        self._data = data
         self._likelihood = likelihood
 
     def fits(self, values: Array) -> Array:
@@ -141,7 +139,7 @@ class GaussNewton:
     @property
     def interactions(self) -> int:
         """How many there are."""
-        return len(self._data)
+        return len(self._likelihood)
 
     def unexplained(self, value: Array) -> list[int]:
         """Interactions that a point, shape (size,), leaves unexplained, the last one first."""
@@ -259,8 +257,10 @@ class GaussNewton:
         others = self._likelihood.misfits_of(
             self._predictor, moved, branches=branches, coarse_step=wide
         )
-        residuals = self._data.residuals(misfits)
-        there = self._data.residuals(others).reshape(count, size, len(self._data), -1)
+        residuals = self._likelihood.data.residuals(misfits)
+        there = self._likelihood.data.residuals(others).reshape(
+            count, size, len(self._likelihood), -1
+        )
         change = there - residuals[:, None]
         weight = self._likelihood.inlier_share(misfits, noise_scale)[..., None]
         sigmas = noise_scale * self._likelihood.sigmas

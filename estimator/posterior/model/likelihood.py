@@ -126,13 +126,14 @@ class Likelihood:
         noise: Sensor noise.
 
     Attributes:
+        data: As above, like ``noise``.
         sigmas: Announced standard deviation of each residual, shape (RESIDUALS,).
         noise_factors: Over which ``integrated`` does so.
     """
 
     def __init__(self, data: SensorData, noise: Noise):
-        self._data = data
-        self._noise = noise
+        self.data = data
+        self.noise = noise
         counts = {name: observed.count for name, observed in data.observed.items()}
         beyond = data.observed["clearance"].beyond
         anywhere = np.zeros(len(data))
@@ -151,6 +152,14 @@ class Likelihood:
             [noise.of(name) for name in DENSITIES],
             [density.residuals for density in DENSITIES.values()],
         )
+
+    def __len__(self) -> int:
+        """How many interactions there are."""
+        return len(self.data)
+
+    def __getitem__(self, interactions: Columns | slice) -> Likelihood:
+        """The mixture of some of the interactions."""
+        return Likelihood(self.data[interactions], self.noise)
 
     def misfits_of(
         self,
@@ -187,7 +196,7 @@ class Likelihood:
             coarse_step: Whether joints turn in coarse steps, where ``branches`` are given.
         """
         if interactions is None:
-            interactions = np.arange(len(self._data))
+            interactions = np.arange(len(self.data))
         shape = len(bodies), len(interactions), MISFITS
         rows, columns = np.indices(shape[:2]).reshape(2, -1)
         each = interactions[columns]
@@ -222,16 +231,16 @@ class Likelihood:
         """
         if not rows.size:
             return np.empty((0, MISFITS))
-        programs, gravity_tilts = self._data.programs[interactions], GRAVITY_TILTS[sides]
+        programs, gravity_tilts = self.data.programs[interactions], GRAVITY_TILTS[sides]
         readings = predictor.read(bodies, rows, programs, gravity_tilts, coarse_step=coarse_step)
-        misfits = self._data.misfits(readings, interactions)
+        misfits = self.data.misfits(readings, interactions)
         misfits[:, BRANCH] = sides
         return misfits
 
     def readings_of(self, predictor: Predictor, values: Array) -> PredictedReadings:
         """Readings of n points in every interaction, each on its branch: n · k rows."""
         numbers = self.misfits_of(predictor, values)[..., BRANCH].ravel().astype(np.intp)
-        return predictor.read_all(values, self._data.programs, GRAVITY_TILTS[numbers])
+        return predictor.read_all(values, self.data.programs, GRAVITY_TILTS[numbers])
 
     def normalised(self, predictor: Predictor, values: Array, scales: Array | None = None) -> Array:
         """Log-likelihood of n points in every interaction, shape (n, k).
@@ -252,12 +261,12 @@ class Likelihood:
     def _sides(self, predictor: Predictor, values: Array) -> Array:
         """How likely all sides are to which a body may fall, together; shape (n, k), at least 1."""
         count, likely = len(GRAVITY_TILTS), np.exp(_LOG_LIKELY)
-        shape = len(values), len(self._data), count
+        shape = len(values), len(self.data), count
         rows, interactions, branches = np.indices(shape).reshape(3, -1)
         readings = predictor.read(
             predictor.unknowns.bodies(values),
             rows,
-            self._data.programs[interactions],
+            self.data.programs[interactions],
             GRAVITY_TILTS[branches],
         )
         sides = [readings[::count]]
@@ -266,11 +275,11 @@ class Likelihood:
             other = readings[branch::count]
             fresh = other.valid & ~other.undecided
             for side, counts in zip(sides, counted, strict=True):
-                fresh &= apart(side, other, self._noise) | ~counts
+                fresh &= apart(side, other, self.noise) | ~counts
             sides.append(other)
             counted.append(fresh)
         total: Array = likely @ np.array(counted)
-        return total.reshape(len(values), len(self._data))
+        return total.reshape(len(values), len(self.data))
 
     def _unexplained(self, misfits: Array, interactions: Columns) -> Columns:
         inlier, outlier = self.terms(misfits[:, None], interactions=interactions[:, None])
@@ -341,7 +350,7 @@ class Likelihood:
             factors.clearance,
             factors.weights,
             self._read,
-            self._noise,
+            self.noise,
             _LOG_LIKELY,
             sums,
             terms,
@@ -358,7 +367,7 @@ class Likelihood:
 
     def best(self) -> Array:
         """Log-likelihood of a perfect prediction, an upper bound, shape (1, k)."""
-        misfits = np.zeros((1, len(self._data), MISFITS))
+        misfits = np.zeros((1, len(self.data), MISFITS))
         misfits[:, self._read.beyond, COLUMNS["clearance"]] = -np.inf  # beyond the range, too
         return self.of(misfits)
 
@@ -388,7 +397,7 @@ class Likelihood:
             np.atleast_1d(np.asarray(noise_scale, dtype=float)),
             _AS_ANNOUNCED if scales is None else np.ascontiguousarray(scales),
             self._read,
-            self._noise,
+            self.noise,
             _LOG_LIKELY,
             *results,
         )

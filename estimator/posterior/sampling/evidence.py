@@ -12,7 +12,6 @@ import numpy as np
 from estimator.body.morphology import Array
 from estimator.posterior.model.gauss_newton import Free, GaussNewton
 from estimator.posterior.model.likelihood import Likelihood
-from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Predictor
 
 
@@ -21,16 +20,15 @@ class EvidenceEstimator:
 
     Args:
         predictor: Computes readings.
-        data: The observations.
-        likelihood: Of ``data``.
+        likelihood: Of the observations.
 
     Attributes:
-        predictor: As above.
+        predictor: As above, like ``likelihood``.
     """
 
-    def __init__(self, predictor: Predictor, data: SensorData, likelihood: Likelihood) -> None:
-        self.predictor = predictor
-        self._solver = GaussNewton(predictor, data, likelihood)
+    def __init__(self, predictor: Predictor, likelihood: Likelihood) -> None:
+        self.predictor, self.likelihood = predictor, likelihood
+        self._solver = GaussNewton(predictor, likelihood)
         self._fits: dict[bytes, float] = {}
         self._half_volumes: dict[bytes, float] = {}
         self._built: dict[bytes, tuple[Array, float]] = {}

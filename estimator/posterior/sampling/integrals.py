@@ -17,7 +17,6 @@ from estimator.body.morphology import Array
 from estimator.parameters.table import MEDIAN_CARE
 from estimator.posterior.model.gauss_newton import Free, GaussNewton
 from estimator.posterior.model.likelihood import Likelihood
-from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Columns, Cost, Predictor
 from estimator.posterior.sampling.tempering import Particles, tempered
 
@@ -54,13 +53,12 @@ class Integrals:
 
     Args:
         predictor: Computes readings.
-        data: The observations.
-        likelihood: Of these.
+        likelihood: Of the observations.
     """
 
-    def __init__(self, predictor: Predictor, data: SensorData, likelihood: Likelihood) -> None:
+    def __init__(self, predictor: Predictor, likelihood: Likelihood) -> None:
         self._predictor, self._likelihood = predictor, likelihood
-        self._solver = GaussNewton(predictor, data, likelihood)
+        self._solver = GaussNewton(predictor, likelihood)
         self._lengths = predictor.unknowns.continuous
         table = predictor.unknowns.table
         self._first = predictor.unknowns.genes_size
@@ -70,7 +68,6 @@ class Integrals:
             if one.narrow
         }
         self._by_care = self._first + np.flatnonzero([one.by_care for one in table])
-        self._interactions = np.arange(len(data))
 
     def with_cost(
         self, task: tuple[Sequence[Hypothesis], int, bool, int]
@@ -165,7 +162,7 @@ class Integrals:
         shape = (len(each), free.columns.shape[1])
         own = np.where(free.normal, rng.standard_normal(shape), rng.random(shape))
         drawn = free[each].within(points[each], own)
-        fits = self._solver.rough_fits(drawn, self._interactions).sum(axis=1).reshape(count, -1)
+        fits = self._solver.rough_fits(drawn).sum(axis=1).reshape(count, -1)
         first = np.argsort(-fits, axis=1, kind="stable")[:, :_STARTS]
         best = drawn.reshape(count, _DRAWN, -1)[np.arange(count)[:, None], first]
         return list(np.swapaxes(best, 0, 1))
@@ -194,7 +191,7 @@ class Integrals:
         anywhere[:, self._lengths] = rng.random((_ANYWHERE, self._lengths.size))
         offs = rng.standard_normal(_ANYWHERE) if amounts else np.ones(_ANYWHERE)
         points, which = self._with_wide(anywhere, rows, offs[:, None] * sizes)
-        fits = self._solver.rough_fits(points, self._interactions).sum(axis=1)
+        fits = self._solver.rough_fits(points).sum(axis=1)
         first = np.argsort(-fits.reshape(_ANYWHERE, -1), axis=0, kind="stable")[:_STARTS]
         points = points.reshape(_ANYWHERE, len(rows), -1)[first, np.arange(len(rows))]
         several = [(points.reshape(-1, starts.shape[1]), np.tile(rows, _STARTS))]

@@ -22,8 +22,6 @@ from estimator.body.morphology import Array
 from estimator.posterior.checks.verdict import POOR, Fit, fit_of
 from estimator.posterior.discovery.discovery import BestPoints, Discovery
 from estimator.posterior.discovery.population import EVERY, Population
-from estimator.posterior.model.likelihood import Noise
-from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.special import softmax
 from estimator.posterior.model.unknowns import Attachments, Unknowns
 from estimator.posterior.posterior import Mode, Posterior, coverage, found_by_each
@@ -73,8 +71,6 @@ class Agreement:
         bodies: Sequence[BestPoints],
         away: Array,
         estimator: EvidenceEstimator,
-        data: SensorData,
-        noise: Noise,
     ) -> Self:
         """Compares what the populations have found.
 
@@ -82,22 +78,21 @@ class Agreement:
             bodies: What each population has found.
             away: How far their robots are from what is stated, shape (rows,).
             estimator: Guesses evidences.
-            data: The observations.
-            noise: Sensor noise.
         """
-        unknowns = estimator.predictor.unknowns
+        predictor, likelihood = estimator.predictor, estimator.likelihood
+        unknowns = predictor.unknowns
         together = BestPoints.joined(bodies, unknowns)
         best = float(together.fits[0])
         everyone = unknowns.otherwise(together.values, away)
         stated = everyone[together.fits > best - CONSIDERED]
         points, guesses = stated, estimator.guess(stated)
-        fit = fit_of(points[int(np.argmax(guesses))], estimator.predictor, data, noise)
+        fit = fit_of(points[int(np.argmax(guesses))], predictor, likelihood)
         if unknowns.table and fit.is_improvable:
             stated = everyone[together.fits > best - CONSIDERED - _BUILT]
             points, guesses = stated.copy(), estimator.guess(stated)
             first = np.argsort(-guesses, kind="stable")[:_FITTED]
             points[first], guesses[first] = estimator.as_built(stated[first])
-            fit = fit_of(points[int(np.argmax(guesses))], estimator.predictor, data, noise)
+            fit = fit_of(points[int(np.argmax(guesses))], predictor, likelihood)
         found = [
             attachments_found(
                 BestPoints(values=unknowns.otherwise(one.values, away), fits=one.fits),
@@ -114,7 +109,7 @@ class Agreement:
             guesses=guesses,
             found=found,
             fit=fit,
-            may_err=len(data) >= ENOUGH_TO_ERR,
+            may_err=len(likelihood) >= ENOUGH_TO_ERR,
         )
 
     def with_fit(self, fit: Fit) -> Self:

@@ -198,9 +198,9 @@ class Sampler:
         Args:
             data: All of them.
         """
-        known = set(self._known)
+        known, likelihood = set(self._known), Likelihood(data, self._noise)
         for search in self._searches:
-            search.observe(data, self._noise)
+            search.observe(likelihood)
         explores = self._explores and not self._searches[0].converged
         if explores:
             self._searches, exploring, share = explored(
@@ -213,10 +213,11 @@ class Sampler:
                 return self._completed(exploring)
             bodies = [search.best() for search in self._searches]
             known.update(*(self.predictor.unknowns.keys(one.values) for one in bodies))
-        return self._weighed(self._discovered(data, known, searched=explores), data)
+        agreement = self._discovered(likelihood, known, searched=explores)
+        return self._weighed(agreement, likelihood)
 
     def _discovered(
-        self, data: SensorData, known: set[Attachments], *, searched: bool
+        self, likelihood: Likelihood, known: set[Attachments], *, searched: bool
     ) -> Agreement:
         """Searches in rounds, each with the hotter half of the chains drawn anew.
 
@@ -231,12 +232,12 @@ class Sampler:
         For the sake of one body this is done once.
 
         Args:
-            data: All observations.
+            likelihood: Of all observations.
             known: Attachments that were found before.
             searched: Whether the searches have just explored: that was a round.
         """
-        effort, late = self._effort, len(data) >= self._telling
-        estimator = self._estimator(data)
+        effort, late = self._effort, len(likelihood) >= self._telling
+        estimator = EvidenceEstimator(self.predictor, likelihood)
         number, anew = 0, 0
         going = [not searched] * len(self._searches)
         while True:
@@ -247,7 +248,7 @@ class Sampler:
                 for one, goes in zip(self._searches, going, strict=True)
             ]
             bodies = [search.best() for search in self._searches]
-            agreement = Agreement.of(bodies, self._away, estimator, data, self._noise)
+            agreement = Agreement.of(bodies, self._away, estimator)
             fresh = agreement.share_beyond(known)
             known.update(agreement.keys)
             number += 1
@@ -269,7 +270,7 @@ class Sampler:
                 rounds = _FEW_ROUNDS
             else:
                 converged &= not (0 < anew <= _MORE and improvable)
-                rounds = min(effort.rounds, max(1, len(data) - 1))
+                rounds = min(effort.rounds, max(1, len(likelihood) - 1))
                 rounds += _MORE if anew and (late or improvable) else 0
             if converged or number >= rounds:
                 if anew > _MORE:
@@ -296,23 +297,21 @@ class Sampler:
         modes = (replace(mode, point=complete(mode.point[None])[0]) for mode in posterior.modes)
         return replace(posterior, values=complete(posterior.values), modes=tuple(modes))
 
-    def _weighed(self, agreement: Agreement, data: SensorData) -> Posterior:
+    def _weighed(self, agreement: Agreement, likelihood: Likelihood) -> Posterior:
         """Modes by their evidences, and samples."""
         predictor, effort, unknowns = self.predictor, self._effort, self.predictor.unknowns
         weigher = Weigher(
             predictor,
-            data,
-            self._noise,
+            likelihood,
             self._rng,
             workers=self._workers,
             particles=effort.particles,
         )
         modes = weigher.weighed(agreement.points, agreement.guesses, effort.samples)
-        likelihood = Likelihood(data, self._noise)
         scales = likelihood.drawn_scales(likelihood.misfits_of(predictor, modes.values), self._rng)
         if unknowns.choices.size:
             chains = Population(predictor, self._rng, modes.values, scales)
-            chains.observe(data, self._noise, surely=False)
+            chains.observe(likelihood, surely=False)
             modes, scales = mixed(modes, chains, unknowns, effort.steps), chains.scales
         values = modes.values
         whose, keys = map(unknowns.keys, (values, modes.points))
@@ -326,7 +325,7 @@ class Sampler:
         self._known = set(keys)
         if unknowns.table:
             best = modes.points[int(np.argmax(modes.shares))]
-            agreement = agreement.with_fit(fit_of(best, predictor, data, self._noise))
+            agreement = agreement.with_fit(fit_of(best, predictor, likelihood))
             self._search_robots(unknowns.typical(values))
         found_by = found_by_each(keys, agreement.found).tolist()
         posterior = replace(
@@ -342,9 +341,6 @@ class Sampler:
             as_stated=modes.as_stated,
         )
         return renormalised(posterior, predictor, likelihood)
-
-    def _estimator(self, data: SensorData) -> EvidenceEstimator:
-        return EvidenceEstimator(self.predictor, data, Likelihood(data, self._noise))
 
 
 def _read_one(predictor: Predictor) -> None:

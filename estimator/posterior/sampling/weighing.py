@@ -20,9 +20,9 @@ import numpy as np
 
 from estimator.body.morphology import Array
 from estimator.parameters.table import log_priors
-from estimator.posterior.model.likelihood import Likelihood, Noise
+from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.noise import MEAN_LOSS
-from estimator.posterior.model.sensor_data import SCALED, SensorData
+from estimator.posterior.model.sensor_data import SCALED
 from estimator.posterior.model.special import logsumexp, softmax
 from estimator.posterior.model.unknowns import Columns, Predictor
 from estimator.posterior.posterior import CauseShare, Posterior, systematic
@@ -91,8 +91,7 @@ class Weigher:
 
     Args:
         predictor: Computes readings, also of robots that are not as stated.
-        data: The observations.
-        noise: Sensor noise.
+        likelihood: Of the observations.
         rng: Draws.
         workers: Do the work of some hypotheses each; how many there are changes no result.
         particles: Of one hypothesis, at most; even.
@@ -101,17 +100,15 @@ class Weigher:
     def __init__(
         self,
         predictor: Predictor,
-        data: SensorData,
-        noise: Noise,
+        likelihood: Likelihood,
         rng: np.random.Generator,
         *,
         workers: Executor,
         particles: int,
     ) -> None:
-        self._predictor, self._data, self._rng = predictor, data, rng
+        self._predictor, self._likelihood, self._rng = predictor, likelihood, rng
         self._workers, self._particles = workers, particles
-        self._likelihood = Likelihood(data, noise)
-        self._integrals = Integrals(predictor, data, self._likelihood)
+        self._integrals = Integrals(predictor, likelihood)
 
     def weighed(self, points: Array, guesses: Array, samples: int) -> WeighedModes:
         """The posterior over sets of attachments, and over what else is open.
@@ -208,7 +205,7 @@ class Weigher:
 
     def _strays(self, weights: Sequence[_Weight]) -> bool:
         """Whether the best fit of these lacks more than noise takes."""
-        read = sum(self._data.observed[name].count.sum() for name in SCALED)
+        read = sum(self._likelihood.data.observed[name].count.sum() for name in SCALED)
         best = float(self._likelihood.best().sum())
         fit = max(float(one.particles.fits.max()) for one in weights)
         return best - fit - MEAN_LOSS * float(read) >= _STRAYS
@@ -258,7 +255,7 @@ class Weigher:
         groups: dict[int, list[int]] = {}
         for number, one in enumerate(hypotheses):
             groups.setdefault(len(self._integrals.opened(one)), []).append(number)
-        together = max(1, _TOGETHER // (particles * len(self._data)))
+        together = max(1, _TOGETHER // (particles * len(self._likelihood)))
         batches = [
             numbers[start : start + together]
             for numbers in groups.values()

@@ -12,6 +12,7 @@ from estimator.body.arrays import Flags
 from estimator.body.limbs import leg_lengths
 from estimator.body.morphology import Array
 from estimator.physics.statics import StaticsPhysics
+from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.posterior import Mode, Posterior, systematic
 from estimator.posterior.summary import SAMPLES, information_gained, summarise
@@ -36,7 +37,7 @@ def summarised(predictor: Predictor, one: Posterior, *, alike: bool) -> StoredPo
     def same(ones: Array, others: Array) -> Flags:
         return np.full(len(ones), alike)
 
-    return summarise(one, predictor, data, NOISE, same)
+    return summarise(one, predictor, Likelihood(data, NOISE), same)
 
 
 def stated(predictor: Predictor, one: Posterior, *, alike: bool) -> float | None:
@@ -119,7 +120,10 @@ def test_the_best_bodys_legs_are_as_long_as_the_middle_of_the_samples_legs() -> 
     observed = draw(predictor, values[0], rng.uniform(-0.5, 0.5, (2, 4)), rng)
     alone = equally_likely(values, values[0])
     belief = summarise(
-        alone, predictor, observed, NOISE, lambda ones, _: np.ones(len(ones), dtype=bool)
+        alone,
+        predictor,
+        Likelihood(observed, NOISE),
+        lambda ones, _: np.ones(len(ones), dtype=bool),
     )
     samples, best = (
         leg_lengths(predictor.unknowns.decode_all(genes))
@@ -142,7 +146,7 @@ def belief(*points: Array, of: int) -> Posterior:
 def gained(predictor: Predictor, before: Posterior, after: Posterior) -> float:
     moved = programs(1, seed=3)  # lifts the body
     data = draw(predictor, LEFT, moved, np.random.default_rng(2), outlier=0.0)
-    return information_gained(before, after, predictor, data, NOISE)
+    return information_gained(before, after, predictor, Likelihood(data, NOISE))
 
 
 def test_one_of_two_bodies_that_feel_quite_differently_is_one_bit(predictor: Predictor) -> None:

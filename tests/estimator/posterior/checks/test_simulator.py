@@ -52,7 +52,9 @@ def test_robots_that_are_otherwise_in_ways_that_nobody_looks_for() -> None:
 
 def test_a_body_that_the_simulator_contradicts_loses_its_weight(predictor: Predictor) -> None:
     data = draw(predictor, RIGHT, programs(3, seed=9), np.random.default_rng(2))
-    simulated = recheck(undecided(predictor, RIGHT, WRONG), predictor, data, NOISE, _Swapped())
+    simulated = recheck(
+        undecided(predictor, RIGHT, WRONG), predictor, Likelihood(data, NOISE), _Swapped()
+    )
     assert simulated.simulated == 16
     assert simulated.posterior.modes[0].attachments == predictor.unknowns.keys(WRONG[None])[0]
     assert simulated.posterior.modes[0].probability > 0.99
@@ -80,7 +82,9 @@ def test_where_engines_differ_the_simulator_has_the_last_word(predictor: Predict
         likelihood = Likelihood(data, NOISE)
         fits = likelihood.of(likelihood.misfits_of(predictor, np.stack([fallen, other])))
         assert np.ptp(fits) < 1.0  # to statics both are as poor
-        checked = recheck(undecided(predictor, fallen, other), predictor, data, NOISE, pybullet)
+        checked = recheck(
+            undecided(predictor, fallen, other), predictor, Likelihood(data, NOISE), pybullet
+        )
     first, *_ = checked.posterior.modes
     assert first.attachments == predictor.unknowns.keys(fallen[None])[0]
     assert first.probability > 0.99
@@ -154,7 +158,7 @@ def looked_at(
     data = draw(predictor, FELT_LIKE, PERFORMED, np.random.default_rng(3), outlier=0.0)
     rng, like = np.random.default_rng(4), predictor.unknowns.keys(FELT_LIKE[None])
     return leave_one_out_check(
-        posterior, predictor, data, NOISE, reference=reference, like=like, rng=rng
+        posterior, predictor, Likelihood(data, NOISE), reference=reference, like=like, rng=rng
     )
 
 

@@ -25,7 +25,7 @@ def test_who_begins_anew_keeps_what_was_met(predictor: Predictor, data: SensorDa
     chains, own = np.random.default_rng(1), np.random.default_rng(2)
     population = Population.of_prior(predictor, chains, levels=4, chains_per_level=8)
     search = Discovery(population, predictor, own, explores=False)
-    search.observe(data, NOISE)
+    search.observe(Likelihood(data, NOISE))
     before = search.search(10)
     places = population.values.copy()
     search.start_anew(5)
@@ -35,7 +35,7 @@ def test_who_begins_anew_keeps_what_was_met(predictor: Predictor, data: SensorDa
     assert after.fits[0] >= before.fits[0]
     assert set(predictor.unknowns.keys(before.values)) <= set(predictor.unknowns.keys(after.values))
     assert np.array_equal(search.found[0], after.values[0])
-    search.observe(data, NOISE)  # once more
+    search.observe(Likelihood(data, NOISE))  # once more
     assert set(predictor.unknowns.keys(search.found)) == set(
         predictor.unknowns.keys(search.best().values)
     )
@@ -50,8 +50,8 @@ def test_a_search_for_much_begins_with_lengths_to_which_any_of_its_best_starts_l
     lengths = predictor.unknowns.continuous
     search.drawn = np.repeat(POINT[None], 20, axis=0)
     search.drawn[:, lengths] = rng.random((20, lengths.size))
-    search.observe(data, NOISE)
-    solver = GaussNewton(predictor, data, Likelihood(data, NOISE))
+    search.observe(Likelihood(data, NOISE))
+    solver = GaussNewton(predictor, Likelihood(data, NOISE))
     _, led = solver.polished(search.drawn)
     assert led.min() < led.max() - 10  # not all do
     assert search.best().fits[0] == led.max()
@@ -83,7 +83,7 @@ def test_what_all_searches_agreed_on_is_only_watched_while_it_explains_all(
     search.found = POINT[None]
     if agreed:
         search.converged = frozenset(predictor.unknowns.keys(search.found))
-    search.observe(data, NOISE)
+    search.observe(Likelihood(data, NOISE))
     search.search(8)
     assert search.explains()
     assert bool(tried) is not agreed

@@ -94,7 +94,7 @@ def test_a_leg_of_which_all_three_parts_are_put_on_otherwise_is_put_right() -> N
     unknowns, rng = predictor.unknowns, np.random.default_rng(1)
     truth = unknowns.permitted(rng.random((1, unknowns.size)))[0]
     data = draw(predictor, truth, rng.uniform(-0.5, 0.5, (9, 18)), rng, outlier=0.0)
-    lengths = GaussNewton(predictor, data, Likelihood(data, NOISE))
+    lengths = GaussNewton(predictor, Likelihood(data, NOISE))
     leader, (places,) = truth.copy(), unknowns.places
     leg = np.concatenate([unknowns.parts[part] for part in (0, 6, 12)])
     anew = np.setdiff1d(leg, places)
@@ -110,7 +110,7 @@ def test_a_leg_of_two_parts_that_may_sit_anywhere_is_put_right() -> None:
     unknowns, rng = predictor.unknowns, np.random.default_rng(1)
     truth = quadruped()
     data = draw(predictor, truth, rng.uniform(-0.5, 0.5, (_POSES, 8)), rng, outlier=0.0)
-    lengths = GaussNewton(predictor, data, Likelihood(data, NOISE))
+    lengths = GaussNewton(predictor, Likelihood(data, NOISE))
     leader = truth.copy()
     leg = np.concatenate([unknowns.parts[part] for part in (3, 7)])
     leader[leg] = 0.6  # elsewhere, on other parts, and otherwise hinged
@@ -124,7 +124,7 @@ def test_a_leg_of_two_parts_that_may_sit_anywhere_is_put_right() -> None:
 def test_two_legs_in_each_others_places_are_put_right(
     predictor: Predictor, truth: Array, data: SensorData
 ) -> None:
-    unknowns, lengths = predictor.unknowns, GaussNewton(predictor, data, Likelihood(data, NOISE))
+    unknowns, lengths = predictor.unknowns, GaussNewton(predictor, Likelihood(data, NOISE))
     leader, rng = confused(truth, unknowns), np.random.default_rng(3)
     _, wanted = lengths.polished(truth[None])
     rows = np.concatenate(
@@ -147,8 +147,8 @@ def test_a_search_that_does_not_wander_puts_them_right_too(
     population = Population.of_prior(predictor, chains, levels=4, chains_per_level=8)
     search = Discovery(population, predictor, own, explores=False)
     search.found = confused(truth, predictor.unknowns)[None]
-    search.observe(data, NOISE)
-    _, wanted = GaussNewton(predictor, data, Likelihood(data, NOISE)).polished(truth[None])
+    search.observe(Likelihood(data, NOISE))
+    _, wanted = GaussNewton(predictor, Likelihood(data, NOISE)).polished(truth[None])
     assert search.best().fits[0] < wanted[0] - 10
     assert search.search(1).fits[0] > wanted[0] - 2
 
@@ -179,7 +179,7 @@ def test_only_neighbours_of_what_all_agreed_on_and_explains_all_are_not_tried(
     search.found = known[None]
     if agreed:
         search.converged = frozenset(predictor.unknowns.keys(search.found))
-    search.observe(observed, NOISE)
+    search.observe(Likelihood(observed, NOISE))
     assert search.explains() is explains
     search.search(1)
     assert bool(tried) is not (agreed and explains)
@@ -201,5 +201,5 @@ def test_neighbours_are_tried_as_long_as_better_ones_are_found(
     population = Population.of_prior(predictor, rng, levels=4, chains_per_level=8)
     search = Discovery(population, predictor, rng, explores=True)
     search.found = confused(truth, unknowns)[None]
-    search.observe(data, NOISE)
+    search.observe(Likelihood(data, NOISE))
     assert search.search(1).fits[0] == fits[-1]

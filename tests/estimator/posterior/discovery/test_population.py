@@ -25,7 +25,7 @@ def test_without_readings_the_chains_stay_with_the_prior(predictor: Predictor) -
     population = Population.of_prior(
         predictor, np.random.default_rng(1), levels=4, chains_per_level=32
     )
-    population.observe(blind, NOISE, surely=True)
+    population.observe(Likelihood(blind, NOISE), surely=True)
     values, scales = [], []
     for _ in range(12):
         for _ in range(15):
@@ -72,7 +72,7 @@ def test_chains_fit_as_well_as_every_body_weighed(short: Predictor) -> None:
         )
         values = (keys[body[rows]] + rng.random((levels * chains_per_level, counts.size))) / counts
         chains = Population(short, rng, values, pair[rows], levels=levels)
-        chains.observe(data, noise, surely=True)
+        chains.observe(Likelihood(data, noise), surely=True)
         seen = np.zeros((2, levels))
         for _ in range(steps):
             chains.step()
@@ -101,7 +101,7 @@ def gain(population: Population, predictor: Predictor, data: SensorData) -> floa
         each: Array = likelihood.of(misfits, scales=population.scales[cold]).sum(axis=1)
         return each
 
-    population.observe(data, POOR, surely=False)
+    population.observe(Likelihood(data, POOR), surely=False)
     before = fits()
     for _ in range(20):
         population.step()
@@ -166,10 +166,10 @@ def test_a_population_goes_on_as_if_it_had_not_been_put_away(predictor: Predicto
     population = Population.of_prior(
         predictor, np.random.default_rng(3), levels=4, chains_per_level=8
     )
-    population.observe(data, NOISE, surely=True)
+    population.observe(Likelihood(data, NOISE), surely=True)
     population.step()
     copy = Population.from_state(json.loads(json.dumps(population.state())), predictor)
-    copy.observe(data, NOISE, surely=True)
+    copy.observe(Likelihood(data, NOISE), surely=True)
     for one in (population, copy):
         one.step()
     assert np.array_equal(copy.values, population.values)

@@ -23,7 +23,7 @@ def fits_of(points: Array, lengths: GaussNewton) -> Array:
 
 def lengths_with(predictor: Predictor, interactions: int) -> GaussNewton:
     data: SensorData = draw(predictor, POINT, programs(interactions), np.random.default_rng(2))
-    return GaussNewton(predictor, data, Likelihood(data, NOISE))
+    return GaussNewton(predictor, Likelihood(data, NOISE))
 
 
 @pytest.mark.parametrize(("count", "interactions"), [(1500, 2), (150, 8)])

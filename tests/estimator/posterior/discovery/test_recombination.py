@@ -60,7 +60,7 @@ def test_legs_that_each_lacks_are_taken_from_the_other(
     predictor: Predictor, data: SensorData
 ) -> None:
     unknowns = predictor.unknowns
-    lengths = GaussNewton(predictor, data, Likelihood(data, NOISE))
+    lengths = GaussNewton(predictor, Likelihood(data, NOISE))
     body, other = but_for(unknowns, 1), but_for(unknowns, 0, 2)
     _, (wanted, *before) = lengths.polished(np.stack([quadruped(), body, other]))
     assert max(before) < wanted - 10
@@ -78,7 +78,7 @@ def test_a_search_that_began_anew_takes_legs_from_what_was_met_before(
     population = Population.of_prior(predictor, chains, levels=4, chains_per_level=8)
     search = Discovery(population, predictor, own, explores=False)
     search.found = but_for(predictor.unknowns, 3)[None]
-    search.observe(data, NOISE)
+    search.observe(Likelihood(data, NOISE))
     search.start_anew(1)
     population.replace_coldest(
         np.repeat(but_for(predictor.unknowns, 0)[None], 8, axis=0), np.zeros((8, 2))

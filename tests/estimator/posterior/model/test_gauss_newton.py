@@ -45,7 +45,7 @@ def felt_by_four_legs() -> GaussNewton:
         for row in range(len(moved))
     ]
     data = SensorData.of(observations, MODALITIES, CAP)
-    return GaussNewton(predictor, data, Likelihood(data, NOISE))
+    return GaussNewton(predictor, Likelihood(data, NOISE))
 
 
 def test_lengths_that_fit_already_are_not_led_astray() -> None:
@@ -86,5 +86,5 @@ def test_interactions_that_a_body_leaves_unexplained_are_named_the_last_one_firs
         for row in range(len(moved))
     ]
     data = SensorData.of(observations, MODALITIES, CAP)
-    lengths = GaussNewton(predictor, data, Likelihood(data, NOISE))
+    lengths = GaussNewton(predictor, Likelihood(data, NOISE))
     assert lengths.unexplained(point) == [4, 1]

@@ -8,6 +8,7 @@ import numpy as np
 
 from estimator.body.morphology import Array
 from estimator.posterior.discovery.population import Population
+from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.sampling.mixing import mixed
 from estimator.posterior.sampling.weighing import WeighedModes
@@ -41,7 +42,7 @@ def test_what_no_search_has_met_is_named_as_often_as_it_deserves(narrow: Predict
     chains = Population(
         narrow, rng, np.repeat(POINT[None], _SAMPLES, axis=0), np.zeros((_SAMPLES, 2))
     )
-    chains.observe(data, WIDE, surely=False)
+    chains.observe(Likelihood(data, WIDE), surely=False)
     modes = mixed(met(chains.values.copy()), chains, unknowns, 800)
     keys = unknowns.keys(modes.points)
     sampled = Counter(unknowns.keys(modes.values))
@@ -59,7 +60,7 @@ def test_no_unmet_set_leads_by_the_chance_of_its_chains(narrow: Predictor) -> No
     data = draw(narrow, POINT, programs(1, seed=3), np.random.default_rng(6))
     values = np.repeat(POINT[None], _SAMPLES, axis=0)
     chains = Population(narrow, np.random.default_rng(1), values.copy(), np.zeros((_SAMPLES, 2)))
-    chains.observe(data, WIDE, surely=False)
+    chains.observe(Likelihood(data, WIDE), surely=False)
     modes = mixed(met(values), chains, unknowns, 100)
     others = np.sort(modes.shares[1:])
     assert len(others) > 50
@@ -75,7 +76,7 @@ def test_where_chains_stay_nothing_changes(narrow: Predictor) -> None:
     data = draw(narrow, POINT, programs(8), np.random.default_rng(2))
     values = np.repeat(POINT[None], _SAMPLES, axis=0)
     chains = Population(narrow, np.random.default_rng(1), values, np.zeros((_SAMPLES, 2)))
-    chains.observe(data, NOISE, surely=False)
+    chains.observe(Likelihood(data, NOISE), surely=False)
     modes = mixed(met(values.copy()), chains, unknowns, 40)
     assert unknowns.keys(modes.points) == unknowns.keys(POINT[None])
     assert modes.shares.tolist() == [1.0]

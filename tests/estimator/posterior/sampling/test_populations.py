@@ -30,8 +30,8 @@ def test_attachments_met_with_lengths_that_explain_nothing_are_not_met(
 ) -> None:
     data = draw(predictor, POINT, programs(4), np.random.default_rng(2))
     likelihood = Likelihood(data, NOISE)
-    estimator = EvidenceEstimator(predictor, data, likelihood)
-    best, fits = GaussNewton(predictor, data, likelihood).polished(POINT[None])
+    estimator = EvidenceEstimator(predictor, likelihood)
+    best, fits = GaussNewton(predictor, likelihood).polished(POINT[None])
     elsewhere = best.copy()
     elsewhere[:, predictor.unknowns.continuous] = 0.95
     (key,) = predictor.unknowns.keys(best)

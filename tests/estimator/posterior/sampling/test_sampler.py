@@ -81,7 +81,7 @@ def test_who_moves_the_chains_makes_no_difference(predictor: Predictor) -> None:
 def test_evidence_is_the_integral_over_the_lengths(narrow: Predictor) -> None:
     data = draw(narrow, POINT, programs(3, seed=3), np.random.default_rng(6))
     likelihood = Likelihood(data, WIDE)
-    solver = GaussNewton(narrow, data, likelihood)
+    solver = GaussNewton(narrow, likelihood)
     values, _ = solver.polished(POINT[None])
     (mode,) = tempered(
         values[None],
@@ -116,7 +116,7 @@ def test_how_carefully_a_robot_was_built_is_averaged_over() -> None:
     true = predictor.unknowns.points(POINT[None], {table[0].name: np.array([3 * table[0].narrow])})
     data = draw(predictor, true[0], programs(3, seed=3), np.random.default_rng(6))
     likelihood = Likelihood(data, NOISE)
-    solver = GaussNewton(predictor, data, likelihood)
+    solver = GaussNewton(predictor, likelihood)
 
     def evidence(factor: float, *, known: bool) -> float:
         spreads = [{row: factor * one.narrow for row, one in enumerate(table)}]
