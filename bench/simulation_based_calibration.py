@@ -177,7 +177,7 @@ def trial(run: BodyRun) -> list[dict[str, Any]]:
     )
     seeds = np.random.SeedSequence(seed).spawn(effort.populations + 1)
     sampler = Sampler(
-        unknowns, partial(StaticsPhysics, world), noise, effort, seeds, workers=ThisProcess()
+        unknowns, partial(StaticsPhysics, world), effort, seeds, workers=ThisProcess()
     )
     predictor, ends = sampler.predictor, problem.program_range(capabilities)
     body = unknowns.as_stated(drawn_genes(genome, rng)[None])[0]
@@ -221,7 +221,7 @@ def trial(run: BodyRun) -> list[dict[str, Any]]:
         if run.random and left:
             continue
         likelihood = Likelihood(SensorData.of(observed, tuple(MODALITIES), cap), noise)
-        before, posterior = posterior, sampler.learn(likelihood.data)
+        before, posterior = posterior, sampler.learn(likelihood)
         summary = summarise(posterior, predictor, likelihood, indistinguishable, before=before)
         leader = posterior.modes[0].point.copy()
         leader[unknowns.continuous] = body[unknowns.continuous]

@@ -193,8 +193,8 @@ def _rows(
     effort = Effort()
     seeds = np.random.SeedSequence(seed).spawn(effort.populations + 1)
     started = time.process_time()
-    ours = Sampler(unknowns, make_physics, fitted.noise, effort, seeds, workers=ThisProcess())
-    posterior = ours.learn(fitted.data)
+    ours = Sampler(unknowns, make_physics, effort, seeds, workers=ThisProcess())
+    posterior = ours.learn(likelihood)
     modes = posterior.modes
     points = unknowns.cube(np.array([mode.point for mode in modes]))
     if posterior.as_stated is not None:
@@ -202,7 +202,7 @@ def _rows(
         best = np.argsort(-solver.fits(samples), kind="stable")[:_STATED]
         points = np.vstack([points, samples[best]])
     answer = Answer(point=points[0], stated=modes[0].probability, finished=True)
-    yield row(REFIT, answer, ours.simulations, time.process_time() - started, beside=points)
+    yield row(REFIT, answer, ours.cost.simulations, time.process_time() - started, beside=points)
     stated = figures.steps[-1].probability
     answer = Answer(point=fitted.best, stated=stated, finished=True)
     yield row(WHOLE, answer, figures.simulations, figures.cpu_seconds)

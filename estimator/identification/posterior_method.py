@@ -37,7 +37,6 @@ from estimator.posterior.indistinguishable import (
     indistinguishable_points,
     probability_of,
 )
-from estimator.posterior.model.likelihood import Noise
 from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
 from estimator.posterior.posterior import Posterior
 from estimator.posterior.sampling.sampler import Effort, Sampler
@@ -135,7 +134,6 @@ class PosteriorMethod:
         self._sampler = Sampler(
             Unknowns(store.genome, store.problem.table),
             make_physics,
-            Noise.announced(store.capabilities),
             effort,
             seeds(store.settings.seed, Stream.SEARCH, effort.populations + 1),
             workers=workers,
@@ -177,7 +175,7 @@ class PosteriorMethod:
         if number < self._learnt:
             return
         before, fitted = self._posterior, self._fitted(self._posterior, observations)
-        self._posterior = self._sampler.learn(fitted.data)
+        self._posterior = self._sampler.learn(fitted.likelihood)
         fitted = replace(fitted, posterior=self._posterior)
         summary = self._summarised(fitted, before)
         summary = summary.model_copy(update={"overturned": self._overturned(number, summary)})
@@ -329,12 +327,12 @@ class PosteriorMethod:
 
     def _cost(self) -> Counters:
         """What the run has cost by now, this process's share added to what was on disk."""
-        before, sampler, reference = self._counters, self._sampler, self._reference
-        simulations = sampler.simulations + reference.simulations
+        before, sampled, reference = self._counters, self._sampler.cost, self._reference
+        simulations = sampled.simulations + reference.simulations
         return Counters(
             simulations_requested=before.simulations_requested + simulations,
             simulations_run=before.simulations_run + simulations,
-            steps=before.steps + sampler.steps + reference.steps,
+            steps=before.steps + sampled.steps + reference.steps,
             wall_seconds=before.wall_seconds + time.monotonic() - self._started,
         )
 

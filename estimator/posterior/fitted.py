@@ -332,11 +332,6 @@ class FittedPosterior:
         return self.problem.program_range(self.capabilities)
 
     @cached_property
-    def data(self) -> SensorData:
-        """The observations as the likelihood takes them."""
-        return self.likelihood.data
-
-    @cached_property
     def likelihood(self) -> Likelihood:
         """Of the observations."""
         return self.likelihood_of(self.observations)

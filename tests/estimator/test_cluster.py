@@ -26,6 +26,7 @@ from estimator.errors import ClusterError, PhysicsError
 from estimator.physics.backends import PhysicsPool
 from estimator.physics.base import Pair, WorldSettings
 from estimator.physics.pybullet import PyBulletPhysics
+from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.unknowns import Predictor
 from estimator.readings.observation import PredictedReadings
 from estimator.storage.store import RunStore
@@ -41,7 +42,7 @@ from tests.estimator.dask_cluster import (
 )
 from tests.estimator.model_robot import ModelRobot, make_order, serving
 from tests.estimator.physics.test_pool import assert_same
-from tests.estimator.two_unknown_rows import QUICK, draw, make_sampler, programs
+from tests.estimator.two_unknown_rows import NOISE, QUICK, draw, make_sampler, programs
 from tests.free_ports import free_address
 
 MakeBody = Callable[[np.random.Generator], Morphology]
@@ -91,8 +92,10 @@ def test_a_cluster_moves_chains_as_this_process_does(
     data = draw(predictor, point, programs(1), np.random.default_rng(2))
     here = make_sampler(predictor, effort=QUICK)
     there = make_sampler(predictor, effort=QUICK, workers=connected)
-    assert np.array_equal(there.learn(data).values, here.learn(data).values)
-    assert there.simulations == here.simulations > 0
+    likelihood = Likelihood(data, NOISE)
+    assert np.array_equal(there.learn(likelihood).values, here.learn(likelihood).values)
+    assert there.cost == here.cost
+    assert here.cost.simulations > 0
 
 
 def tasks_left(cluster: Cluster) -> int:

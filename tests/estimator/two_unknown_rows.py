@@ -76,7 +76,6 @@ def make_predictor(length: str) -> Predictor:
 def make_sampler(
     predictor: Predictor,
     *,
-    noise: Noise = NOISE,
     effort: Effort = LITTLE,
     seed: int = 1,
     workers: Executor | None = None,
@@ -84,7 +83,7 @@ def make_sampler(
     """Samples the problem's posterior, in this process if no workers are given."""
     seeds = np.random.SeedSequence(seed).spawn(effort.populations + 1)
     return Sampler(
-        predictor.unknowns, StaticsPhysics, noise, effort, seeds, workers=workers or ThisProcess()
+        predictor.unknowns, StaticsPhysics, effort, seeds, workers=workers or ThisProcess()
     )
 
 

@@ -5,7 +5,9 @@ By it those are chosen that are weighed (``weighing``).
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -29,9 +31,7 @@ class EvidenceEstimator:
     def __init__(self, predictor: Predictor, likelihood: Likelihood) -> None:
         self.predictor, self.likelihood = predictor, likelihood
         self._solver = GaussNewton(predictor, likelihood)
-        self._fits: dict[bytes, float] = {}
-        self._half_volumes: dict[bytes, float] = {}
-        self._built: dict[bytes, tuple[Array, float]] = {}
+        self._known: defaultdict[str, dict[bytes, Any]] = defaultdict(dict)
 
     def fits(self, values: Array) -> Array:
         """Log-likelihoods with the noise factors integrated out, shape (n,).
@@ -39,7 +39,7 @@ class EvidenceEstimator:
         Args:
             values: Points, shape (n, size). Those that were asked for before cost nothing.
         """
-        return self._looked_up(self._fits, values, self._solver.fits)
+        return self._looked_up("fits", values, self._solver.fits)
 
     def guess(self, values: Array) -> Array:
         """Laplace's approximation of the evidence, to tell which sets are worth more; shape (n,).
@@ -47,7 +47,7 @@ class EvidenceEstimator:
         Args:
             values: The best point of each set, shape (n, size); see ``fits``.
         """
-        half_volumes = self._looked_up(self._half_volumes, values, self._solver.half_volumes)
+        half_volumes = self._looked_up("half volumes", values, self._solver.half_volumes)
         prior = self.predictor.unknowns.log_prior(values)
         guesses: Array = self.fits(values) + half_volumes + prior
         return guesses
@@ -58,26 +58,22 @@ class EvidenceEstimator:
         Args:
             values: Of each set, shape (n, size). Those that were asked for before cost nothing.
         """
-        keys = [value.tobytes() for value in values]
-        fresh = values[[row for row, key in enumerate(keys) if key not in self._built]]
-        if len(fresh):
-            table = self.predictor.unknowns.table
-            narrow = {row: one.narrow for row, one in enumerate(table) if one.narrow}
-            free = Free.with_parameters(self.predictor.unknowns, [narrow] * len(fresh))
-            points, fits = self._solver.polished(fresh, free=free)
-            guesses = fits + self._solver.half_volumes(points, free)
-            guesses += self.predictor.unknowns.log_prior(points)
-            known = zip(points, guesses.tolist(), strict=True)
-            self._built.update(zip((value.tobytes() for value in fresh), known, strict=True))
-        found = [self._built[key] for key in keys]
-        return np.array([point for point, _ in found]), np.array([guess for _, guess in found])
+        both = self._looked_up("as built", values, self._as_built)
+        return both[:, :-1], both[:, -1]
 
-    def _looked_up(
-        self, known: dict[bytes, float], values: Array, compute: Callable[[Array], Array]
-    ) -> Array:
-        points = [value.tobytes() for value in values]
-        fresh = [row for row, point in enumerate(points) if point not in known]
+    def _as_built(self, values: Array) -> Array:
+        """Points and guesses of robots as people build them, shape (n, size + 1)."""
+        unknowns = self.predictor.unknowns
+        narrow = {row: one.narrow for row, one in enumerate(unknowns.table) if one.narrow}
+        free = Free.with_parameters(unknowns, [narrow] * len(values))
+        points, fits = self._solver.polished(values, free=free)
+        guesses = fits + self._solver.half_volumes(points, free) + unknowns.log_prior(points)
+        return np.column_stack([points, guesses])
+
+    def _looked_up(self, what: str, values: Array, compute: Callable[[Array], Array]) -> Array:
+        """What is computed of each of n points, row by row, once."""
+        known, keys = self._known[what], [value.tobytes() for value in values]
+        fresh = [row for row, key in enumerate(keys) if key not in known]
         if fresh:
-            numbers = compute(values[fresh]).tolist()
-            known.update(zip((points[row] for row in fresh), numbers, strict=True))
-        return np.array([known[point] for point in points])
+            known.update(zip((keys[row] for row in fresh), compute(values[fresh]), strict=True))
+        return np.array([known[key] for key in keys])

@@ -23,7 +23,7 @@ from estimator.posterior.checks.verdict import POOR, Fit, fit_of
 from estimator.posterior.discovery.discovery import BestPoints, Discovery
 from estimator.posterior.discovery.population import EVERY, Population
 from estimator.posterior.model.special import softmax
-from estimator.posterior.model.unknowns import Attachments, Unknowns
+from estimator.posterior.model.unknowns import Attachments
 from estimator.posterior.posterior import Mode, Posterior, coverage, found_by_each
 from estimator.posterior.sampling.evidence import EvidenceEstimator
 from estimator.storage.posteriors import OUTLIERS
@@ -49,7 +49,6 @@ class Agreement:
     Attributes:
         points: The best of each set of attachments that may matter, best first, shape (n, size).
         keys: Their attachments.
-        best: Log-likelihood of the first.
         guesses: Of their evidences, shape (n,).
         found: Which of their attachments each population has found, and explained as well.
         fit: How well the leader, which is the most probable by those guesses, explains the
@@ -59,19 +58,13 @@ class Agreement:
 
     points: Array
     keys: list[Attachments]
-    best: float
     guesses: Array
     found: Sequence[Collection[Attachments]]
     fit: Fit
     may_err: bool
 
     @classmethod
-    def of(
-        cls,
-        bodies: Sequence[BestPoints],
-        away: Array,
-        estimator: EvidenceEstimator,
-    ) -> Self:
+    def of(cls, bodies: Sequence[BestPoints], away: Array, estimator: EvidenceEstimator) -> Self:
         """Compares what the populations have found.
 
         Args:
@@ -94,18 +87,12 @@ class Agreement:
             points[first], guesses[first] = estimator.as_built(stated[first])
             fit = fit_of(points[int(np.argmax(guesses))], predictor, likelihood)
         found = [
-            attachments_found(
-                BestPoints(values=unknowns.otherwise(one.values, away), fits=one.fits),
-                stated,
-                estimator,
-                unknowns,
-            )
+            attachments_found(unknowns.otherwise(one.values, away), stated, estimator)
             for one in bodies
         ]
         return cls(
             points=points,
             keys=unknowns.keys(points),
-            best=best,
             guesses=guesses,
             found=found,
             fit=fit,
@@ -177,22 +164,22 @@ class Agreement:
 
 
 def attachments_found(
-    bodies: BestPoints, points: Array, estimator: EvidenceEstimator, unknowns: Unknowns
+    values: Array, points: Array, estimator: EvidenceEstimator
 ) -> set[Attachments]:
     """Which sets of attachments a population has found with lengths about as good as are known.
 
     Args:
-        bodies: All that it found.
-        points: The best of each set that may matter, by any population.
+        values: The points that it found, shape (n, size).
+        points: The best of each set that may matter, by any population, shape (m, size).
         estimator: Knows how well points fit.
-        unknowns: Of the problem.
     """
-    keys = unknowns.keys(bodies.values)
+    unknowns = estimator.predictor.unknowns
+    keys = unknowns.keys(values)
     if not unknowns.choices.size:
         return set(keys)  # all have the same
     best = dict(zip(unknowns.keys(points), estimator.fits(points).tolist(), strict=True))
     rows = [row for row, key in enumerate(keys) if key in best]
-    fits = estimator.fits(bodies.values[rows])
+    fits = estimator.fits(values[rows])
     return {
         keys[row] for row, fit in zip(rows, fits, strict=True) if fit > best[keys[row]] - _AS_GOOD
     }

@@ -18,9 +18,8 @@ from estimator.physics.base import ArrayPhysics
 from estimator.posterior.checks.verdict import fit_of
 from estimator.posterior.discovery.discovery import Discovery
 from estimator.posterior.discovery.population import Population
-from estimator.posterior.model.likelihood import Likelihood, Noise
-from estimator.posterior.model.sensor_data import SensorData
-from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
+from estimator.posterior.model.likelihood import Likelihood
+from estimator.posterior.model.unknowns import Attachments, Cost, Predictor, Unknowns
 from estimator.posterior.posterior import Mode, Posterior, found_by_each
 from estimator.posterior.sampling.evidence import EvidenceEstimator
 from estimator.posterior.sampling.mixing import mixed
@@ -68,7 +67,6 @@ class Sampler:
         unknowns: What the posterior is over. What may be otherwise than stated is open once bodies
             are weighed: searches look for bodies that have it as it was found to be up to then.
         make_physics: Makes a back-end for each population.
-        noise: Sensor noise.
         effort: How much to do.
         seeds: One for each population and one for what is done in common.
         workers: Move the populations' chains; results do not depend on how many there are.
@@ -83,14 +81,12 @@ class Sampler:
         self,
         unknowns: Unknowns,
         make_physics: Callable[[], ArrayPhysics],
-        noise: Noise,
         effort: Effort,
         seeds: Sequence[np.random.SeedSequence],
         *,
         workers: Executor,
         physics: ArrayPhysics | None = None,
     ) -> None:
-        self._noise = noise
         self._effort = effort
         self._workers = workers
         self._explores = unknowns.many
@@ -115,7 +111,9 @@ class Sampler:
     def prepare(self) -> None:
         """Has the workers load what they will need, while others do something else."""
         for search in self._searches:
-            self._workers.submit(_read_one, search.predictor)
+            one = search.population.values[:1]
+            programs = np.zeros((1, search.predictor.unknowns.bodies(one).motors))
+            self._workers.submit(search.predictor.read_all, one, programs)
 
     def state(self) -> dict[str, Any]:
         """All that ``restore`` needs, for JSON."""
@@ -162,19 +160,10 @@ class Sampler:
         self._search_robots(np.array(state["away"], dtype=float))
 
     @property
-    def steps(self) -> int:
-        """How many time steps were computed so far."""
-        return sum(one.cost.steps for one in self._predictors)
-
-    @property
-    def simulations(self) -> int:
-        """How many interactions were simulated so far."""
-        return sum(one.cost.simulations for one in self._predictors)
-
-    @property
-    def _predictors(self) -> list[Predictor]:
-        own = (search.predictor for search in self._searches)
-        return [self.predictor, *own]
+    def cost(self) -> Cost:
+        """Counts of what was computed so far."""
+        own = [search.predictor.cost for search in self._searches]
+        return Cost(*map(sum, zip(self.predictor.cost, *own, strict=True)))
 
     def prior(self) -> Posterior:
         """Equally likely samples of the prior."""
@@ -189,16 +178,16 @@ class Sampler:
         for search in self._searches:
             search.predictor.unknowns = self.predictor.unknowns.searched(away)
 
-    def learn(self, data: SensorData) -> Posterior:
+    def learn(self, likelihood: Likelihood) -> Posterior:
         """The posterior after the interactions so far.
 
         As long as they do not inform about all limbs, no attachments are weighed (see
         ``explored``), unless the populations agree before.
 
         Args:
-            data: All of them.
+            likelihood: Of all of them.
         """
-        known, likelihood = set(self._known), Likelihood(data, self._noise)
+        known = set(self._known)
         for search in self._searches:
             search.observe(likelihood)
         explores = self._explores and not self._searches[0].converged
@@ -207,9 +196,9 @@ class Sampler:
                 self._searches,
                 self._workers,
                 steps=self._effort.steps,
-                rounds=_FEW_ROUNDS if len(data) >= self._telling - 1 else 1,
+                rounds=_FEW_ROUNDS if len(likelihood) >= self._telling - 1 else 1,
             )
-            if len(data) < self._telling and share < _EXPLORED:
+            if len(likelihood) < self._telling and share < _EXPLORED:
                 return self._completed(exploring)
             bodies = [search.best() for search in self._searches]
             known.update(*(self.predictor.unknowns.keys(one.values) for one in bodies))
@@ -341,13 +330,6 @@ class Sampler:
             as_stated=modes.as_stated,
         )
         return renormalised(posterior, predictor, likelihood)
-
-
-def _read_one(predictor: Predictor) -> None:
-    """Has one body's readings computed, for which libraries and machine code are loaded."""
-    values = np.full((1, predictor.unknowns.size), 0.5)
-    motors = predictor.unknowns.bodies(values).motors
-    predictor.read_all(values, np.zeros((1, motors)))
 
 
 def _searched(steps: int, again: bool, anew: bool, search: Discovery) -> Discovery:

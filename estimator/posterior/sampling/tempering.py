@@ -167,9 +167,9 @@ def tempered(
         precision = np.pad(precision, (*_ONE_MORE, (0, 1)))
         precision[..., -1, -1] = 1.0
     return _Run(
-        peaks[:, 0],
-        free,
-        _Start.around(own, precision, normal),
+        points=peaks[:, 0],
+        free=free,
+        start=_Start.around(own, precision, normal),
         by_care=by_care,
         predictor=predictor,
         likelihood=likelihood,
@@ -219,32 +219,28 @@ class _Normal:
         return density
 
 
+@dataclass(kw_only=True)
 class _Run:
-    def __init__(
-        self,
-        points: Array,
-        free: Free,
-        start: _Start,
-        *,
-        by_care: Flags,
-        predictor: Predictor,
-        likelihood: Likelihood,
-        rng: np.random.Generator,
-        count: int,
-    ) -> None:
-        self._predictor, self._likelihood, self._rng = predictor, likelihood, rng
-        self._points, self._free, self._count = points, free, count
-        self._start, self._lengths, self._by_care = start, start.lengths, by_care
-        groups = len(points)
-        self._ess = np.full(groups, float(count))
-        self._x = start.draw(count, rng)
-        self._fits = self._fits_at(self._x, np.arange(groups))
-        self._base = start.log_density(self._x, np.arange(groups))
-        self._powers, self._log_evidence = np.zeros(groups), np.zeros(groups)
+    points: Array
+    free: Free
+    start: _Start
+    by_care: Flags
+    predictor: Predictor
+    likelihood: Likelihood
+    rng: np.random.Generator
+    count: int
+
+    def __post_init__(self) -> None:
+        everyone = np.arange(len(self.points))
+        self._ess = np.full(everyone.size, float(self.count))
+        self._x = self.start.draw(self.count, self.rng)
+        self._fits = self._fits_at(self._x, everyone)
+        self._base = self.start.log_density(self._x, everyone)
+        self._powers, self._log_evidence = np.zeros((2, everyone.size))
 
     def finished(self, *, settles: bool) -> list[Particles]:
         """Goes to the posterior."""
-        everyone = np.arange(len(self._points))
+        everyone = np.arange(len(self.points))
         self._drawn_anew(everyone, np.where(self._fits > _NOWHERE, 0.0, _NOWHERE))
         for _ in range(_MOST_STEPS):
             going = np.flatnonzero(self._powers < 1)
@@ -260,34 +256,34 @@ class _Run:
     def _particles(self, group: int) -> Particles:
         return Particles(
             log_evidence=float(self._log_evidence[group]),
-            values=self._values(np.full(self._count, group), self._x[group]),
+            values=self._values(np.full(self.count, group), self._x[group]),
             fits=self._fits[group].copy(),
             ess=float(self._ess[group]),
         )
 
     def _fits_at(self, x: Array, groups: Columns) -> Array:
         """Log-likelihoods, shape (g, n)."""
-        lengths = x[..., : self._lengths]
+        lengths = x[..., : self.start.lengths]
         inside = np.all((lengths >= 0) & (lengths <= 1), axis=2)
         which, _ = np.nonzero(inside)
         fits = np.full(inside.shape, _NOWHERE)
         values = self._values(groups[which], x[inside])
-        fits[inside] = self._likelihood.integrated(
-            self._likelihood.misfits_of(self._predictor, values)
+        fits[inside] = self.likelihood.integrated(
+            self.likelihood.misfits_of(self.predictor, values)
         )
         return fits
 
     def _log_prior(self, x: Array) -> Array:
-        return _log_normal(x[..., self._lengths :])
+        return _log_normal(x[..., self.start.lengths :])
 
     def _values(self, groups: Columns, x: Array) -> Array:
         """Points of n groups, shape (n,), with what is integrated over, shape (n, d)."""
-        values, spreads = self._points[groups].copy(), self._free.spreads[groups]
+        values, spreads = self.points[groups].copy(), self.free.spreads[groups]
         if x.shape[1] > spreads.shape[1]:
             *_, away = x.T
-            spreads = np.where(self._by_care[groups], np.exp(CARE * away)[:, None], 1.0) * spreads
+            spreads = np.where(self.by_care[groups], np.exp(CARE * away)[:, None], 1.0) * spreads
         own = x[:, : spreads.shape[1]] * spreads
-        np.put_along_axis(values, self._free.columns[groups], own, axis=1)
+        np.put_along_axis(values, self.free.columns[groups], own, axis=1)
         return values
 
     def _go_on(self, going: Columns) -> None:
@@ -306,28 +302,28 @@ class _Run:
 
     def _drawn_anew(self, groups: Columns, logs: Array) -> None:
         """Draws the particles of some groups by the logarithms of their weights."""
-        self._log_evidence[groups] += logsumexp(logs, axis=1) - math.log(self._count)
+        self._log_evidence[groups] += logsumexp(logs, axis=1) - math.log(self.count)
         weights = np.exp(logs - logs.max(axis=1, keepdims=True))
         ends = np.cumsum(weights, axis=1)
-        starts = (np.arange(self._count) + self._rng.random((groups.size, 1))) / self._count
+        starts = (np.arange(self.count) + self.rng.random((groups.size, 1))) / self.count
         for group, row_ends, row_starts in zip(groups.tolist(), ends, starts, strict=True):
             rows = np.searchsorted(row_ends, row_starts * row_ends[-1], side="right")
-            rows = self._rng.permutation(np.minimum(rows, self._count - 1))
+            rows = self.rng.permutation(np.minimum(rows, self.count - 1))
             self._ess[group] = np.unique(rows).size
             for array in (self._x, self._fits, self._base):
                 array[group] = array[group, rows]
 
     def _move(self, groups: Columns) -> None:
         """Moves both halves, each by what the other knows."""
-        half = self._count // 2
+        half = self.count // 2
         for own, other in (
             (slice(None, half), slice(half, None)),
             (slice(half, None), slice(None, half)),
         ):
             x, others = self._x[groups, own], self._x[groups, other]
-            around = _Normal.of(others, self._lengths)
-            shares = np.array(_KINDS if self._lengths < x.shape[2] else _KINDS[:-1])
-            kind = self._rng.choice(shares.size, size=x.shape[:2], p=shares / shares.sum())
+            around = _Normal.of(others, self.start.lengths)
+            shares = np.array(_KINDS if self.start.lengths < x.shape[2] else _KINDS[:-1])
+            kind = self.rng.choice(shares.size, size=x.shape[:2], p=shares / shares.sum())
             proposed = np.choose(
                 kind[..., None],
                 [
@@ -349,13 +345,13 @@ class _Run:
     def _accept(self, groups: Columns, own: slice, proposed: Array, kept: Array) -> None:
         """Takes proposals, of steps that keep a density with the logarithm of its ratio."""
         x, fits = self._x[groups, own], self._fits_at(proposed, groups)
-        base = self._start.log_density(proposed, groups)
+        base = self.start.log_density(proposed, groups)
         powers = self._powers[groups, None]
         before = powers * (self._fits[groups, own] + self._log_prior(x))
         before += (1 - powers) * self._base[groups, own]
         after = powers * (fits + self._log_prior(proposed)) + (1 - powers) * base
         chances = after - before + kept
-        taken = (fits > _NOWHERE) & (np.log(self._rng.random(chances.shape)) < chances)
+        taken = (fits > _NOWHERE) & (np.log(self.rng.random(chances.shape)) < chances)
         for array, new in ((self._x, proposed), (self._fits, fits), (self._base, base)):
             part = array[groups, own]
             part[taken] = new[taken]
@@ -364,36 +360,36 @@ class _Run:
     def _along_differences(self, x: Array, others: Array) -> Array:
         """Differential evolution, now and then by a whole difference, from peak to peak."""
         groups, count, size = x.shape
-        pairs = self._rng.integers(others.shape[1], size=(2, groups, count))
+        pairs = self.rng.integers(others.shape[1], size=(2, groups, count))
         each = np.arange(groups)[:, None]
         away = others[each, pairs[0]] - others[each, pairs[1]]
-        chosen = self._rng.random((groups, count, size)) < self._rng.random((groups, count, 1))
+        chosen = self.rng.random((groups, count, size)) < self.rng.random((groups, count, 1))
         dimensions = np.maximum(chosen.sum(axis=2, keepdims=True), 1)
-        pace = 2.38 / np.sqrt(2 * dimensions) * self._rng.uniform(0.3, 1.1, (groups, count, 1))
-        pace = np.where(self._rng.random((groups, count, 1)) < 0.1, 1.0, pace)
-        spread = _JITTER * self._rng.standard_normal((groups, count, size))
+        pace = 2.38 / np.sqrt(2 * dimensions) * self.rng.uniform(0.3, 1.1, (groups, count, 1))
+        pace = np.where(self.rng.random((groups, count, 1)) < 0.1, 1.0, pace)
+        spread = _JITTER * self.rng.standard_normal((groups, count, size))
         moved: Array = x + np.where(chosen, pace * away + spread * others.std(axis=1)[:, None], 0.0)
         return moved
 
     def _towards(self, x: Array, around: _Normal) -> Array:
         """Leaves a normal distribution as it is."""
         pace = self._pace(x, _SHORTEST[0])
-        drawn = self._rng.standard_normal(x.shape) @ np.swapaxes(around.root, 1, 2)
+        drawn = self.rng.standard_normal(x.shape) @ np.swapaxes(around.root, 1, 2)
         middle = around.mean[:, None]
         moved: Array = middle + np.sqrt(1 - pace**2) * (x - middle) + pace * drawn
         return moved
 
     def _theta_alone(self, x: Array, around: _Normal) -> Array:
         """Leaves the prior of θ as it is; lengths follow (preconditioned Crank-Nicolson)."""
-        theta, pace = x[..., self._lengths :], self._pace(x, _SHORTEST[1])
-        chosen = self._rng.random(theta.shape) < self._rng.random((*x.shape[:2], 1))
-        drawn = np.sqrt(1 - pace**2) * theta + pace * self._rng.standard_normal(theta.shape)
+        theta, pace = x[..., self.start.lengths :], self._pace(x, _SHORTEST[1])
+        chosen = self.rng.random(theta.shape) < self.rng.random((*x.shape[:2], 1))
+        drawn = np.sqrt(1 - pace**2) * theta + pace * self.rng.standard_normal(theta.shape)
         moved = np.where(chosen, drawn, theta)
-        lengths = x[..., : self._lengths] + (moved - theta) @ around.slopes
+        lengths = x[..., : self.start.lengths] + (moved - theta) @ around.slopes
         return np.concatenate([lengths, moved], axis=2)
 
     def _pace(self, x: Array, shortest: float) -> Array:
-        pace: Array = np.exp(self._rng.uniform(math.log(shortest), 0.0, (*x.shape[:2], 1)))
+        pace: Array = np.exp(self.rng.uniform(math.log(shortest), 0.0, (*x.shape[:2], 1)))
         return pace
 
 

@@ -9,13 +9,14 @@ import numpy as np
 
 from estimator.body.morphology import Base
 from estimator.physics.statics import StaticsPhysics
+from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation
 from tests.estimator.little_effort import little_search
-from tests.estimator.two_unknown_rows import CAP, MODALITIES, QUICK, make_sampler
+from tests.estimator.two_unknown_rows import CAP, MODALITIES, NOISE, QUICK, make_sampler
 
 HEAD: Final = """
 name = "second leg"
@@ -78,6 +79,8 @@ def test_a_body_that_was_probable_is_held_against_the_next_reading_at_all_its_le
     ]
     with little_search():
         for count in (3, 6, 7):
-            posterior = sampler.learn(SensorData.of(observations[:count], MODALITIES, CAP))
+            posterior = sampler.learn(
+                Likelihood(SensorData.of(observations[:count], MODALITIES, CAP), NOISE)
+            )
     shares = {mode.attachments: mode.probability for mode in posterior.modes}
     assert 0.05 < shares[RIGHT] < 0.2  # 0.10 with 4,096 particles

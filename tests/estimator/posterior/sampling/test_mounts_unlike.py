@@ -6,12 +6,13 @@ import numpy as np
 
 from estimator.body.morphology import Base
 from estimator.physics.statics import StaticsPhysics
+from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation
-from tests.estimator.two_unknown_rows import CAP, MODALITIES, draw, make_sampler, programs
+from tests.estimator.two_unknown_rows import CAP, MODALITIES, NOISE, draw, make_sampler, programs
 
 BOX = (0.14, 0.14, 0.085)
 HEAD = """
@@ -55,7 +56,7 @@ def test_which_leg_is_plugged_in_where_is_learnt_from_many_interactions() -> Non
     predictor, rng = predictor_of(HEAD + "".join(legs)), np.random.default_rng(1)
     point = predictor.unknowns.permitted(rng.random((1, predictor.unknowns.size)))[0]
     data = draw(predictor, point, programs(4), rng, outlier=0.0)
-    posterior = make_sampler(predictor).learn(data)
+    posterior = make_sampler(predictor).learn(Likelihood(data, NOISE))
     assert posterior.modes[0].attachments == predictor.unknowns.keys(point[None])[0]
     assert posterior.modes[0].probability > 0.9
 
@@ -77,7 +78,9 @@ def test_where_nothing_was_felt_the_prior_is_believed() -> None:
     text = HEAD.replace("share_mounts = false\n", "") + "".join(mounts + legs)
     predictor = predictor_of(text)
     no_prediction = Observation(angles=(0.0,) * 4, touch=(None,) * 4)
-    posterior = make_sampler(predictor).learn(SensorData.of([no_prediction], MODALITIES, CAP))
+    posterior = make_sampler(predictor).learn(
+        Likelihood(SensorData.of([no_prediction], MODALITIES, CAP), NOISE)
+    )
     points = np.array([mode.point for mode in posterior.modes])
     shares = np.array([mode.probability for mode in posterior.modes])
     on_body = predictor.unknowns.bodies(points).parent[:, 1] == -1

@@ -10,7 +10,7 @@ import pytest
 from estimator.executors import ThisProcess
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.checks.verdict import Fit
-from estimator.posterior.discovery.discovery import BestPoints, Discovery
+from estimator.posterior.discovery.discovery import Discovery
 from estimator.posterior.model.gauss_newton import GaussNewton
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.sensor_data import SensorData
@@ -31,20 +31,18 @@ def test_attachments_met_with_lengths_that_explain_nothing_are_not_met(
     data = draw(predictor, POINT, programs(4), np.random.default_rng(2))
     likelihood = Likelihood(data, NOISE)
     estimator = EvidenceEstimator(predictor, likelihood)
-    best, fits = GaussNewton(predictor, likelihood).polished(POINT[None])
+    best, _ = GaussNewton(predictor, likelihood).polished(POINT[None])
     elsewhere = best.copy()
     elsewhere[:, predictor.unknowns.continuous] = 0.95
     (key,) = predictor.unknowns.keys(best)
     for values, found in ((best, {key}), (elsewhere, set())):
-        bodies = BestPoints(values=values, fits=fits)
-        assert attachments_found(bodies, best, estimator, predictor.unknowns) == found
+        assert attachments_found(values, best, estimator) == found
 
 
 def test_attachments_about_as_probable_as_the_leaders_lead_too() -> None:
     agreement = Agreement(
         points=np.zeros((3, 1)),
         keys=[(0,), (1,), (2,)],
-        best=0.0,
         guesses=np.array([-1.0, 0.0, -4.0]),
         found=({(0,), (1,)}, set()),
         fit=Fit(unexplained=0, excess=1.5),
@@ -82,7 +80,6 @@ def test_what_explains_the_readings_poorly_is_not_credible(
     agreement = Agreement(
         points=np.zeros((1, 1)),
         keys=[key],
-        best=0.0,
         guesses=np.zeros(1),
         found=(),
         fit=Fit(unexplained=unexplained, excess=excess),
@@ -111,13 +108,13 @@ def data(many_legs: Predictor) -> SensorData:
 
 def sampler(many_legs: Predictor) -> Sampler:
     seeds = np.random.SeedSequence(1).spawn(SMALL.populations + 1)
-    return Sampler(many_legs.unknowns, StaticsPhysics, NOISE, SMALL, seeds, workers=ThisProcess())
+    return Sampler(many_legs.unknowns, StaticsPhysics, SMALL, seeds, workers=ThisProcess())
 
 
 def test_one_reading_of_two_legs_is_explained_and_nothing_is_certain(
     many_legs: Predictor, data: SensorData
 ) -> None:
-    posterior = sampler(many_legs).learn(data)
+    posterior = sampler(many_legs).learn(Likelihood(data, NOISE))
     likelihood = Likelihood(data, NOISE)
     misfits = likelihood.misfits_of(many_legs, posterior.values)
     explained = likelihood.inlier_share(misfits, scales=posterior.scales)[:, 0] > 0.5
@@ -149,7 +146,7 @@ def test_chains_begin_anew_where_no_body_explains_readings_that_ought_to_tell(
     monkeypatch.setattr(bits, many_legs.unknowns.bits / (2 if enough_were_read else 3))
     monkeypatch.setattr(Discovery, "start_anew", lambda search, steps: begun.append(search))
     monkeypatch.setattr(Discovery, "explains", lambda search: explains)
-    sampler(many_legs).learn(data)
+    sampler(many_legs).learn(Likelihood(data, NOISE))
     assert len(begun) == rounds * SMALL.populations
 
 
@@ -161,11 +158,11 @@ def test_chains_wander_no_more_once_the_searches_agree(
 
     monkeypatch.setattr(Sampler, "_discovered", discovered)
     one = sampler(many_legs)
-    assert one.learn(data).modes
+    assert one.learn(Likelihood(data, NOISE)).modes
     agreed = many_legs.unknowns.keys(np.full((1, many_legs.unknowns.size), 0.5))
     one.restore({**one.state(), "agreed_on": agreed})
     with pytest.raises(RuntimeError, match="searched for"):
-        one.learn(data)
+        one.learn(Likelihood(data, NOISE))
 
 
 @pytest.mark.parametrize(("unexplained", "alternatives"), [(0, False), (1, False), (2, True)])
@@ -184,15 +181,15 @@ def test_what_the_searches_agree_on_is_doubted_no_more_but_where_it_explains_too
     monkeypatch.setattr(populations.Agreement, "coverage", 1.0)
     monkeypatch.setattr(Sampler, "_weighed", lambda sampler, agreed, data: agreed)
     one = sampler(many_legs)
-    agreed: Any = one.learn(data)
+    agreed: Any = one.learn(Likelihood(data, NOISE))
     assert one.state()["agreed_on"] == ([] if alternatives else sorted(agreed.keys))
 
 
 def test_a_sampler_goes_on_from_its_state(many_legs: Predictor, data: SensorData) -> None:
     one, two = sampler(many_legs), sampler(many_legs)
-    one.learn(data)
+    one.learn(Likelihood(data, NOISE))
     state = one.state()
     two.restore(state)
-    first, second = one.learn(data), two.learn(data)
+    first, second = one.learn(Likelihood(data, NOISE)), two.learn(Likelihood(data, NOISE))
     assert np.array_equal(first.values, second.values)
     assert [mode.probability for mode in first.modes] == [mode.probability for mode in second.modes]

@@ -49,14 +49,14 @@ def test_probabilities_of_attachments_agree_with_enumeration(narrow: Predictor) 
     data = draw(narrow, POINT, programs(3, seed=3), np.random.default_rng(6))
     exact = enumerated(narrow, data, WIDE, (4, 6, 2, 4, 6))
     effort = Effort(levels=4, chains_per_level=16, steps=40, rounds=1, particles=8000, samples=1000)
-    posterior = make_sampler(narrow, noise=WIDE, effort=effort, seed=3).learn(data)
+    posterior = make_sampler(narrow, effort=effort, seed=3).learn(Likelihood(data, WIDE))
     sampled = {mode.attachments: mode.probability for mode in posterior.modes}
     assert distance(sampled, exact) < 0.03  # evidences are known to some 4 %
 
 
 def test_the_body_is_identified_and_its_lengths_bracketed(predictor: Predictor) -> None:
     data = draw(predictor, POINT, programs(6), np.random.default_rng(2))
-    posterior = make_sampler(predictor).learn(data)
+    posterior = make_sampler(predictor).learn(Likelihood(data, NOISE))
     assert posterior.modes[0].attachments == predictor.unknowns.keys(POINT[None])[0]
     assert posterior.modes[0].probability > 0.9
     assert posterior.modes[0].found == (True, True)
@@ -72,9 +72,10 @@ def test_who_moves_the_chains_makes_no_difference(predictor: Predictor) -> None:
     with WorkerProcesses(2) as workers:
         there = make_sampler(predictor, effort=QUICK, workers=workers)
         for interactions in (1, 2):
-            expected, posterior = here.learn(data[:interactions]), there.learn(data[:interactions])
+            so_far = Likelihood(data[:interactions], NOISE)
+            expected, posterior = here.learn(so_far), there.learn(so_far)
     assert np.array_equal(posterior.values, expected.values)
-    assert there.simulations == here.simulations
+    assert there.cost == here.cost
     assert json.dumps(there.state()) == json.dumps(here.state())
 
 
@@ -147,9 +148,9 @@ def test_nothing_is_certain_while_one_of_two_interactions_is_explained_by_nobody
     predictor: Predictor,
 ) -> None:
     data = draw(predictor, POINT, programs(2), np.random.default_rng(2))
-    assert make_sampler(predictor, effort=QUICK).learn(data).adequate_fit
+    assert make_sampler(predictor, effort=QUICK).learn(Likelihood(data, NOISE)).adequate_fit
     data.observed["tilt"].values[1] += 0.6
-    assert not make_sampler(predictor, effort=QUICK).learn(data).adequate_fit
+    assert not make_sampler(predictor, effort=QUICK).learn(Likelihood(data, NOISE)).adequate_fit
 
 
 class Watched(ThisProcess):
@@ -167,7 +168,7 @@ def test_no_population_goes_on_from_what_only_another_has_met(predictor: Predict
     """Else both would agree on what one of them has looked for."""
     watched, unknowns = Watched(), predictor.unknowns
     posterior = make_sampler(predictor, effort=QUICK, workers=watched).learn(
-        draw(predictor, POINT, programs(1), np.random.default_rng(2))
+        Likelihood(draw(predictor, POINT, programs(1), np.random.default_rng(2)), NOISE)
     )
     summarised = set(unknowns.keys(posterior.values))
     for search in watched.searches:
@@ -206,8 +207,8 @@ def test_nothing_is_certain_of_four_interactions_that_are_explained_poorly(
     monkeypatch.setattr(Discovery, "start_anew", lambda search, steps: None)
     monkeypatch.setattr(populations, "fit_of", lambda *body: Fit(unexplained=0, excess=1.5))
     believing = make_sampler(predictor, effort=QUICK)
-    assert not believing.learn(data[:4]).adequate_fit
-    assert believing.learn(data).adequate_fit
+    assert not believing.learn(Likelihood(data[:4], NOISE)).adequate_fit
+    assert believing.learn(Likelihood(data, NOISE)).adequate_fit
 
 
 @pytest.mark.usefixtures("little")
@@ -219,10 +220,10 @@ def test_a_body_that_fits_poorly_is_searched_for_anew_once(
     monkeypatch.setattr(Discovery, "start_anew", lambda search, steps: begun.append(search))
     monkeypatch.setattr(populations, "fit_of", lambda *body: Fit(unexplained=0, excess=1.5))
     sampler = make_sampler(predictor, effort=QUICK)
-    sampler.learn(data)
+    sampler.learn(Likelihood(data, NOISE))
     assert begun
     begun.clear()
-    sampler.learn(data)
+    sampler.learn(Likelihood(data, NOISE))
     assert not begun
 
 
@@ -241,5 +242,5 @@ def test_what_explains_too_little_is_searched_for_anew_though_much_explains_as_l
     monkeypatch.setattr(Discovery, "start_anew", lambda search, steps: begun.append(search))
     monkeypatch.setattr(populations, "fit_of", lambda *body: fit)
     monkeypatch.setattr(populations.Agreement, "few", False)
-    make_sampler(predictor, effort=QUICK).learn(data)
+    make_sampler(predictor, effort=QUICK).learn(Likelihood(data, NOISE))
     assert bool(begun) == anew
