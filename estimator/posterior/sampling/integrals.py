@@ -18,7 +18,7 @@ from estimator.parameters.table import MEDIAN_CARE
 from estimator.posterior.model.gauss_newton import Free, GaussNewton
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.unknowns import Columns, Cost, Predictor
-from estimator.posterior.sampling.tempering import Particles, tempered
+from estimator.posterior.sampling.tempering import Particles, Target, settled, tempered
 
 _ANYWHERE: Final = 300  # lengths at random with each wide component: what is wrong bends lengths,
 _STARTS: Final = 4  # of them, where fits start
@@ -79,26 +79,47 @@ class Integrals:
         """
         hypotheses, particles, settles, seed = task
         before, rng = self._predictor.cost, np.random.default_rng(seed)
-        opened = [self.opened(one) for one in hypotheses]
-        free = Free.with_parameters(self._predictor.unknowns, opened)
         points = np.array([one.point for one in hypotheses])
+        free = Free.with_parameters(
+            self._predictor.unknowns, [self.opened(one) for one in hypotheses]
+        )
         peaks = self._peaks(points, hypotheses, free, rng if settles else None)
+        results = tempered(self._target(hypotheses, peaks, free, rng), particles)
+        better = (one._replace(point=own[0]) for one, own in zip(hypotheses, peaks, strict=True))
+        return list(zip(better, results, strict=True)), self._predictor.cost.since(before)
+
+    def settled_with_cost(self, task: tuple[Hypothesis, Array, int]) -> tuple[Array, Cost]:
+        """Points of a hypothesis that have settled, and what that cost.
+
+        Args:
+            task: The hypothesis, what is integrated over of some particles, and a seed.
+        """
+        one, own, seed = task
+        before, rng = self._predictor.cost, np.random.default_rng(seed)
+        free = Free.with_parameters(self._predictor.unknowns, [self.opened(one)])
+        values = settled(self._target([one], one.point[None, None], free, rng), own)
+        return values, self._predictor.cost.since(before)
+
+    def _target(
+        self,
+        hypotheses: Sequence[Hypothesis],
+        peaks: Array,
+        free: Free,
+        rng: np.random.Generator,
+    ) -> Target:
+        """Of hypotheses with peaks of shape (n, p, size)."""
         count, each, size = peaks.shape
         which = np.repeat(np.arange(count), each)
         slopes = self._solver.slopes(peaks.reshape(-1, size), free=free[which])
-        results = tempered(
-            peaks,
-            free,
-            slopes.precision.reshape(count, each, *slopes.precision.shape[1:]),
+        return Target(
+            peaks=peaks,
+            free=free,
+            precision=slopes.precision.reshape(count, each, *slopes.precision.shape[1:]),
             by_care=self._by_care_alone(free, hypotheses),
             predictor=self._predictor,
             likelihood=self._likelihood,
             rng=rng,
-            particles=particles,
-            settles=settles,
         )
-        better = (one._replace(point=own[0]) for one, own in zip(hypotheses, peaks, strict=True))
-        return list(zip(better, results, strict=True)), self._predictor.cost.since(before)
 
     def opened(self, one: Hypothesis) -> dict[int, float]:
         """Rows of the table that are open beside the lengths, with their standard deviations."""

@@ -14,10 +14,14 @@ both, each so much larger that the particles' weights keep a share of their effe
 F is the information of the readings, D the precision of the prior.
 
 Between two powers they are moved, each half by what the other half knows: along differences of two
-others (differential evolution); towards a normal distribution as wide as the others, by a step that
-leaves it as it is; θ alone by such steps that leave its prior as it is, in random subsets of it,
-lengths following as they depend on θ. Several sets of attachments are computed side by side, each
-with powers of its own. Noise factors are integrated on a grid.
+others (differential evolution); along some axes of a normal distribution as wide as the others, by
+a step that leaves it as it is; θ alone by such steps that leave its prior as it is, in random
+subsets of it, lengths following as they depend on θ. Several sets of attachments are computed side
+by side, each with powers of its own. Noise factors are integrated on a grid.
+
+So few moves are enough for the evidence, but particles stay nearer to each other than they should:
+those that stand for the posterior in the end go on for longer, in steps that leave the normal
+distribution at the peak as it is, which does not depend on where they are (``settled``).
 
 How carefully a robot was built is not known: the spreads that care decides have a factor in common,
 whose logarithm is one θ more. The others are in units of what it makes of their spreads, so that
@@ -45,7 +49,7 @@ _NEAR: Final = 0.9  # share of the start that lies around the best point
 _COUNTS: Final = 0.5  # of the information there
 _AT_LEAST: Final = 0.02  # standard deviation of a length there, of its range
 _MOVES: Final = 3  # after each step
-_LAST: Final = 6  # more in the end
+_SETTLING: Final = 3  # of samples in the end, for each dimension
 _JITTER: Final = 1e-3
 _KINDS: Final = (0.3, 0.4, 0.3)  # shares of the moves, in the order above
 _SHORTEST: Final = (0.1, 0.05)  # step of those that keep a normal distribution; the longest is 1
@@ -63,130 +67,27 @@ class Particles(NamedTuple):
     Attributes:
         log_evidence: Logarithm of the integral of the likelihood over lengths, θ and noise factors.
         values: Equally likely points, shape (particles, size).
+        own: What is integrated over of these, in its own units, shape (particles, d).
         fits: Their log-likelihoods, noise factors integrated out, shape (particles,).
         ess: How many were different when they were drawn by their weights for the last time.
     """
 
     log_evidence: float
     values: Array
+    own: Array
     fits: Array
     ess: float
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Start:
-    """The distribution at power 0 for g sets of attachments, each by p peaks in d dimensions."""
-
-    lengths: int
-    mean: Array
-    root: Array
-    inverse: Array
-    log_peak: Array
-
-    @classmethod
-    def around(cls, peaks: Array, precision: Array, normal: Flags) -> _Start:
-        """Where a likelihood that counts less would leave them, if it were so everywhere.
-
-        Args:
-            peaks: Of each set, shape (g, p, d).
-            precision: Of lengths and θ there, the prior's included, shape (g, p, d, d).
-            normal: Which are θ, shape (d,).
-        """
-        prior = np.diag(np.where(normal, 1.0, PRIOR))
-        flatter = prior + _COUNTS * (precision - prior)
-        covariance = np.asarray(np.linalg.inv(flatter))
-        covariance += np.diag(np.where(normal, 0.0, _AT_LEAST**2))
-        theta = np.where(normal, peaks, 0.0)  # the prior's middle draws it, and no length
-        climb = _COUNTS * (precision @ theta[..., None])
-        mean = np.where(normal, 0.0, peaks) + np.linalg.solve(flatter, climb)[..., 0]
-        root = np.asarray(np.linalg.cholesky(covariance))
-        log_root = np.log(np.diagonal(root, axis1=2, axis2=3)).sum(axis=2)
-        return cls(
-            lengths=int(np.count_nonzero(~normal)),
-            mean=mean,
-            root=root,
-            inverse=np.asarray(np.linalg.inv(root)),
-            log_peak=-_LOG_ROOT * peaks.shape[2] - log_root,
-        )
-
-    def draw(self, count: int, rng: np.random.Generator) -> Array:
-        groups, peaks, size = self.mean.shape
-        normal = rng.standard_normal((groups, count, size))
-        drawn = np.concatenate(
-            [rng.random((groups, count, self.lengths)), normal[..., self.lengths :]], axis=2
-        )
-        peak = np.where(
-            rng.random((groups, count)) < _NEAR, rng.integers(peaks, size=(groups, count)), -1
-        )
-        for one in range(peaks):
-            near = self.mean[:, one, None] + normal @ np.swapaxes(self.root[:, one], 1, 2)
-            drawn = np.where((peak == one)[..., None], near, drawn)
-        return drawn
-
-    def log_density(self, x: Array, groups: Columns) -> Array:
-        """Of points of the groups, shape (g, n, d) in; as if lengths were inside their ranges."""
-        density = math.log(1 - _NEAR) + _log_normal(x[..., self.lengths :])
-        peaks = self.mean.shape[1]
-        for one in range(peaks):
-            away = x - self.mean[groups, one, None]
-            inverse = np.swapaxes(self.inverse[groups, one], 1, 2)
-            near = self.log_peak[groups, one, None] - 0.5 * np.sum((away @ inverse) ** 2, axis=2)
-            density = np.logaddexp(density, math.log(_NEAR / peaks) + near)
-        return density
-
-
-def tempered(
-    peaks: Array,
-    free: Free,
-    precision: Array,
-    *,
-    by_care: Flags,
-    predictor: Predictor,
-    likelihood: Likelihood,
-    rng: np.random.Generator,
-    particles: int,
-    settles: bool = True,
-) -> list[Particles]:
-    """Evidence and particles of several sets of attachments.
-
-    Args:
-        peaks: Points of each that explain readings well, the best first, shape (g, p, size).
-        free: What is integrated over, lengths before parameters, of each.
-        precision: Of these there, shape (g, p, d, d).
-        by_care: Which parameters' spreads have a factor in common that is not known, shape (g, d).
-        predictor: Computes readings.
-        likelihood: Of the observations.
-        rng: Draws the particles.
-        particles: For each; even.
-        settles: Whether they are moved on where they have arrived. Evidences gain nothing by it.
-    """
-    own = np.take_along_axis(peaks, free.columns[:, None], axis=2) / free.spreads[:, None]
-    normal = free.normal
-    if by_care.any():
-        own, normal = np.pad(own, _ONE_MORE), np.append(normal, True)
-        precision = np.pad(precision, (*_ONE_MORE, (0, 1)))
-        precision[..., -1, -1] = 1.0
-    return _Run(
-        points=peaks[:, 0],
-        free=free,
-        start=_Start.around(own, precision, normal),
-        by_care=by_care,
-        predictor=predictor,
-        likelihood=likelihood,
-        rng=rng,
-        count=particles,
-    ).finished(settles=settles)
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Normal:
-    """A normal distribution for each of g sets, as wide as particles are.
+class _Normals:
+    """Normal distributions around p peaks of each of g sets of attachments, in d dimensions.
 
     Attributes:
-        mean: Shape (g, d).
-        root: Of the covariance, shape (g, d, d).
+        mean: Shape (g, p, d).
+        root: Of the covariance, shape (g, p, d, d).
         inverse: Of the root.
-        slopes: How lengths depend on θ there, shape (g, theta, lengths).
+        slopes: How lengths depend on θ, shape (g, p, θ, lengths).
     """
 
     mean: Array
@@ -195,52 +96,173 @@ class _Normal:
     slopes: Array
 
     @classmethod
-    def of(cls, x: Array, lengths: int) -> _Normal:
-        """As wide as particles of shape (g, n, d); the fewer, the less they say of correlations."""
+    def around(cls, peaks: Array, precision: Array, normal: Flags, counts: Array) -> _Normals:
+        """What a likelihood that counts less would leave, were it as at a peak everywhere.
+
+        Args:
+            peaks: Of each set, shape (g, p, d).
+            precision: Of lengths and θ there, the prior's included, shape (g, p, d, d).
+            normal: Which are θ, shape (d,); they come last.
+            counts: How much it counts in each set, shape (g,).
+        """
+        prior, share = np.diag(np.where(normal, 1.0, PRIOR)), counts[:, None, None, None]
+        flatter = prior + share * (precision - prior)
+        covariance = np.asarray(np.linalg.inv(flatter))
+        covariance += np.diag(np.where(normal, 0.0, _AT_LEAST**2))
+        theta = np.where(normal, peaks, 0.0)  # the prior's middle draws it, and no length
+        climb = share * (precision @ theta[..., None])
+        mean = np.where(normal, 0.0, peaks) + np.linalg.solve(flatter, climb)[..., 0]
+        return cls.of(mean, covariance, int(np.count_nonzero(~normal)))
+
+    @classmethod
+    def as_wide_as(cls, x: Array, lengths: int) -> _Normals:
+        """One for particles of shape (g, n, d); the fewer, the less they say of correlations."""
         _, count, size = x.shape
-        away = x - x.mean(axis=1, keepdims=True)
-        covariance = np.swapaxes(away, 1, 2) @ away / count
-        variance = np.diagonal(covariance, axis1=1, axis2=2) + _LEAST
-        covariance = count / (count + size) * covariance
-        covariance[:, np.arange(size), np.arange(size)] = variance
+        mean, each = x.mean(axis=1, keepdims=True), np.arange(size)
+        covariance = np.swapaxes(x - mean, 1, 2) @ (x - mean) / count
+        variance = covariance[:, each, each] + _LEAST
+        covariance *= count / (count + size)
+        covariance[:, each, each] = variance
+        return cls.of(mean, covariance[:, None], lengths)
+
+    @classmethod
+    def of(cls, mean: Array, covariance: Array, lengths: int) -> _Normals:
+        """By means of shape (g, p, d) and covariances; lengths come first."""
         root = np.asarray(np.linalg.cholesky(covariance))
-        theta, both = covariance[:, lengths:, lengths:], covariance[:, lengths:, :lengths]
+        theta, both = covariance[..., lengths:, lengths:], covariance[..., lengths:, :lengths]
         return cls(
-            mean=x.mean(axis=1),
+            mean=mean,
             root=root,
             inverse=np.asarray(np.linalg.inv(root)),
             slopes=np.asarray(np.linalg.solve(theta, both)),
         )
 
-    def log_density(self, x: Array) -> Array:
-        """Of points of the sets, shape (g, n, d) in, to a constant of each."""
-        away = (x - self.mean[:, None]) @ np.swapaxes(self.inverse, 1, 2)
-        density: Array = -0.5 * np.sum(away**2, axis=2)
-        return density
+    def near(self, normal: Array) -> list[Array]:
+        """Points of each peak, for standard normal ones of shape (g, n, d)."""
+        return [
+            mean[:, None] + normal @ np.swapaxes(root, 1, 2)
+            for mean, root in zip(*map(_by_peak, (self.mean, self.root)), strict=True)
+        ]
+
+    def away(self, x: Array) -> list[Array]:
+        """As how far points of shape (g, n, d) lie from each peak a standard normal one lies."""
+        return [
+            (x - mean[:, None]) @ np.swapaxes(inverse, 1, 2)
+            for mean, inverse in zip(*map(_by_peak, (self.mean, self.inverse)), strict=True)
+        ]
+
+    def log_densities(self, x: Array, groups: Columns | slice = slice(None)) -> list[Array]:
+        """Of points of some sets, shape (groups, n, d), by each peak, shape (groups, n)."""
+        some = _Normals(**{name: array[groups] for name, array in vars(self).items()})
+        log_root = np.log(np.diagonal(some.root, axis1=2, axis2=3)).sum(axis=2)
+        return [
+            _log_normal(away) - log_root[:, peak, None] for peak, away in enumerate(some.away(x))
+        ]
 
 
-@dataclass(kw_only=True)
-class _Run:
-    points: Array
+def _by_peak(array: Array) -> Array:
+    return np.swapaxes(array, 0, 1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Target:
+    """What is integrated over, of g sets of attachments, and by what.
+
+    Attributes:
+        peaks: Points of each that explain readings well, the best first, shape (g, p, size).
+        free: What is integrated over, lengths before parameters, of each.
+        precision: Of these there, shape (g, p, d, d).
+        by_care: Which parameters' spreads have a factor in common that is not known, shape (g, d).
+        predictor: Computes readings.
+        likelihood: Of the observations.
+        rng: Draws the particles.
+    """
+
+    peaks: Array
     free: Free
-    start: _Start
+    precision: Array
     by_care: Flags
     predictor: Predictor
     likelihood: Likelihood
     rng: np.random.Generator
-    count: int
 
-    def __post_init__(self) -> None:
-        everyone = np.arange(len(self.points))
-        self._ess = np.full(everyone.size, float(self.count))
-        self._x = self.start.draw(self.count, self.rng)
+    def in_own_units(self) -> tuple[Array, Array, Flags]:
+        """Peaks, the precision there, and which dimensions are θ; with care's factor, if open."""
+        own = np.take_along_axis(self.peaks, self.free.columns[:, None], axis=2)
+        own, precision, normal = own / self.free.spreads[:, None], self.precision, self.free.normal
+        if self.by_care.any():
+            own, normal = np.pad(own, _ONE_MORE), np.append(normal, True)
+            precision = np.pad(precision, (*_ONE_MORE, (0, 1)))
+            precision[..., -1, -1] = 1.0
+        return own, precision, normal
+
+
+def tempered(target: Target, particles: int) -> list[Particles]:
+    """Evidence and particles of several sets of attachments.
+
+    Args:
+        target: These.
+        particles: For each; even.
+    """
+    return _Run(target, particles).finished()
+
+
+def settled(target: Target, own: Array) -> Array:
+    """Points of one set that have moved until they stray as far as they should, shape (n, size).
+
+    Particles that were drawn by their weights have common ancestors; the more dimensions, the
+    longer they stay near these.
+
+    Args:
+        target: The set.
+        own: Some of its particles, shape (n, d), n even.
+    """
+    return _Run(target, len(own), own[None]).settled()
+
+
+class _Run:
+    """Particles on their way.
+
+    Args:
+        target: Where to.
+        count: Particles of each set.
+        arrived: Those that are there already, shape (g, count, d).
+    """
+
+    def __init__(self, target: Target, count: int, arrived: Array | None = None) -> None:
+        self._target, self._count, self._rng = target, count, target.rng
+        self._peaks, self._precision, self._normal = target.in_own_units()
+        self._lengths = int(np.count_nonzero(~self._normal))
+        everyone = np.arange(len(self._peaks))
+        counts = np.full(everyone.size, _COUNTS)
+        self._start = _Normals.around(self._peaks, self._precision, self._normal, counts)
+        self._ess = np.full(everyone.size, float(count))
+        self._x = self._drawn_at_start() if arrived is None else arrived
         self._fits = self._fits_at(self._x, everyone)
-        self._base = self.start.log_density(self._x, everyone)
-        self._powers, self._log_evidence = np.zeros((2, everyone.size))
+        self._base = self._log_start(self._x, everyone)
+        self._powers = np.full(everyone.size, 0.0 if arrived is None else 1.0)
+        self._log_evidence = np.zeros(everyone.size)
 
-    def finished(self, *, settles: bool) -> list[Particles]:
+    def _drawn_at_start(self) -> Array:
+        sets, peaks, size = self._peaks.shape
+        normal = self._rng.standard_normal((sets, self._count, size))
+        drawn = normal.copy()
+        drawn[..., : self._lengths] = self._rng.random((sets, self._count, self._lengths))
+        near = self._rng.random((sets, self._count)) < _NEAR
+        peak = np.where(near, 1 + self._rng.integers(peaks, size=near.shape), 0)
+        return np.choose(peak[..., None], [drawn, *self._start.near(normal)])
+
+    def _log_start(self, x: Array, groups: Columns) -> Array:
+        """Of points of the groups, shape (g, n, d) in; as if lengths were inside their ranges."""
+        each = math.log(_NEAR / self._peaks.shape[1])
+        near = [each + density for density in self._start.log_densities(x, groups)]
+        prior = math.log(1 - _NEAR) + self._log_prior(x)
+        log_density: Array = np.logaddexp.reduce([prior, *near])
+        return log_density
+
+    def finished(self) -> list[Particles]:
         """Goes to the posterior."""
-        everyone = np.arange(len(self.points))
+        everyone = np.arange(len(self._x))
         self._drawn_anew(everyone, np.where(self._fits > _NOWHERE, 0.0, _NOWHERE))
         for _ in range(_MOST_STEPS):
             going = np.flatnonzero(self._powers < 1)
@@ -249,41 +271,49 @@ class _Run:
             self._go_on(going)
             for _ in range(_MOVES):
                 self._move(going)
-        for _ in range(_LAST if settles else 0):
-            self._move(everyone)
         return [self._particles(group) for group in everyone.tolist()]
+
+    def settled(self) -> Array:
+        """Stays there; the points then, shape (count, size)."""
+        only = np.zeros(1, dtype=np.intp)
+        around = _Normals.around(self._peaks, self._precision, self._normal, np.ones(1))
+        for _ in range(_SETTLING * self._x.shape[2]):
+            self._move(only, around)
+        return self._values(only.repeat(self._count), self._x[0])
 
     def _particles(self, group: int) -> Particles:
         return Particles(
             log_evidence=float(self._log_evidence[group]),
-            values=self._values(np.full(self.count, group), self._x[group]),
+            values=self._values(np.full(self._count, group), self._x[group]),
+            own=self._x[group].copy(),
             fits=self._fits[group].copy(),
             ess=float(self._ess[group]),
         )
 
     def _fits_at(self, x: Array, groups: Columns) -> Array:
         """Log-likelihoods, shape (g, n)."""
-        lengths = x[..., : self.start.lengths]
+        lengths = x[..., : self._lengths]
         inside = np.all((lengths >= 0) & (lengths <= 1), axis=2)
         which, _ = np.nonzero(inside)
-        fits = np.full(inside.shape, _NOWHERE)
+        fits: Array = np.full(inside.shape, _NOWHERE)
         values = self._values(groups[which], x[inside])
-        fits[inside] = self.likelihood.integrated(
-            self.likelihood.misfits_of(self.predictor, values)
-        )
+        likelihood = self._target.likelihood
+        fits[inside] = likelihood.integrated(likelihood.misfits_of(self._target.predictor, values))
         return fits
 
     def _log_prior(self, x: Array) -> Array:
-        return _log_normal(x[..., self.start.lengths :])
+        return _log_normal(x[..., self._lengths :])
 
     def _values(self, groups: Columns, x: Array) -> Array:
         """Points of n groups, shape (n,), with what is integrated over, shape (n, d)."""
-        values, spreads = self.points[groups].copy(), self.free.spreads[groups]
+        values: Array = self._target.peaks[groups, 0].copy()
+        spreads = self._target.free.spreads[groups]
         if x.shape[1] > spreads.shape[1]:
             *_, away = x.T
-            spreads = np.where(self.by_care[groups], np.exp(CARE * away)[:, None], 1.0) * spreads
+            care = np.exp(CARE * away)[:, None]
+            spreads = np.where(self._target.by_care[groups], care, 1.0) * spreads
         own = x[:, : spreads.shape[1]] * spreads
-        np.put_along_axis(values, self.free.columns[groups], own, axis=1)
+        np.put_along_axis(values, self._target.free.columns[groups], own, axis=1)
         return values
 
     def _go_on(self, going: Columns) -> None:
@@ -302,41 +332,46 @@ class _Run:
 
     def _drawn_anew(self, groups: Columns, logs: Array) -> None:
         """Draws the particles of some groups by the logarithms of their weights."""
-        self._log_evidence[groups] += logsumexp(logs, axis=1) - math.log(self.count)
+        self._log_evidence[groups] += logsumexp(logs, axis=1) - math.log(self._count)
         weights = np.exp(logs - logs.max(axis=1, keepdims=True))
         ends = np.cumsum(weights, axis=1)
-        starts = (np.arange(self.count) + self.rng.random((groups.size, 1))) / self.count
+        starts = (np.arange(self._count) + self._rng.random((groups.size, 1))) / self._count
         for group, row_ends, row_starts in zip(groups.tolist(), ends, starts, strict=True):
             rows = np.searchsorted(row_ends, row_starts * row_ends[-1], side="right")
-            rows = self.rng.permutation(np.minimum(rows, self.count - 1))
+            rows = self._rng.permutation(np.minimum(rows, self._count - 1))
             self._ess[group] = np.unique(rows).size
             for array in (self._x, self._fits, self._base):
                 array[group] = array[group, rows]
 
-    def _move(self, groups: Columns) -> None:
-        """Moves both halves, each by what the other knows."""
-        half = self.count // 2
-        for own, other in (
-            (slice(None, half), slice(half, None)),
-            (slice(half, None), slice(None, half)),
-        ):
+    def _move(self, groups: Columns, known: _Normals | None = None) -> None:
+        """Moves both halves, each by what the other knows.
+
+        Args:
+            groups: Of these sets.
+            known: Normal distributions that resemble their targets; by default the other half does.
+        """
+        half = self._count // 2
+        halves = slice(None, half), slice(half, None)
+        for own, other in (halves, halves[::-1]):
             x, others = self._x[groups, own], self._x[groups, other]
-            around = _Normal.of(others, self.start.lengths)
-            shares = np.array(_KINDS if self.start.lengths < x.shape[2] else _KINDS[:-1])
-            kind = self.rng.choice(shares.size, size=x.shape[:2], p=shares / shares.sum())
+            around = known or _Normals.as_wide_as(others, self._lengths)
+            peak = self._rng.integers(around.mean.shape[1], size=x.shape[:2])
+            shares = np.array(_KINDS if self._lengths < x.shape[2] else _KINDS[:-1])
+            kind = self._rng.choice(shares.size, size=x.shape[:2], p=shares / shares.sum())
             proposed = np.choose(
                 kind[..., None],
                 [
                     self._along_differences(x, others),
-                    self._towards(x, around),
-                    self._theta_alone(x, around),
+                    self._towards(x, around, peak),
+                    self._theta_alone(x, around, peak),
                 ],
             )
             kept = np.choose(
                 kind,
                 [
                     0.0,
-                    around.log_density(x) - around.log_density(proposed),
+                    np.choose(peak, around.log_densities(x))
+                    - np.choose(peak, around.log_densities(proposed)),
                     self._log_prior(x) - self._log_prior(proposed),
                 ],
             )
@@ -345,13 +380,13 @@ class _Run:
     def _accept(self, groups: Columns, own: slice, proposed: Array, kept: Array) -> None:
         """Takes proposals, of steps that keep a density with the logarithm of its ratio."""
         x, fits = self._x[groups, own], self._fits_at(proposed, groups)
-        base = self.start.log_density(proposed, groups)
+        base = self._log_start(proposed, groups)
         powers = self._powers[groups, None]
         before = powers * (self._fits[groups, own] + self._log_prior(x))
         before += (1 - powers) * self._base[groups, own]
         after = powers * (fits + self._log_prior(proposed)) + (1 - powers) * base
         chances = after - before + kept
-        taken = (fits > _NOWHERE) & (np.log(self.rng.random(chances.shape)) < chances)
+        taken = (fits > _NOWHERE) & (np.log(self._rng.random(chances.shape)) < chances)
         for array, new in ((self._x, proposed), (self._fits, fits), (self._base, base)):
             part = array[groups, own]
             part[taken] = new[taken]
@@ -360,36 +395,37 @@ class _Run:
     def _along_differences(self, x: Array, others: Array) -> Array:
         """Differential evolution, now and then by a whole difference, from peak to peak."""
         groups, count, size = x.shape
-        pairs = self.rng.integers(others.shape[1], size=(2, groups, count))
+        pairs = self._rng.integers(others.shape[1], size=(2, groups, count))
         each = np.arange(groups)[:, None]
         away = others[each, pairs[0]] - others[each, pairs[1]]
-        chosen = self.rng.random((groups, count, size)) < self.rng.random((groups, count, 1))
+        chosen = self._rng.random((groups, count, size)) < self._rng.random((groups, count, 1))
         dimensions = np.maximum(chosen.sum(axis=2, keepdims=True), 1)
-        pace = 2.38 / np.sqrt(2 * dimensions) * self.rng.uniform(0.3, 1.1, (groups, count, 1))
-        pace = np.where(self.rng.random((groups, count, 1)) < 0.1, 1.0, pace)
-        spread = _JITTER * self.rng.standard_normal((groups, count, size))
+        pace = 2.38 / np.sqrt(2 * dimensions) * self._rng.uniform(0.3, 1.1, (groups, count, 1))
+        pace = np.where(self._rng.random((groups, count, 1)) < 0.1, 1.0, pace)
+        spread = _JITTER * self._rng.standard_normal((groups, count, size))
         moved: Array = x + np.where(chosen, pace * away + spread * others.std(axis=1)[:, None], 0.0)
         return moved
 
-    def _towards(self, x: Array, around: _Normal) -> Array:
-        """Leaves a normal distribution as it is."""
-        pace = self._pace(x, _SHORTEST[0])
-        drawn = self.rng.standard_normal(x.shape) @ np.swapaxes(around.root, 1, 2)
-        middle = around.mean[:, None]
-        moved: Array = middle + np.sqrt(1 - pace**2) * (x - middle) + pace * drawn
-        return moved
+    def _towards(self, x: Array, around: _Normals, peak: Columns) -> Array:
+        """Leaves a normal distribution as it is; along some of its axes."""
+        away = np.choose(peak[..., None], around.away(x))
+        some = self._rng.random(x.shape) < self._rng.random((*x.shape[:2], 1))
+        pace = np.where(some, self._pace(x, _SHORTEST[0]), 0.0)
+        moved = np.sqrt(1 - pace**2) * away + pace * self._rng.standard_normal(x.shape)
+        return np.choose(peak[..., None], around.near(moved))
 
-    def _theta_alone(self, x: Array, around: _Normal) -> Array:
+    def _theta_alone(self, x: Array, around: _Normals, peak: Columns) -> Array:
         """Leaves the prior of θ as it is; lengths follow (preconditioned Crank-Nicolson)."""
-        theta, pace = x[..., self.start.lengths :], self._pace(x, _SHORTEST[1])
-        chosen = self.rng.random(theta.shape) < self.rng.random((*x.shape[:2], 1))
-        drawn = np.sqrt(1 - pace**2) * theta + pace * self.rng.standard_normal(theta.shape)
+        theta, pace = x[..., self._lengths :], self._pace(x, _SHORTEST[1])
+        chosen = self._rng.random(theta.shape) < self._rng.random((*x.shape[:2], 1))
+        drawn = np.sqrt(1 - pace**2) * theta + pace * self._rng.standard_normal(theta.shape)
         moved = np.where(chosen, drawn, theta)
-        lengths = x[..., : self.start.lengths] + (moved - theta) @ around.slopes
+        follow = [(moved - theta) @ slopes for slopes in _by_peak(around.slopes)]
+        lengths = x[..., : self._lengths] + np.choose(peak[..., None], follow)
         return np.concatenate([lengths, moved], axis=2)
 
     def _pace(self, x: Array, shortest: float) -> Array:
-        pace: Array = np.exp(self.rng.uniform(math.log(shortest), 0.0, (*x.shape[:2], 1)))
+        pace: Array = np.exp(self._rng.uniform(math.log(shortest), 0.0, (*x.shape[:2], 1)))
         return pace
 
 

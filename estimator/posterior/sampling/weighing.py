@@ -46,6 +46,7 @@ _RIVALS: Final = 12.0  # where the readings are explained without any:
 _WIDE: Final = 6  # so many switches of a set, and others;
 _OTHERS: Final = 24  # sets that are weighed with what leads on those that were looked at
 _WORTH: Final = 5.0  # below the best weight, those that are weighed like the narrow ones
+_SETTLES: Final = 16  # samples of one hypothesis
 _DRAWN: Final = 32  # points of a set, for the next interaction,
 _DRAWN_OF: Final = 32  # of so many sets
 _INTERVAL: Final = (0.05, 0.5, 0.95)
@@ -180,7 +181,8 @@ class Weigher:
         rough = [one for one in rough if one.log > least]
         wide = [one.hypothesis for one in rough[:_FEW]]
         weights += [*again, *self._of(wide, self._particles, log_chances), *rough[len(wide) :]]
-        return stated.particles.values
+        (values,) = self._settled([(stated, len(stated.particles.own))])
+        return values
 
     def _others_with(self, rough: Sequence[_Weight], narrow: Sequence[_Weight]) -> list[Hypothesis]:
         """Sets that were not looked at, with the wide component that leads, if one does.
@@ -282,12 +284,9 @@ class Weigher:
     ) -> WeighedModes:
         mode = np.array([one.hypothesis.mode for one in weights])
         shares = softmax(np.array([one.log for one in weights]))
-        values = []
         rows = systematic(shares, samples, float(self._rng.random()))
-        for number, one in enumerate(weights):
-            wanted = int(np.count_nonzero(rows == number))
-            order = self._rng.permutation(len(one.particles.values))
-            values.append(one.particles.values[np.resize(order, wanted)])
+        counts = np.bincount(rows, minlength=len(weights)).tolist()
+        values = self._settled([pair for pair in zip(weights, counts, strict=True) if pair[1]])
         draws, points = [], points.copy()
         for row in range(len(points)):
             own = max(np.flatnonzero(mode == row).tolist(), key=lambda number: shares[number])
@@ -304,6 +303,24 @@ class Weigher:
             as_stated=as_stated,
             draws=draws,
         )
+
+    def _settled(self, drawn: Sequence[tuple[_Weight, int]]) -> list[Array]:
+        """So many points of each, shape (count, size), which settle where they are many."""
+        seeds = self._rng.integers(2**32, size=len(drawn)).tolist()
+        values, tasks = [], []
+        for (one, count), seed in zip(drawn, seeds, strict=True):
+            rows = self._rng.permutation(len(one.particles.own))
+            values.append(one.particles.values[np.resize(rows, count)])
+            if count >= _SETTLES:
+                own = one.particles.own[np.resize(rows, _even(count + 1))]
+                tasks.append((one.hypothesis, own, seed))
+        done = self._workers.map(self._integrals.settled_with_cost, tasks)
+        for number, (_, count) in enumerate(drawn):
+            if count >= _SETTLES:
+                settled, cost = next(done)
+                values[number] = settled[:count]
+                self._predictor.add_cost(cost)
+        return values
 
     def _spread_out(self, values: Array) -> Array:
         """Some particles, half of them with the least known length anywhere.

@@ -20,7 +20,7 @@ from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.sampling import populations
 from estimator.posterior.sampling.sampler import Effort
-from estimator.posterior.sampling.tempering import tempered
+from estimator.posterior.sampling.tempering import Target, tempered
 from estimator.posterior.sampling.weighing import drawn
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
@@ -84,16 +84,16 @@ def test_evidence_is_the_integral_over_the_lengths(narrow: Predictor) -> None:
     likelihood = Likelihood(data, WIDE)
     solver = GaussNewton(narrow, likelihood)
     values, _ = solver.polished(POINT[None])
-    (mode,) = tempered(
-        values[None],
-        Free.lengths(narrow.unknowns.continuous, 1),
-        solver.slopes(values).precision[None],
+    target = Target(
+        peaks=values[None],
+        free=Free.lengths(narrow.unknowns.continuous, 1),
+        precision=solver.slopes(values).precision[None],
         by_care=np.zeros((1, 2), dtype=bool),
         predictor=narrow,
         likelihood=likelihood,
         rng=np.random.default_rng(1),
-        particles=2000,
     )
+    (mode,) = tempered(target, 2000)
     grid = (np.arange(20) + 0.5) / 20
     points = np.repeat(POINT[None], 400, axis=0)
     points[:, narrow.unknowns.continuous] = np.array(np.meshgrid(grid, grid)).reshape(2, -1).T
@@ -123,17 +123,16 @@ def test_how_carefully_a_robot_was_built_is_averaged_over() -> None:
         spreads = [{row: factor * one.narrow for row, one in enumerate(table)}]
         free = Free.with_parameters(predictor.unknowns, spreads)
         peaks, _ = solver.polished(true, free=free)
-        by_care = free.normal[None] & (not known)
-        (mode,) = tempered(
-            peaks[None],
-            free,
-            solver.slopes(peaks, free=free).precision[None],
-            by_care=by_care,
+        target = Target(
+            peaks=peaks[None],
+            free=free,
+            precision=solver.slopes(peaks, free=free).precision[None],
+            by_care=free.normal[None] & (not known),
             predictor=predictor,
             likelihood=likelihood,
             rng=np.random.default_rng(1),
-            particles=1000,
         )
+        (mode,) = tempered(target, 4000)
         return mode.log_evidence
 
     nodes, weights = np.polynomial.hermite_e.hermegauss(7)
@@ -158,7 +157,7 @@ class Watched(ThisProcess):
 
     def map(self, fn: Callable[..., Any], *tasks: Iterable[Any], **options: Any) -> Iterator[Any]:
         results = list(super().map(fn, *tasks, **options))
-        if isinstance(results[0], Discovery):
+        if results and isinstance(results[0], Discovery):
             self.searches = results
         return iter(results)
 
