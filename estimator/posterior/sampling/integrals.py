@@ -75,15 +75,16 @@ class Integrals:
         """Hypotheses that have as many columns, at the points that fit best, and what that cost.
 
         Args:
-            task: These, how many particles of each, whether they settle, and a seed.
+            task: These, how many particles of each, whether these start from several peaks, and a
+                seed.
         """
-        hypotheses, particles, settles, seed = task
+        hypotheses, particles, thorough, seed = task
         before, rng = self._predictor.cost, np.random.default_rng(seed)
         points = np.array([one.point for one in hypotheses])
         free = Free.with_parameters(
             self._predictor.unknowns, [self.opened(one) for one in hypotheses]
         )
-        peaks = self._peaks(points, hypotheses, free, rng if settles else None)
+        peaks = self._peaks(points, hypotheses, free, rng if thorough else None)
         results = tempered(self._target(hypotheses, peaks, free, rng), particles)
         better = (one._replace(point=own[0]) for one, own in zip(hypotheses, peaks, strict=True))
         return list(zip(better, results, strict=True)), self._predictor.cost.since(before)

@@ -129,7 +129,7 @@ class Weigher:
         while len(weights) < len(rows) and hoped[len(weights)] >= best - _WEIGHED:
             few = range(len(weights), min(len(weights) + _AT_ONCE, len(rows)))
             first = [Hypothesis(row, points[row]) for row in few]
-            weights += self._of(first, max(each, _FEWEST), log_chances, settles=False)
+            weights += self._of(first, max(each, _FEWEST), log_chances, thorough=False)
             best = max(one.log for one in weights)
         points = np.array([one.hypothesis.point for one in weights])
         as_stated = self._weighed_again(weights, _close(weights), log_chances)
@@ -172,9 +172,9 @@ class Weigher:
         ]
         least = max(guess for guess, _ in screened) - (_GUESSED if strays else _RIVALS)
         wide = [one for _, several in screened for guess, one in several if guess > least]
-        rough = self._of(wide, _FEWEST, log_chances, settles=False)
+        rough = self._of(wide, _FEWEST, log_chances, thorough=False)
         rough += self._of(
-            self._others_with(rough, [*weights, *again]), _FEWEST, log_chances, settles=False
+            self._others_with(rough, [*weights, *again]), _FEWEST, log_chances, thorough=False
         )
         rough.sort(key=lambda one: -one.log)
         least = max(one.log for one in [*again, *rough, *weights]) - _WORTH
@@ -248,11 +248,12 @@ class Weigher:
         particles: int,
         log_chances: Array,
         *,
-        settles: bool = True,
+        thorough: bool = True,
     ) -> list[_Weight]:
         """Weights of hypotheses, which begin at better points than they had.
 
-        Robots that are as stated, of whom less is open, have half as many particles.
+        Robots that are as stated, of whom less is open, have half as many particles. Those that are
+        weighed thoroughly start from several peaks.
         """
         groups: dict[int, list[int]] = {}
         for number, one in enumerate(hypotheses):
@@ -268,7 +269,7 @@ class Weigher:
         for batch, seed in zip(batches, seeds, strict=True):
             several = [hypotheses[number] for number in batch]
             each = particles // 2 if several[0].as_stated else particles
-            tasks.append((several, _even(each), settles, seed))
+            tasks.append((several, _even(each), thorough, seed))
         weights: dict[int, _Weight] = {}
         done = self._workers.map(self._integrals.with_cost, tasks)
         for batch, (results, cost) in zip(batches, done, strict=True):
