@@ -278,10 +278,10 @@ def test_what_a_robot_has_otherwise_is_named_with_its_amount(
 ) -> None:
     """And it has not changed, though other attachments were sure before that was known."""
     monkeypatch.setattr(posterior_method, "probability_of", lambda *_: 0.01)
-    more = Effort(levels=4, chains_per_level=8, steps=10, rounds=1, particles=256, samples=64)
+    more = Effort(levels=4, chains_per_level=16, steps=20, rounds=2, particles=256, samples=128)
     monkeypatch.setattr(posterior_method, "Effort", lambda: more)
     with serving(ModelRobot(travel=1.25)) as uri:
-        asked = changed(order(tmp_path, uri), interactions=4, seed=0)
+        asked = changed(order(tmp_path, uri), interactions=4, seed=1)
         result = identify(
             tmp_path / "run", asked, IN_THIS_PROCESS, Listener(), report=without_plots
         )
