@@ -337,7 +337,7 @@ class FittedPosterior:
         return self.likelihood_of(self.observations)
 
     def likelihood_of(self, observations: Sequence[Observation]) -> Likelihood:
-        """Of other observations; sensors that do not count are left out."""
+        """Of some observations; sensors that do not count are left out."""
         return Likelihood(
             SensorData.of(observations, self.modalities, self.clearance_cap), self.noise
         )

@@ -138,14 +138,14 @@ class _Normals:
         )
 
     def near(self, normal: Array) -> list[Array]:
-        """Points of each peak, for standard normal ones of shape (g, n, d)."""
+        """Around each peak, for standard normal draws of shape (g, n, d), points of that shape."""
         return [
             mean[:, None] + normal @ np.swapaxes(root, 1, 2)
             for mean, root in zip(*map(_by_peak, (self.mean, self.root)), strict=True)
         ]
 
     def away(self, x: Array) -> list[Array]:
-        """As how far points of shape (g, n, d) lie from each peak a standard normal one lies."""
+        """By each peak, the standard normal draws of which points of shape (g, n, d) are made."""
         return [
             (x - mean[:, None]) @ np.swapaxes(inverse, 1, 2)
             for mean, inverse in zip(*map(_by_peak, (self.mean, self.inverse)), strict=True)
