@@ -137,31 +137,22 @@ class _Normals:
             slopes=np.asarray(np.linalg.solve(theta, both)),
         )
 
-    def near(self, normal: Array) -> list[Array]:
-        """Around each peak, for standard normal draws of shape (g, n, d), points of that shape."""
-        return [
-            mean[:, None] + normal @ np.swapaxes(root, 1, 2)
-            for mean, root in zip(*map(_by_peak, (self.mean, self.root)), strict=True)
-        ]
+    def near(self, normal: Array) -> Array:
+        """What standard normal draws, shape (g, n, d), are around each peak, (p, g, n, d)."""
+        points = self.mean[:, :, None] + normal[:, None] @ np.swapaxes(self.root, 2, 3)
+        return np.swapaxes(points, 0, 1)
 
-    def away(self, x: Array) -> list[Array]:
-        """By each peak, the standard normal draws of which points of shape (g, n, d) are made."""
-        return [
-            (x - mean[:, None]) @ np.swapaxes(inverse, 1, 2)
-            for mean, inverse in zip(*map(_by_peak, (self.mean, self.inverse)), strict=True)
-        ]
+    def away(self, x: Array) -> Array:
+        """Of which draws points of shape (g, n, d) are made around each peak, (p, g, n, d)."""
+        draws = (x[:, None] - self.mean[:, :, None]) @ np.swapaxes(self.inverse, 2, 3)
+        return np.swapaxes(draws, 0, 1)
 
-    def log_densities(self, x: Array, groups: Columns | slice = slice(None)) -> list[Array]:
-        """Of points of some sets, shape (groups, n, d), by each peak, shape (groups, n)."""
+    def log_densities(self, x: Array, groups: Columns | slice = slice(None)) -> Array:
+        """Of points of some sets, shape (groups, n, d), by each peak, shape (p, groups, n)."""
         some = _Normals(**{name: array[groups] for name, array in vars(self).items()})
         log_root = np.log(np.diagonal(some.root, axis1=2, axis2=3)).sum(axis=2)
-        return [
-            _log_normal(away) - log_root[:, peak, None] for peak, away in enumerate(some.away(x))
-        ]
-
-
-def _by_peak(array: Array) -> Array:
-    return np.swapaxes(array, 0, 1)
+        log_densities: Array = _log_normal(some.away(x)) - log_root.T[..., None]
+        return log_densities
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -255,7 +246,7 @@ class _Run:
     def _log_start(self, x: Array, groups: Columns) -> Array:
         """Of points of the groups, shape (g, n, d) in; as if lengths were inside their ranges."""
         each = math.log(_NEAR / self._peaks.shape[1])
-        near = [each + density for density in self._start.log_densities(x, groups)]
+        near = each + self._start.log_densities(x, groups)
         prior = math.log(1 - _NEAR) + self._log_prior(x)
         log_density: Array = np.logaddexp.reduce([prior, *near])
         return log_density
@@ -420,7 +411,7 @@ class _Run:
         chosen = self._rng.random(theta.shape) < self._rng.random((*x.shape[:2], 1))
         drawn = np.sqrt(1 - pace**2) * theta + pace * self._rng.standard_normal(theta.shape)
         moved = np.where(chosen, drawn, theta)
-        follow = [(moved - theta) @ slopes for slopes in _by_peak(around.slopes)]
+        follow = np.swapaxes((moved - theta)[:, None] @ around.slopes, 0, 1)
         lengths = x[..., : self._lengths] + np.choose(peak[..., None], follow)
         return np.concatenate([lengths, moved], axis=2)
 
