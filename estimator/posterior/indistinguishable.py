@@ -1,7 +1,7 @@
 """Which samples are observationally equivalent to the attachments of the best body.
 
-A sample is held against the body that has its lengths and the first mode's attachments: a leg that
-is too short to reach the ground feels the same on any hinge, a longer one does not.
+A sample is held against the body that has the first mode's attachments and is like it in all else: a
+leg that is too short to reach the ground feels the same on any hinge, a longer one does not.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.physics.equivalence import MARGIN, indistinguishable
-from estimator.posterior.model.unknowns import Predictor
+from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.posterior import Mode, Posterior
 
 Indistinguishable: TypeAlias = Callable[[Array, Array], Flags]
@@ -59,13 +59,12 @@ def probability_of(
 
     Args:
         point: The body, shape (size,).
-        posterior: Its samples are held against bodies of their lengths with these attachments.
-        predictor: Knows which columns are lengths.
+        posterior: Its samples are held against bodies like them with these attachments.
+        predictor: Knows which columns are attachments.
         indistinguishable: The test.
     """
     unknowns = predictor.unknowns
-    others = np.tile(point, (len(posterior.values), 1))
-    others[:, unknowns.continuous] = posterior.values[:, unknowns.continuous]
+    others = _attached_like(point, posterior.values, unknowns)
     (theirs,) = unknowns.keys(point[None])
     same = np.array([key == theirs for key in unknowns.keys(posterior.values)])
     same[~same] = indistinguishable(others[~same], posterior.values[~same])
@@ -84,7 +83,7 @@ def indistinguishable_shares(
         modes: The first of the posterior's.
         posterior: Has the samples that stand for each mode; of a mode without any its best body
             stands for it.
-        predictor: Knows which columns are lengths.
+        predictor: Knows which columns are attachments.
         indistinguishable: The test.
 
     Returns:
@@ -102,11 +101,16 @@ def indistinguishable_shares(
     points = np.vstack([posterior.values[rows], *(modes[number].point for number in bare)])
     owners = np.concatenate([of_samples[rows], bare]).astype(np.int64)
     weights = np.concatenate([posterior.weights[rows], np.ones(len(bare))])
-    others = np.tile(modes[0].point, (len(points), 1))
-    others[:, unknowns.continuous] = points[:, unknowns.continuous]
-    same = indistinguishable(others, points)
+    same = indistinguishable(_attached_like(modes[0].point, points, unknowns), points)
     whole = np.bincount(owners, weights, len(modes))
     part = np.bincount(owners, weights * same, len(modes))
     shares = np.divide(part, whole, out=np.zeros(len(modes)), where=whole > 0)
     shares[0] = 1.0
     return shares
+
+
+def _attached_like(point: Array, values: Array, unknowns: Unknowns) -> Array:
+    """The n points, with the attachments of one."""
+    others = values.copy()
+    others[:, unknowns.choices] = point[unknowns.choices]
+    return others

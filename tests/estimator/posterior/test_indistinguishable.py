@@ -17,9 +17,17 @@ from estimator.posterior.indistinguishable import (
     indistinguishable_shares,
     probability_of,
 )
-from estimator.posterior.model.unknowns import Predictor
+from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.posterior import Mode
-from tests.estimator.two_unknown_rows import MODALITIES, equally_likely, programs
+from estimator.problem.genome import Genome
+from estimator.problem.problem import Problem
+from tests.estimator.conftest import BODY
+from tests.estimator.two_unknown_rows import (
+    MODALITIES,
+    TWO_UNKNOWN_ROWS,
+    equally_likely,
+    programs,
+)
 
 POINT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
 MOUNT, HINGE, LENGTH = 0, 1, 2  # of leg 1
@@ -91,3 +99,21 @@ def test_attachments_are_as_probable_as_the_samples_that_feel_like_them(
 
     assert probability_of(POINT, posterior, predictor, never) == pytest.approx(6 / 8)
     assert probability_of(POINT, posterior, predictor, always) == pytest.approx(1.0)
+
+
+def test_what_is_otherwise_than_stated_is_otherwise_of_both() -> None:
+    problem = Problem.parse(TWO_UNKNOWN_ROWS, "two rows")
+    unknowns = Unknowns(Genome(problem, BODY), problem.table)
+    built = Predictor(unknowns, StaticsPhysics())
+    values = unknowns.as_stated(np.tile(POINT, (8, 1)))
+    narrow = np.array([row.narrow for row in problem.table])
+    rng = np.random.default_rng(4)
+    values[1:, unknowns.genes_size :] = narrow * rng.standard_normal((7, len(narrow)))
+    values[:, LENGTH] = 0.0  # reaches no ground
+    values[4:] = turned(values[4:])
+    first, second = unknowns.keys(values[[0, 4]])
+    modes = (Mode(first, 0.5, values[0], 9.0, (True,)), Mode(second, 0.5, values[4], 9.0, (True,)))
+    posterior = replace(equally_likely(values, values[0]), modes=modes)
+    alike = partial(indistinguishable_points, built, MOVEMENTS, MODALITIES)
+    assert indistinguishable_shares(modes, posterior, built, alike).tolist() == [1.0, 1.0]
+    assert probability_of(values[0], posterior, built, alike) == pytest.approx(1.0)
