@@ -78,7 +78,7 @@ def limbs_of(unknowns: Unknowns) -> Limbs:
         LimbGenes(
             motors=motors[chain][motors[chain] >= 0],
             choices=np.flatnonzero(
-                [gene.part in chain and gene.choices > 1 for gene in unknowns.genes]
+                [gene.part in chain and gene.is_choice for gene in unknowns.genes]
             ),
         )
         for chain in chains

@@ -157,7 +157,8 @@ def prospects(
         told.append(gain.of(predicted, scales, groups, rng, draws=_DRAWS)[0])
         unforeseen.append(np.mean(predicted.undecided | ~predicted.valid))
     hidden = _hidden(predictor, bodies[:_CHANGED], programs, modalities, rng)
-    never = [gene for gene in genome.genes if hidden.get(gene.name, 0.0) >= NEVER]
+    felt = [gene for gene in genome.genes if gene.felt]
+    never = [gene for gene in felt if hidden.get(gene.name, 0.0) >= NEVER]
     lengths = [gene for gene in genome.genes if gene.trait == "length"]
     return Prospects(
         ways=ways,

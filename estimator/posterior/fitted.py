@@ -279,7 +279,7 @@ class FittedPosterior:
             return ()
         attachments, genome = [], self.genome
         for column, gene in enumerate(genome.genes):
-            if gene.choices > 1:
+            if gene.is_choice:
                 (value,) = genome.words(column, self.best[None])
                 same = [word == value for word in genome.words(column, self.samples)]
                 share = min(float(self.weights @ np.array(same)), 1.0)

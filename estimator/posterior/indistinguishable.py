@@ -1,7 +1,7 @@
 """Which samples are observationally equivalent to the attachments of the best body.
 
-A sample is held against the body that has the first mode's attachments and is like it in all else: a
-leg that is too short to reach the ground feels the same on any hinge, a longer one does not.
+A sample is held against the body that has the first mode's attachments and is like it in all else:
+a leg that is too short to reach the ground feels the same on any hinge, a longer one does not.
 """
 
 from __future__ import annotations

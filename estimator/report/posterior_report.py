@@ -177,7 +177,7 @@ def _rivals(genome: Genome, stored: StoredPosterior) -> tuple[Rival, ...]:
             break
         differs = []
         for column, gene in enumerate(genome.genes):
-            if gene.choices > 1:
+            if gene.is_choice:
                 (value,) = genome.words(column, np.array([mode.genes]))
                 if (value,) != genome.words(column, best):
                     differs.append(f"{gene.name}: {value}")
@@ -197,7 +197,7 @@ def _equivalent(
     """Faults that feel like a body, as far as the problem leaves the body open."""
     best = genome.decode(np.array(stored.best))
     mounts, hinges = (
-        [gene.part for gene in genome.genes if gene.trait == trait and gene.choices > 1]
+        [gene.part for gene in genome.genes if gene.trait == trait and gene.is_choice]
         for trait in ("mount", "hinge")
     )
     faults = []

@@ -162,7 +162,7 @@ def subtrees(point: Array, unknowns: Unknowns) -> list[Flags]:
 
 def _possibly_joined(unknowns: Unknowns) -> tuple[Joined, ...]:
     genes, own = unknowns.genes, unknowns.parts
-    chosen = sorted({gene.part for gene in genes if gene.choices > 1})
+    chosen = sorted({gene.part for gene in genes if gene.is_choice})
     joined = [Joined(columns=own[part]) for part in chosen]
     for part in chosen:
         for column in own[part].tolist():
@@ -186,7 +186,7 @@ def _possibly_joined(unknowns: Unknowns) -> tuple[Joined, ...]:
 
 def _joined(unknowns: Unknowns) -> tuple[Joined, ...]:
     genes, own = unknowns.genes, unknowns.parts
-    chosen = {gene.part: gene.parent for gene in genes if gene.choices > 1}
+    chosen = {gene.part: gene.parent for gene in genes if gene.is_choice}
     carriers = {
         part: parent for part, parent in chosen.items() if parent is not None and parent in chosen
     }

@@ -42,8 +42,9 @@ class Unknowns:
         genes_size: Dimensions of the cube.
         size: Columns of a point.
         continuous: Columns of the lengths.
-        choices: Columns of what is chosen from a few values.
-        counts: How many values each column chooses from, shape (size,); 0: any in a range.
+        choices: Columns of what is chosen from a few values, and may be felt.
+        counts: How many values each column chooses from, shape (genes,); 0: any in a range, or it
+            is never felt.
         parents: Which columns choose what a part sits on, shape (size,).
         bits: Information that says which of all attachments a body has, were they equally likely.
         many: Whether these are so many that changes of single parts do not lead to the body.
@@ -66,8 +67,8 @@ class Unknowns:
         self.genes_size = len(genes)
         self.size = self.genes_size + len(self.table)
         self.continuous: Columns = _where([not gene.choices for gene in genes])
-        self.choices: Columns = _where([gene.choices > 1 for gene in genes])
-        self.counts: Columns = np.array([gene.choices for gene in genes], dtype=np.intp)
+        self.choices: Columns = _where([gene.is_choice for gene in genes])
+        self.counts: Columns = np.array([gene.felt * gene.choices for gene in genes], dtype=np.intp)
         self.parents: Flags = np.array([gene.trait == "parent" for gene in genes])
         self.bits = float(np.log2(self.counts[self.choices]).sum())
         self.parts: dict[int, Columns] = {
