@@ -200,7 +200,7 @@ class Discovery:
         """
         likelihood, population = self._likelihood, self.population
         order = self.rng.permutation(len(likelihood))
-        population.restart(0)
+        population.restart()
         for count in range(1, len(order)):
             population.observe(likelihood[order[:count]], surely=True)
             for _ in range(steps):

@@ -88,13 +88,12 @@ class Population:
         self._misfits = np.empty((len(self.values), len(likelihood), MISFITS))
         self._look(slice(None))
 
-    def restart(self, level: int) -> None:
-        """Draws the chains from a level upward from the prior; only before sampling."""
-        hot = slice(level * self.chains_per_level, None)
-        fresh = self._rng.random(self.values[hot].shape)
-        self.values[hot] = self._predictor.unknowns.permitted(fresh)
-        self.scales[hot] = drawn_scales(self.scales[hot].shape, self._rng)
-        self._look(hot)
+    def restart(self) -> None:
+        """Draws all chains from the prior; only before sampling."""
+        fresh = self._rng.random(self.values.shape)
+        self.values = self._predictor.unknowns.permitted(fresh)
+        self.scales = drawn_scales(self.scales.shape, self._rng)
+        self._look(slice(None))
 
     def replace_coldest(self, values: Array, scales: Array) -> None:
         """Puts other points on level 0, shape (chains_per_level, size); only before sampling."""

@@ -208,7 +208,7 @@ class Sampler:
     def _discovered(
         self, likelihood: Likelihood, known: set[Attachments], *, searched: bool
     ) -> Agreement:
-        """Searches in rounds, each with the hotter half of the chains drawn anew.
+        """Searches in rounds.
 
         They end when the readings are explained, the populations agree, and a round has found
         nothing that matters and was not known before.
@@ -230,7 +230,7 @@ class Sampler:
         number, anew = 0, 0
         going = [not searched] * len(self._searches)
         while True:
-            search = partial(_searched, effort.steps, number > 0, anew > 0)
+            search = partial(_searched, effort.steps, anew > 0)
             moved = iter(self._workers.map(search, compress(self._searches, going)))
             self._searches = [
                 next(moved) if goes else one
@@ -332,18 +332,9 @@ class Sampler:
         return renormalised(posterior, predictor, likelihood)
 
 
-def _searched(steps: int, again: bool, anew: bool, search: Discovery) -> Discovery:
-    """The search after one more round.
-
-    Args:
-        steps: Of its chains.
-        again: Whether it is not the first.
-        anew: Whether all chains begin anew.
-        search: Up to now.
-    """
+def _searched(steps: int, anew: bool, search: Discovery) -> Discovery:
+    """The search after one more round, for which all chains may begin anew."""
     if anew:
         search.start_anew(steps)
-    elif again:
-        search.population.restart(search.population.levels // 2)  # the hotter half
     search.search(steps)
     return search
