@@ -16,7 +16,7 @@ import numpy as np
 
 from estimator.body.arrays import Bodies, Flags, Integers
 from estimator.body.morphology import BASE, Array, Base, Morphology, Part
-from estimator.errors import SearchStateError
+from estimator.errors import MorphologyError, SearchStateError
 from estimator.problem.genes import Gene, GeneColumns, Traits, genes_of
 from estimator.problem.problem import Problem
 
@@ -29,13 +29,21 @@ class Genome:
 
     Args:
         problem: What is known and what is to be found.
-        base: The robot's main body.
+        base: The robot's main body, with the mounts of the problem: ``Problem.base``.
 
     Attributes:
         genes: What each gene decides.
+
+    Raises:
+        MorphologyError: The main body has other mounts than parts of the problem sit on.
     """
 
     def __init__(self, problem: Problem, base: Base) -> None:
+        if len(base.mounts) != len(problem.tables.base_mounts(base.size)):
+            raise MorphologyError(
+                f"the main body has {len(base.mounts)} mounts, and {problem.name} is about "
+                f"{len(problem.tables.base_mounts(base.size))}: take it from Problem.base"
+            )
         self._problem = problem
         self._base = base
         self.genes: tuple[Gene, ...] = tuple(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from estimator.body.morphology import BASE, Array, Base
-from estimator.errors import SearchStateError
+from estimator.errors import MorphologyError, SearchStateError
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 
@@ -95,3 +95,8 @@ def test_choices_are_equally_likely() -> None:
 def test_impossible_genomes_are_refused(genes: Array) -> None:
     with pytest.raises(SearchStateError):
         PARAMETRIC.decode(genes)
+
+
+def test_a_main_body_without_the_mounts_of_the_problem_is_refused() -> None:
+    with pytest.raises(MorphologyError, match=r"has 4 mounts, and hexapod-18 is about 6: take it"):
+        Genome(Problem.load("hexapod-18"), BODY)
