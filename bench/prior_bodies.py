@@ -17,13 +17,13 @@ from estimator.report.export.formats import in_words_of, urdf
 from protocol.wire.capabilities import Capabilities
 from robot.service.daemon import describe
 from sim_robot.simulator.pc104_set import configure
-from sim_robot.world.body import default_body_path, load_body
+from sim_robot.world.body import DEFAULT, body_path, load_body
 from sim_robot.world.sensor_noise import NoiseLevels
 
 
 def drawn_body(problem: str, seed: int) -> str:
     """A body that a problem allows, drawn from its prior, with the default robot's joints."""
-    known, genome, robot = on_default_robot(problem)
+    known, genome, robot = on_robot(problem)
     body = genome.decode(drawn_genes(genome, np.random.default_rng([seed, 1])))
     return urdf(in_words_of(known, robot, body))
 
@@ -35,14 +35,14 @@ def drawn_genes(genome: Genome, rng: np.random.Generator) -> Array:
 
 
 @cache
-def on_default_robot(name: str) -> tuple[Problem, Genome, Capabilities]:
-    """A problem written out for the default robot, its genome, and what that robot says it is.
+def on_robot(name: str, body: str = DEFAULT) -> tuple[Problem, Genome, Capabilities]:
+    """A problem written out for a simulated robot, its genome, and what that robot says it is.
 
     Args:
         name: Of a problem that ships, or of a file; or the text of one.
+        body: The robot's, by name or file.
     """
-    body = load_body(default_body_path())
-    robot = describe(configure(body, port="", levels=NoiseLevels()))
+    robot = describe(configure(load_body(body_path(body)), port="", levels=NoiseLevels()))
     problem = Problem.parse(name, "the problem") if "\n" in name else Problem.load(name)
     problem = problem.for_robot(robot)
     return problem, Genome(problem, problem.base(robot)), robot

@@ -32,7 +32,7 @@ from typing import Any, Final, Literal, TypeAlias, get_args
 
 import numpy as np
 
-from bench.prior_bodies import drawn_genes, on_default_robot
+from bench.prior_bodies import drawn_genes, on_robot
 from bench.study_command import add_options, complete_by_command
 from estimator.body.limbs import leg_lengths
 from estimator.body.morphology import Array
@@ -168,7 +168,7 @@ class BodyRun(BriefRun):
 def trial(run: BodyRun) -> list[dict[str, Any]]:
     """One body, and what was known of it after each interaction."""
     seed = run.seed
-    problem, genome, capabilities = on_default_robot(run.problem)
+    problem, genome, capabilities = on_robot(run.problem)
     noise = Noise.announced(capabilities)
     world, effort, rng = problem.settings(capabilities), Effort(), np.random.default_rng(seed)
     cap, unknowns = (
@@ -184,9 +184,7 @@ def trial(run: BodyRun) -> list[dict[str, Any]]:
     body[unknowns.continuous] = evenly(seed, unknowns.continuous.size)
     scale = 0.0
     if run.robots == "built":
-        scale = MEDIAN_CARE * math.exp(CARE * rng.standard_normal())
-        spreads = np.array([row.narrow * (scale if row.by_care else 1) for row in unknowns.table])
-        body[unknowns.genes_size :] = spreads * rng.standard_normal(spreads.size)
+        scale = build(body, unknowns, rng)
     robot = StaticsRobot(
         predictor=predictor,
         body=body,
@@ -248,6 +246,14 @@ def trial(run: BodyRun) -> list[dict[str, Any]]:
             }
         )
     return told
+
+
+def build(body: Array, unknowns: Unknowns, rng: np.random.Generator) -> float:
+    """Makes a robot as people build them of one as stated, shape (size,); how carefully."""
+    scale = MEDIAN_CARE * math.exp(CARE * rng.standard_normal())
+    spreads = np.array([row.narrow * (scale if row.by_care else 1) for row in unknowns.table])
+    body[unknowns.genes_size :] = spreads * rng.standard_normal(spreads.size)
+    return scale
 
 
 def evenly(number: int, size: int) -> Array:

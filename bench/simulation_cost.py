@@ -17,7 +17,7 @@ from typing import Final, TypeVar
 import numpy as np
 
 from bench.engines.runs import draw
-from bench.prior_bodies import on_default_robot
+from bench.prior_bodies import on_robot
 from estimator.body.arrays import Bodies
 from estimator.executors import WorkerProcesses
 from estimator.identification.paper.fit import Modeller
@@ -55,7 +55,7 @@ _JOBS: Final = 2
 
 def workload() -> tuple[Problem, Genome, list[Observation]]:
     """The topological problem, and what one of its bodies reads."""
-    problem, genome, capabilities = on_default_robot("topological")
+    problem, genome, capabilities = on_robot("topological")
     rng = np.random.default_rng(0)
     truth = genome.decode(rng.random(genome.size))
     programs = [problem.random_program(rng, capabilities) for _ in range(INTERACTIONS)]

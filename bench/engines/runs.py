@@ -19,7 +19,7 @@ from typing import Any, Final, TypeAlias
 
 import numpy as np
 
-from bench.prior_bodies import drawn_genes, on_default_robot
+from bench.prior_bodies import drawn_genes, on_robot
 from estimator.body.morphology import Morphology
 from estimator.physics.base import Pair, Physics, WorldSettings
 from estimator.physics.mujoco import MuJoCoPhysics
@@ -148,7 +148,7 @@ def draw(name: str, seed: int, number: int) -> tuple[Morphology, Pair, Pair]:
     Returns:
         The body; it with its motor program; and it with each target 0.1° off, to either side.
     """
-    problem, genome, capabilities = on_default_robot(name)
+    problem, genome, capabilities = on_robot(name)
     rng = np.random.default_rng([seed, zlib.crc32(name.encode()), number])
     body = genome.decode(drawn_genes(genome, rng))
     program = problem.random_program(rng, capabilities)

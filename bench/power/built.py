@@ -21,7 +21,7 @@ import numpy as np
 from bench.power.faults import measured_with, reversed_tilt, servos_calibrated, with_calibration
 from bench.power.robots import Otherwise, Robot, TextOf, shipped, turned_joint
 from bench.power.trial import Trial
-from bench.prior_bodies import drawn_genes, on_default_robot
+from bench.prior_bodies import drawn_genes, on_robot
 from estimator.body.morphology import BASE, Array, Morphology
 from estimator.problem.problem import Problem
 from estimator.report.export.formats import in_words_of, urdf
@@ -109,7 +109,7 @@ def _standing(problem: str, seed: int) -> Morphology:
     Most bodies of the whole prior lie on their bellies whatever they do: of these no length is ever
     known, and intervals hold by themselves.
     """
-    _, genome, _ = on_default_robot(problem)
+    _, genome, _ = on_robot(problem)
     body = genome.decode(drawn_genes(genome, np.random.default_rng([seed, 1])))
     (up,) = (index for index, hinge in enumerate(body.hinges) if hinge.name == "up")
     parts = (
@@ -128,7 +128,7 @@ def _standing(problem: str, seed: int) -> Morphology:
 
 def standing_body(problem: str, seed: int) -> str:
     """The URDF of one that is as a problem says; the problem by name, or its text."""
-    known, _, robot = on_default_robot(problem)
+    known, _, robot = on_robot(problem)
     return urdf(in_words_of(known, robot, _standing(problem, seed)))
 
 
@@ -206,7 +206,7 @@ class _Draw:
 
 def _body_as_built(seed: int) -> str:
     """One that stands, with other parts: a thicker one is of as much mass."""
-    problem, _, robot = on_default_robot(_PROBLEM)
+    problem, _, robot = on_robot(_PROBLEM)
     body, draw = _standing(_PROBLEM, seed), _Draw.of(seed)
     parts = []
     for part, factor in zip(body.parts, draw.thickness.tolist(), strict=True):

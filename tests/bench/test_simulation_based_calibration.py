@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from bench.prior_bodies import on_default_robot
+from bench.prior_bodies import on_robot
 from bench.simulation_based_calibration import StaticsRobot, evenly
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.model.likelihood import Noise
@@ -18,7 +18,7 @@ FAR = math.radians(15)
 
 
 def test_outliers_are_as_frequent_and_as_far_off_as_in_the_likelihood() -> None:
-    problem, genome, capabilities = on_default_robot("topological")
+    problem, genome, capabilities = on_robot("topological")
     world, noise = problem.settings(capabilities), Noise.announced(capabilities)
     robot = StaticsRobot(
         predictor=Predictor(Unknowns(genome), StaticsPhysics(world)),
