@@ -46,7 +46,8 @@ _RIVALS: Final = 12.0  # where the readings are explained without any:
 _WIDE: Final = 6  # so many switches of a set, and others;
 _OTHERS: Final = 24  # sets that are weighed with what leads on those that were looked at
 _WORTH: Final = 5.0  # below the best weight, those that are weighed like the narrow ones
-_SETTLES: Final = 16  # samples of one hypothesis
+_SETTLES: Final = 16  # samples of one hypothesis,
+_SETTLE_TOGETHER: Final = 64  # of which one worker moves so many
 _DRAWN: Final = 32  # points of a set, for the next interaction,
 _DRAWN_OF: Final = 32  # of so many sets
 _INTERVAL: Final = (0.05, 0.5, 0.95)
@@ -132,19 +133,19 @@ class Weigher:
             weights += self._of(first, max(each, _FEWEST), log_chances, thorough=False)
             best = max(one.log for one in weights)
         points = np.array([one.hypothesis.point for one in weights])
-        as_stated = self._weighed_again(weights, _close(weights), log_chances)
-        return self._summed(points, weights, as_stated, samples)
+        stated = self._weighed_again(weights, _close(weights), log_chances)
+        return self._summed(points, weights, stated, samples)
 
     def _weighed_again(
         self, weights: list[_Weight], close: Sequence[int], log_chances: Array
-    ) -> Array | None:
+    ) -> _Weight | None:
         """Replaces weights of the best sets by better ones, and adds those of wide components.
 
         Where many sets are as good nothing is done, but for what no robot as people build them
         explains.
 
         Returns:
-            Points of the first one if the robot is just as stated, where it may be otherwise.
+            That of the first one if the robot is just as stated, where it may be otherwise.
         """
         few, unknowns = len(close) <= _FEW, self._predictor.unknowns
         table = unknowns.table
@@ -181,8 +182,7 @@ class Weigher:
         rough = [one for one in rough if one.log > least]
         wide = [one.hypothesis for one in rough[:_FEW]]
         weights += [*again, *self._of(wide, self._particles, log_chances), *rough[len(wide) :]]
-        (values,) = self._settled([(stated, len(stated.particles.own))])
-        return values
+        return stated
 
     def _others_with(self, rough: Sequence[_Weight], narrow: Sequence[_Weight]) -> list[Hypothesis]:
         """Sets that were not looked at, with the wide component that leads, if one does.
@@ -281,13 +281,17 @@ class Weigher:
         return [weights[number] for number in range(len(hypotheses))]
 
     def _summed(
-        self, points: Array, weights: Sequence[_Weight], as_stated: Array | None, samples: int
+        self, points: Array, weights: Sequence[_Weight], stated: _Weight | None, samples: int
     ) -> WeighedModes:
         mode = np.array([one.hypothesis.mode for one in weights])
         shares = softmax(np.array([one.log for one in weights]))
         rows = systematic(shares, samples, float(self._rng.random()))
         counts = np.bincount(rows, minlength=len(weights)).tolist()
-        values = self._settled([pair for pair in zip(weights, counts, strict=True) if pair[1]])
+        counted = [pair for pair in zip(weights, counts, strict=True) if pair[1]]
+        if stated:
+            counted.append((stated, len(stated.particles.own)))
+        values = self._settled(counted)
+        as_stated = values.pop() if stated else None
         draws, points = [], points.copy()
         for row in range(len(points)):
             own = max(np.flatnonzero(mode == row).tolist(), key=lambda number: shares[number])
@@ -307,20 +311,19 @@ class Weigher:
 
     def _settled(self, drawn: Sequence[tuple[_Weight, int]]) -> list[Array]:
         """So many points of each, shape (count, size), which settle where they are many."""
-        seeds = self._rng.integers(2**32, size=len(drawn)).tolist()
-        values, tasks = [], []
-        for (one, count), seed in zip(drawn, seeds, strict=True):
-            rows = self._rng.permutation(len(one.particles.own))
-            values.append(one.particles.values[np.resize(rows, count)])
+        values, owners, tasks = [], [], []
+        for number, (one, count) in enumerate(drawn):
+            rows = np.resize(self._rng.permutation(len(one.particles.own)), count)
+            values.append(one.particles.values[rows])
             if count >= _SETTLES:
-                own = one.particles.own[np.resize(rows, _even(count + 1))]
-                tasks.append((one.hypothesis, own, seed))
+                for some in np.array_split(np.arange(count), math.ceil(count / _SETTLE_TOGETHER)):
+                    own = one.particles.own[rows[np.resize(some, _even(some.size + 1))]]
+                    owners.append((number, some))
+                    tasks.append((one.hypothesis, own, int(self._rng.integers(2**32))))
         done = self._workers.map(self._integrals.settled_with_cost, tasks)
-        for number, (_, count) in enumerate(drawn):
-            if count >= _SETTLES:
-                settled, cost = next(done)
-                values[number] = settled[:count]
-                self._predictor.add_cost(cost)
+        for (number, some), (settled, cost) in zip(owners, done, strict=True):
+            values[number][some] = settled[: some.size]
+            self._predictor.add_cost(cost)
         return values
 
     def _spread_out(self, values: Array) -> Array:
