@@ -62,6 +62,10 @@ class _Outline:
     mount: str
     hinge: str
     motor: int | None
+    sensor: int | None
+    radius: float
+    shape: str
+    length: tuple[float, float]
 
 
 def changes_of(
@@ -81,6 +85,10 @@ def changes_of(
             mount=body.mount(index).name,
             hinge=body.hinge(index).name,
             motor=part.motor,
+            sensor=part.sensor,
+            radius=part.radius,
+            shape=part.shape,
+            length=(part.length, part.length),
         )
         for index, (part, name) in enumerate(zip(body.parts, parts, strict=True))
     ]

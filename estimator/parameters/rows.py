@@ -66,6 +66,22 @@ class PartOutline(Protocol):
     def motor(self) -> int | None:
         """The motor that drives it; ``None``: none does."""
 
+    @property
+    def sensor(self) -> int | None:
+        """The touch sensor that it has."""
+
+    @property
+    def radius(self) -> float:
+        """Half of its thickness, m."""
+
+    @property
+    def shape(self) -> str:
+        """``capsule`` or ``box``."""
+
+    @property
+    def length(self) -> tuple[float, float]:
+        """Its length, m: the least and the most."""
+
 
 RowSource: TypeAlias = Callable[[Sequence[PartOutline], int], Iterable[Parameter]]
 """Rows for a robot with these parts and so many touch sensors."""
@@ -528,7 +544,14 @@ def of_wiring(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]
                 check=f"move {first.name} alone, and see which leg moves",
                 switch=True,
             )
+    anywhere = {
+        part.sensor: (part.radius, part.shape, part.length)
+        for part in parts
+        if part.motor is None and part.parent is None and part.mount is None
+    }
     for first_gauge, second_gauge in combinations(range(sensors), 2):
+        if anywhere.get(first_gauge, 1) == anywhere.get(second_gauge, 2):
+            continue  # as if the parts were exchanged
         yield Parameter(
             name=f"plugs of touch sensors {first_gauge + 1} and {second_gauge + 1} exchanged",
             group="gauge_plugs",

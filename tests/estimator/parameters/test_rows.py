@@ -225,6 +225,17 @@ def test_what_repeats_an_open_choice_has_no_row() -> None:
     assert sum(gauges) == pytest.approx(MISWIRED / len(WIRING))
 
 
+def test_of_alike_parts_that_sit_anywhere_and_turn_with_others_gauges_are_not_exchanged() -> None:
+    unknown = Problem.load("topological-20")
+    rows = table_of(unknown.parts, unknown.sensors)
+    assert not any("plugs of touch sensors" in row.name for row in rows)
+    assert any("touch sensor 4 dead" in row.name for row in rows)
+    *others, last = unknown.parts
+    thicker = [*others, last.model_copy(update={"radius": 0.01})]
+    names = [row.name for row in table_of(thicker, unknown.sensors) if "plugs of" in row.name]
+    assert names == [f"plugs of touch sensors {gauge} and 4 exchanged" for gauge in (1, 2, 3)]
+
+
 def test_what_strays_farther_than_robots_as_people_build_them_deviates() -> None:
     rows = tuple(TABLE.values())
     away = np.zeros((4, len(rows)))
