@@ -21,7 +21,6 @@ from bench.power.study import SEEDS
 from bench.power.tables import RUNS, SUMMARY, by_group, markdown, run_rows, summary_rows
 from bench.power.trial import Trial, TrialRun
 from bench.study_command import add_options, complete_by_command
-from estimator.body.morphology import Array
 from estimator.identification import posterior_method
 from estimator.posterior.discovery import discovery, population
 from estimator.posterior.model import likelihood
@@ -45,10 +44,8 @@ class Ablation:
     replaced: Mapping[tuple[Any, str], Any] = field(default_factory=dict)
 
 
-def _as_weighed(
-    modes: WeighedModes, scales: Array, *_: object, **__: object
-) -> tuple[WeighedModes, Array]:
-    return modes, scales
+def _as_weighed(modes: WeighedModes, *_: object) -> WeighedModes:
+    return modes
 
 
 GROUP: Final = "ablations"

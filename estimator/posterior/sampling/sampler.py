@@ -299,15 +299,9 @@ class Sampler:
         modes = weigher.weighed(agreement.points, agreement.guesses, effort.samples)
         scales = likelihood.drawn_scales(likelihood.misfits_of(predictor, modes.values), self._rng)
         if unknowns.choices.size:
-            modes, scales = mixed(
-                modes,
-                scales,
-                predictor,
-                likelihood,
-                self._rng,
-                workers=self._workers,
-                steps=effort.steps,
-            )
+            chains = Population(predictor, self._rng, modes.values, scales)
+            chains.observe(likelihood, surely=False)
+            modes, scales = mixed(modes, chains, unknowns, effort.steps), chains.scales
         values = modes.values
         whose, keys = map(unknowns.keys, (values, modes.points))
         for search, found in zip(self._searches, agreement.found, strict=True):

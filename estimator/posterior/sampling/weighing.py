@@ -46,8 +46,7 @@ _RIVALS: Final = 12.0  # where the readings are explained without any:
 _WIDE: Final = 6  # so many switches of a set, and others;
 _OTHERS: Final = 24  # sets that are weighed with what leads on those that were looked at
 _WORTH: Final = 5.0  # below the best weight, those that are weighed like the narrow ones
-_SETTLES: Final = 16  # samples of one hypothesis,
-_SETTLE_TOGETHER: Final = 64  # of which one worker moves so many
+_SETTLES: Final = 16  # samples of one hypothesis
 _DRAWN: Final = 32  # points of a set, for the next interaction,
 _DRAWN_OF: Final = 32  # of so many sets
 _INTERVAL: Final = (0.05, 0.5, 0.95)
@@ -311,19 +310,19 @@ class Weigher:
 
     def _settled(self, drawn: Sequence[tuple[_Weight, int]]) -> list[Array]:
         """So many points of each, shape (count, size), which settle where they are many."""
-        values, owners, tasks = [], [], []
-        for number, (one, count) in enumerate(drawn):
-            rows = np.resize(self._rng.permutation(len(one.particles.own)), count)
-            values.append(one.particles.values[rows])
+        values, tasks = [], []
+        for one, count in drawn:
+            rows = np.resize(self._rng.permutation(len(one.particles.own)), _even(count + 1))
+            values.append(one.particles.values[rows[:count]])
             if count >= _SETTLES:
-                for some in np.array_split(np.arange(count), math.ceil(count / _SETTLE_TOGETHER)):
-                    own = one.particles.own[rows[np.resize(some, _even(some.size + 1))]]
-                    owners.append((number, some))
-                    tasks.append((one.hypothesis, own, int(self._rng.integers(2**32))))
+                seed = int(self._rng.integers(2**32))
+                tasks.append((one.hypothesis, one.particles.own[rows], seed))
         done = self._workers.map(self._integrals.settled_with_cost, tasks)
-        for (number, some), (settled, cost) in zip(owners, done, strict=True):
-            values[number][some] = settled[: some.size]
-            self._predictor.add_cost(cost)
+        for number, (_, count) in enumerate(drawn):
+            if count >= _SETTLES:
+                settled, cost = next(done)
+                values[number] = settled[:count]
+                self._predictor.add_cost(cost)
         return values
 
     def _spread_out(self, values: Array) -> Array:
