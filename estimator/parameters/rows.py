@@ -544,14 +544,15 @@ def of_wiring(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]
                 check=f"move {first.name} alone, and see which leg moves",
                 switch=True,
             )
-    anywhere = {
-        part.sensor: (part.radius, part.shape, part.length)
+    known_by_gauge = {
+        part.sensor: (part.parent, part.radius, part.shape, part.length)
         for part in parts
-        if part.motor is None and part.parent is None and part.mount is None
+        if part.motor is None and part.mount is None
     }
     for first_gauge, second_gauge in combinations(range(sensors), 2):
-        if anywhere.get(first_gauge, 1) == anywhere.get(second_gauge, 2):
-            continue  # as if the parts were exchanged
+        alike = known_by_gauge.get(first_gauge)
+        if alike and alike == known_by_gauge.get(second_gauge):
+            continue  # it is found as if the parts themselves were exchanged
         yield Parameter(
             name=f"plugs of touch sensors {first_gauge + 1} and {second_gauge + 1} exchanged",
             group="gauge_plugs",

@@ -234,6 +234,9 @@ def test_of_alike_parts_that_sit_anywhere_and_turn_with_others_gauges_are_not_ex
     thicker = [*others, last.model_copy(update={"radius": 0.01})]
     names = [row.name for row in table_of(thicker, unknown.sensors) if "plugs of" in row.name]
     assert names == [f"plugs of touch sensors {gauge} and 4 exchanged" for gauge in (1, 2, 3)]
+    own = [part.model_copy(update={"parent": number}) for number, part in enumerate(others[4:])]
+    names = [row.name for row in table_of([*others[:4], *own, last], unknown.sensors)]
+    assert sum("plugs of touch sensors" in name for name in names) == 6
 
 
 def test_what_strays_farther_than_robots_as_people_build_them_deviates() -> None:
