@@ -50,11 +50,14 @@ from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.posterior import Posterior
 from estimator.posterior.sampling.sampler import Effort, Sampler
 from estimator.posterior.summary import information_gained, summarise
+from estimator.problem.problem import Problem
 from estimator.readings.modalities import MODALITIES
 from estimator.readings.observation import Observation, PredictedReadings
 from estimator.reproduction.harness import BriefRun, made_by
 from estimator.storage.posteriors import SURE
 from protocol.system.files import replace_text
+from protocol.wire.capabilities import Capabilities
+from sim_robot.world.body import DEFAULT
 
 Robots: TypeAlias = Literal["exact", "stated", "built"]
 
@@ -134,6 +137,7 @@ class BodyRun(BriefRun):
         seed: Of the body and of all else.
         robots: Whether the robot is just as stated, and known to be, or as people build them.
         random: Whether movements are, and only what is known after the last of them is asked.
+        robot: Body of the robot that says what its main body is, by name or file.
     """
 
     leaves = "figures.json"
@@ -143,11 +147,13 @@ class BodyRun(BriefRun):
     seed: int
     robots: Robots = "exact"
     random: bool = False
+    robot: str = DEFAULT
 
     @property
     def name(self) -> str:
         """Its own in the study."""
         kind = f"-{self.robots}" + "-random" * self.random
+        kind += f"-{Path(self.robot).stem}" * (self.robot != DEFAULT)
         return f"{Path(self.problem).stem}-{self.interactions}{kind}/{self.seed}"
 
     def make(self, place: Path) -> None:
@@ -165,34 +171,42 @@ class BodyRun(BriefRun):
         return f"{'right' if last['right'] else 'wrong'}, stated {last['probability']}"
 
 
-def trial(run: BodyRun) -> list[dict[str, Any]]:
-    """One body, and what was known of it after each interaction."""
-    seed = run.seed
-    problem, genome, capabilities = on_robot(run.problem)
-    noise = Noise.announced(capabilities)
-    world, effort, rng = problem.settings(capabilities), Effort(), np.random.default_rng(seed)
-    cap, unknowns = (
-        world.clearance_cap,
-        Unknowns(genome, () if run.robots == "exact" else problem.table),
-    )
-    seeds = np.random.SeedSequence(seed).spawn(effort.populations + 1)
-    sampler = Sampler(
-        unknowns, partial(StaticsPhysics, world), effort, seeds, workers=ThisProcess()
-    )
-    predictor, ends = sampler.predictor, problem.program_range(capabilities)
+def robot_of(run: BodyRun) -> tuple[StaticsRobot, Problem, Capabilities, float]:
+    """The robot of a run, the problem, what it says of itself, and how carefully it was built."""
+    problem, genome, capabilities = on_robot(run.problem, run.robot)
+    noise, world = Noise.announced(capabilities), problem.settings(capabilities)
+    unknowns = Unknowns(genome, () if run.robots == "exact" else problem.table)
+    rng, scale = np.random.default_rng(run.seed), 0.0
     body = unknowns.as_stated(drawn_genes(genome, rng)[None])[0]
-    body[unknowns.continuous] = evenly(seed, unknowns.continuous.size)
-    scale = 0.0
+    body[unknowns.continuous] = evenly(run.seed, unknowns.continuous.size)
     if run.robots == "built":
-        scale = build(body, unknowns, rng)
+        scale = MEDIAN_CARE * math.exp(CARE * rng.standard_normal())
+        spreads = np.array([row.narrow * (scale if row.by_care else 1) for row in unknowns.table])
+        body[unknowns.genes_size :] = spreads * rng.standard_normal(spreads.size)
     robot = StaticsRobot(
-        predictor=predictor,
+        predictor=Predictor(unknowns, StaticsPhysics(world)),
         body=body,
         scales=np.zeros(2) if run.robots == "stated" else drawn_scales(2, rng),
         noise=noise._replace(outlier=0.0) if run.robots == "stated" else noise,
-        cap=cap,
+        cap=world.clearance_cap,
         rng=rng,
     )
+    return robot, problem, capabilities, scale
+
+
+def trial(run: BodyRun) -> list[dict[str, Any]]:
+    """One body, and what was known of it after each interaction."""
+    robot, problem, capabilities, scale = robot_of(run)
+    predictor, body, cap, rng = robot.predictor, robot.body, robot.cap, robot.rng
+    unknowns, noise, effort = predictor.unknowns, Noise.announced(capabilities), Effort()
+    sampler = Sampler(
+        unknowns,
+        partial(StaticsPhysics, problem.settings(capabilities)),
+        effort,
+        np.random.SeedSequence(run.seed).spawn(effort.populations + 1),
+        workers=ThisProcess(),
+    )
+    ends = problem.program_range(capabilities)
     (true_body,) = unknowns.decode_all(body[None])
     anybody = leg_lengths(unknowns.decode_all(rng.random((2, unknowns.size))))
     open_legs = np.flatnonzero(anybody[0] != anybody[1])
@@ -248,14 +262,6 @@ def trial(run: BodyRun) -> list[dict[str, Any]]:
     return told
 
 
-def build(body: Array, unknowns: Unknowns, rng: np.random.Generator) -> float:
-    """Makes a robot as people build them of one as stated, shape (size,); how carefully."""
-    scale = MEDIAN_CARE * math.exp(CARE * rng.standard_normal())
-    spreads = np.array([row.narrow * (scale if row.by_care else 1) for row in unknowns.table])
-    body[unknowns.genes_size :] = spreads * rng.standard_normal(spreads.size)
-    return scale
-
-
 def evenly(number: int, size: int) -> Array:
     """A point of a scrambled Halton sequence in the unit cube, shape (size,), by its number."""
     stats: Any = importlib.import_module("scipy.stats")  # takes a second
@@ -302,28 +308,32 @@ def table(trials: Iterable[list[dict[str, Any]]]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def add_bodies(parser: argparse.ArgumentParser, *, bodies: int, interactions: int) -> None:
+    """Adds which bodies are drawn, and of which robots."""
+    parser.add_argument("--problem", default="topological")
+    parser.add_argument("--robot", default=DEFAULT, help="its body, by name or file (%(default)s)")
+    parser.add_argument("--bodies", type=int, default=bodies)
+    parser.add_argument("--interactions", type=int, default=interactions)
+    parser.add_argument("--robots", choices=get_args(Robots), default="exact")
+
+
+def bodies_by_command(options: argparse.Namespace) -> list[dict[str, Any]]:
+    """What a ``BodyRun`` of each body is made of."""
+    names = ("problem", "robot", "interactions", "robots")
+    known = {name: getattr(options, name) for name in names}
+    return [{**known, "seed": seed} for seed in range(options.bodies)]
+
+
 def main() -> None:
     """Makes the trials and prints their table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--problem", default="topological")
-    parser.add_argument("--bodies", type=int, default=300)
-    parser.add_argument("--interactions", type=int, default=4)
-    parser.add_argument("--robots", choices=get_args(Robots), default="exact")
     parser.add_argument(
         "--random", action="store_true", help="random movements, learnt from after the last"
     )
     add_options(parser, Path("runs/simulation-based-calibration"))
+    add_bodies(parser, bodies=300, interactions=4)
     options = parser.parse_args()
-    runs = [
-        BodyRun(
-            problem=options.problem,
-            interactions=options.interactions,
-            seed=seed,
-            robots=options.robots,
-            random=options.random,
-        )
-        for seed in range(options.bodies)
-    ]
+    runs = [BodyRun(**of_body, random=options.random) for of_body in bodies_by_command(options)]
     complete_by_command(runs, options.out, options)
     print(table(run.told(options.out) for run in runs), made_by(options.out, runs), sep="\n")
 
