@@ -142,7 +142,7 @@ def _factors(count: int, lengths: int, rng: np.random.Generator) -> Array:
     return np.where(whole, 1.0, usual) * np.exp(rng.uniform(-1.5, 0.2, (count, 1)))
 
 
-_RANDOM: Final = 300  # points, where parents are unknown
+_RANDOM: Final = 1200  # points, where parents are unknown
 _LENGTHS: Final = 6  # tried with each choice, where they are known
 
 
