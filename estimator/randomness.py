@@ -19,7 +19,6 @@ class Stream(IntEnum):
     VALIDATION = 2
     RANDOM_MODELS = 3
     EQUIVALENCE = 4
-    LEFT_OUT = 5
 
 
 def generator(seed: int, stream: Stream, number: int = 0) -> np.random.Generator:

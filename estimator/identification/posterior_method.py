@@ -26,7 +26,6 @@ from estimator.physics.base import ArrayPhysics, Physics, WorldSettings
 from estimator.physics.equivalence import PROGRAMS
 from estimator.posterior.checks.simulator import (
     fine,
-    leave_one_out_check,
     outliers_left,
     probability_unlisted,
     recheck,
@@ -37,7 +36,7 @@ from estimator.posterior.indistinguishable import (
     indistinguishable_points,
     probability_of,
 )
-from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
+from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.posterior import Posterior
 from estimator.posterior.sampling.sampler import Effort, Sampler
 from estimator.posterior.summary import load_posterior, summarise
@@ -254,15 +253,7 @@ class PosteriorMethod:
         sampled = self._fitted(self._posterior, observations)
         likelihood = sampled.likelihood
         checked = recheck(self._posterior, self._predictor, likelihood, self._reference)
-        posterior = leave_one_out_check(
-            checked.posterior,
-            self._predictor,
-            likelihood,
-            reference=self._reference,
-            like=self._like_first_of(checked.posterior, summary),
-            rng=generator(self._store.settings.seed, Stream.LEFT_OUT),
-        )
-        fitted = replace(sampled, posterior=posterior)
+        fitted = replace(sampled, posterior=checked.posterior)
         final = self._summarised(fitted)
         final = self._doubted(final, fitted)
         final = final.model_copy(
@@ -279,13 +270,6 @@ class PosteriorMethod:
         if not final.knows_cause(SURE) or any(not mode.indistinguishable for mode in modes):
             final = final.model_copy(update={"next_movement": self._deciding(fitted)})
         self._store.save_posterior(last, final, self._cost(), None)
-
-    def _like_first_of(self, posterior: Posterior, summary: StoredPosterior) -> set[Attachments]:
-        """A posterior's first attachments, and those indistinguishable from them in the summary."""
-        leader = posterior.modes[0].attachments
-        genes = np.array([mode.genes for mode in summary.modes if mode.indistinguishable])
-        alike = set(self._predictor.unknowns.keys(genes))
-        return alike if leader in alike else {leader}
 
     def _doubted(self, summary: StoredPosterior, fitted: FittedPosterior) -> StoredPosterior:
         """The summary, with the probability of a robot that is otherwise as nobody looks for."""
