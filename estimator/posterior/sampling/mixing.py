@@ -8,35 +8,81 @@ go to the others as often as these deserve.
 
 from __future__ import annotations
 
+from concurrent.futures import Executor
 from dataclasses import replace
+from functools import partial
+from typing import Final
 
 import numpy as np
 
 from estimator.body.morphology import Array
 from estimator.posterior.discovery.population import Population
-from estimator.posterior.model.unknowns import Attachments, Unknowns
+from estimator.posterior.model.likelihood import Likelihood
+from estimator.posterior.model.unknowns import Attachments, Cost, Predictor, Unknowns
 from estimator.posterior.sampling.weighing import WeighedModes
 
+_PARTS: Final = 2  # of the chains, which know nothing of each other
 
-def mixed(modes: WeighedModes, chains: Population, unknowns: Unknowns, steps: int) -> WeighedModes:
-    """The modes with those that chains have gone on to, and the points where they are then.
 
-    Of those the effective number is that of their chains, and the draws are where these are.
+def mixed(
+    modes: WeighedModes,
+    scales: Array,
+    predictor: Predictor,
+    likelihood: Likelihood,
+    rng: np.random.Generator,
+    *,
+    workers: Executor,
+    steps: int,
+) -> tuple[WeighedModes, Array]:
+    """The modes with those that chains go on to, and the samples where these are then.
+
+    Of those modes the effective number is that of their chains, and the draws are where these are.
 
     Args:
         modes: That were weighed.
-        chains: On one level, at the modes' ``values``; they are moved.
-        unknowns: The cube.
+        scales: Logarithms of their samples' noise factors, shape (n, 2).
+        predictor: Computes readings.
+        likelihood: Of the observations.
+        rng: Seeds the chains.
+        workers: Move some chains each; how many there are changes no result.
         steps: Of the chains.
+
+    Returns:
+        The modes, and ``scales`` of their samples.
     """
+    seeds = rng.integers(2**32, size=_PARTS).tolist()
+    own = (slice(part, None, _PARTS) for part in range(_PARTS))
+    tasks = [
+        (modes.values[rows], scales[rows], seed) for rows, seed in zip(own, seeds, strict=True)
+    ]
+    moved = workers.map(partial(_moved, predictor, likelihood, steps), tasks)
+    *arrays, costs = zip(*moved, strict=True)
+    for cost in costs:
+        predictor.add_cost(cost)
+    values, scales, fits = map(np.concatenate, arrays)
+    return _with_others(replace(modes, values=values), fits, predictor.unknowns), scales
+
+
+def _moved(
+    predictor: Predictor, likelihood: Likelihood, steps: int, task: tuple[Array, Array, int]
+) -> tuple[Array, Array, Array, Cost]:
+    """Where chains are after some steps, their noise factors and fits, and what that cost."""
+    values, scales, seed = task
+    before = predictor.cost
+    chains = Population(predictor, np.random.default_rng(seed), values, scales)
+    chains.observe(likelihood, surely=False)
     for _ in range(steps):
         chains.step()
-    values, fits = chains.values, chains.posterior_fits(1)
-    weighed, others = set(unknowns.keys(modes.points)), dict[Attachments, list[int]]()
+    return chains.values, chains.scales, chains.posterior_fits(1), predictor.cost.since(before)
+
+
+def _with_others(modes: WeighedModes, fits: Array, unknowns: Unknowns) -> WeighedModes:
+    """The modes with those of samples that are on none of them."""
+    values, others = modes.values, dict[Attachments, list[int]]()
+    weighed = set(unknowns.keys(modes.points))
     for row, key in enumerate(unknowns.keys(values)):
         if key not in weighed:
             others.setdefault(key, []).append(row)
-    modes = replace(modes, values=values)
     if not others:
         return modes
     behind = np.array([float(len(rows)) for rows in others.values()])

@@ -290,18 +290,20 @@ class Sampler:
         """Modes by their evidences, and samples."""
         predictor, effort, unknowns = self.predictor, self._effort, self.predictor.unknowns
         weigher = Weigher(
-            predictor,
-            likelihood,
-            self._rng,
-            workers=self._workers,
-            particles=effort.particles,
+            predictor, likelihood, self._rng, workers=self._workers, particles=effort.particles
         )
         modes = weigher.weighed(agreement.points, agreement.guesses, effort.samples)
         scales = likelihood.drawn_scales(likelihood.misfits_of(predictor, modes.values), self._rng)
         if unknowns.choices.size:
-            chains = Population(predictor, self._rng, modes.values, scales)
-            chains.observe(likelihood, surely=False)
-            modes, scales = mixed(modes, chains, unknowns, effort.steps), chains.scales
+            modes, scales = mixed(
+                modes,
+                scales,
+                predictor,
+                likelihood,
+                self._rng,
+                workers=self._workers,
+                steps=effort.steps,
+            )
         values = modes.values
         whose, keys = map(unknowns.keys, (values, modes.points))
         for search, found in zip(self._searches, agreement.found, strict=True):

@@ -46,7 +46,8 @@ _RIVALS: Final = 12.0  # where the readings are explained without any:
 _WIDE: Final = 6  # so many switches of a set, and others;
 _OTHERS: Final = 24  # sets that are weighed with what leads on those that were looked at
 _WORTH: Final = 5.0  # below the best weight, those that are weighed like the narrow ones
-_SETTLES: Final = 16  # samples of one hypothesis
+_SETTLES: Final = 16  # samples of one hypothesis,
+_SETTLE_TOGETHER: Final = 128  # by one worker; even
 _DRAWN: Final = 32  # points of a set, for the next interaction,
 _DRAWN_OF: Final = 32  # of so many sets
 _INTERVAL: Final = (0.05, 0.5, 0.95)
@@ -310,20 +311,20 @@ class Weigher:
 
     def _settled(self, drawn: Sequence[tuple[_Weight, int]]) -> list[Array]:
         """So many points of each, shape (count, size), which settle where they are many."""
-        values, tasks = [], []
-        for one, count in drawn:
+        values, tasks, places = [], [], []
+        for number, (one, count) in enumerate(drawn):
             rows = np.resize(self._rng.permutation(len(one.particles.own)), _even(count + 1))
-            values.append(one.particles.values[rows[:count]])
-            if count >= _SETTLES:
+            values.append(one.particles.values[rows])
+            for start in range(0, len(rows) if count >= _SETTLES else 0, _SETTLE_TOGETHER):
+                some = rows[start : start + _SETTLE_TOGETHER]
                 seed = int(self._rng.integers(2**32))
-                tasks.append((one.hypothesis, one.particles.own[rows], seed))
+                tasks.append((one.hypothesis, one.particles.own[some], seed))
+                places.append((number, slice(start, start + len(some))))
         done = self._workers.map(self._integrals.settled_with_cost, tasks)
-        for number, (_, count) in enumerate(drawn):
-            if count >= _SETTLES:
-                settled, cost = next(done)
-                values[number] = settled[:count]
-                self._predictor.add_cost(cost)
-        return values
+        for (number, place), (settled, cost) in zip(places, done, strict=True):
+            values[number][place] = settled
+            self._predictor.add_cost(cost)
+        return [some[:count] for some, (_, count) in zip(values, drawn, strict=True)]
 
     def _spread_out(self, values: Array) -> Array:
         """Some particles, half of them with the least known length anywhere.

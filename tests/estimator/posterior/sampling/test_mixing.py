@@ -6,8 +6,7 @@ from collections import Counter
 
 import numpy as np
 
-from estimator.body.morphology import Array
-from estimator.posterior.discovery.population import Population
+from estimator.executors import ThisProcess
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.sampling.mixing import mixed
@@ -19,9 +18,10 @@ from tests.estimator.two_unknown_rows import NOISE, draw, programs
 _SAMPLES = 1024
 
 
-def met(values: Array) -> WeighedModes:
-    """As if nothing but the first point's attachments had been found."""
-    return WeighedModes(
+def gone_on(predictor: Predictor, likelihood: Likelihood, steps: int) -> WeighedModes:
+    """From samples of the first point's attachments, as if nothing else had been found."""
+    values = np.repeat(POINT[None], _SAMPLES, axis=0)
+    met = WeighedModes(
         points=values[:1],
         shares=np.ones(1),
         ess=np.full(1, 100.0),
@@ -30,6 +30,20 @@ def met(values: Array) -> WeighedModes:
         as_stated=None,
         draws=[values],
     )
+    before = predictor.cost.simulations
+    modes, scales = mixed(
+        met,
+        np.zeros((_SAMPLES, 2)),
+        predictor,
+        likelihood,
+        np.random.default_rng(1),
+        workers=ThisProcess(),
+        steps=steps,
+    )
+    assert modes.values.shape == values.shape
+    assert scales.shape == (_SAMPLES, 2)
+    assert predictor.cost.simulations > before
+    return modes
 
 
 def test_what_no_search_has_met_is_named_as_often_as_it_deserves(narrow: Predictor) -> None:
@@ -38,12 +52,7 @@ def test_what_no_search_has_met_is_named_as_often_as_it_deserves(narrow: Predict
     exact = enumerated(narrow, data, WIDE, (4, 6, 2, 4, 6))
     first = {unknowns.keys(POINT[None])[0]: 1.0}
     assert distance(first, exact) > 0.5
-    rng = np.random.default_rng(1)
-    chains = Population(
-        narrow, rng, np.repeat(POINT[None], _SAMPLES, axis=0), np.zeros((_SAMPLES, 2))
-    )
-    chains.observe(Likelihood(data, WIDE), surely=False)
-    modes = mixed(met(chains.values.copy()), chains, unknowns, 800)
+    modes = gone_on(narrow, Likelihood(data, WIDE), 800)
     keys = unknowns.keys(modes.points)
     sampled = Counter(unknowns.keys(modes.values))
     assert set(sampled) <= set(keys)
@@ -58,10 +67,7 @@ def test_what_no_search_has_met_is_named_as_often_as_it_deserves(narrow: Predict
 def test_no_unmet_set_leads_by_the_chance_of_its_chains(narrow: Predictor) -> None:
     unknowns = narrow.unknowns
     data = draw(narrow, POINT, programs(1, seed=3), np.random.default_rng(6))
-    values = np.repeat(POINT[None], _SAMPLES, axis=0)
-    chains = Population(narrow, np.random.default_rng(1), values.copy(), np.zeros((_SAMPLES, 2)))
-    chains.observe(Likelihood(data, WIDE), surely=False)
-    modes = mixed(met(values), chains, unknowns, 100)
+    modes = gone_on(narrow, Likelihood(data, WIDE), 100)
     others = np.sort(modes.shares[1:])
     assert len(others) > 50
     counts = Counter(unknowns.keys(modes.values))
@@ -74,9 +80,6 @@ def test_no_unmet_set_leads_by_the_chance_of_its_chains(narrow: Predictor) -> No
 def test_where_chains_stay_nothing_changes(narrow: Predictor) -> None:
     unknowns = narrow.unknowns
     data = draw(narrow, POINT, programs(8), np.random.default_rng(2))
-    values = np.repeat(POINT[None], _SAMPLES, axis=0)
-    chains = Population(narrow, np.random.default_rng(1), values, np.zeros((_SAMPLES, 2)))
-    chains.observe(Likelihood(data, NOISE), surely=False)
-    modes = mixed(met(values.copy()), chains, unknowns, 40)
+    modes = gone_on(narrow, Likelihood(data, NOISE), 40)
     assert unknowns.keys(modes.points) == unknowns.keys(POINT[None])
     assert modes.shares.tolist() == [1.0]
