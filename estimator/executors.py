@@ -29,6 +29,7 @@ Result = TypeVar("Result")
 
 _PR_SET_PDEATHSIG: Final = 1  # Linux
 _LIBC: Final = ctypes.CDLL(None)
+_PRELOADED: Final = "estimator.preloaded"
 _DEATHS: Final = 3
 """Processes that may die of one task before it is given up."""
 
@@ -50,10 +51,11 @@ class ThisProcess(Executor):
 class WorkerProcesses(ThreadPoolExecutor):
     """Processes of this computer, which start with the first tasks and stay for later ones.
 
-    A thread waits for each of them, so one that dies affects no other: a new one does its task.
-    They ignore Ctrl-C in a terminal, which is for the process that started them, end with it, also
-    when it is killed, and discard what engines print. Where a ``with`` block ends by an error or an
-    interrupt they are ended, whatever they do. They import the calling program's main module.
+    The fork server that starts them has loaded what they need. A thread waits for each of them, so
+    one that dies affects no other: a new one does its task. They ignore Ctrl-C in a terminal, which
+    is for the process that started them, end with it, also when it is killed, and discard what
+    engines print. Where a ``with`` block ends by an error or an interrupt they are ended, whatever
+    they do. They import the calling program's main module.
 
     Args:
         jobs: Maximum number of processes.
@@ -66,6 +68,7 @@ class WorkerProcesses(ThreadPoolExecutor):
         if jobs < 1:
             raise WorkerError(f"jobs must be at least 1, not {jobs}")
         super().__init__(jobs, thread_name_prefix="worker")
+        _start_fork_server()  # which loads, while others do something else
         self._context = multiprocessing.get_context("forkserver")  # forking threads is unsafe
         self._lifeline, self._ours = self._context.Pipe(duplex=False)
         self._of_thread = threading.local()
@@ -115,7 +118,7 @@ class WorkerProcesses(ThreadPoolExecutor):
         known: ProcessPoolExecutor | None = getattr(self._of_thread, "pool", None)
         if known is not None:
             return known
-        _start_fork_server()
+        _start_fork_server()  # anew, if it has died
         pool = ProcessPoolExecutor(
             1, mp_context=self._context, initializer=_begin, initargs=(self._lifeline,)
         )
@@ -183,6 +186,7 @@ def die_with(parent: int, signal_number: int) -> None:
 
 def _start_fork_server() -> None:
     """Starts the fork server with Ctrl-C blocked, which the processes that it forks inherit."""
+    multiprocessing.set_forkserver_preload(["__main__", _PRELOADED])
     resource_tracker.ensure_running()  # its own start would unblock it
     kept = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:

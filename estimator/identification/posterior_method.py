@@ -140,8 +140,6 @@ class PosteriorMethod:
         )
         stored = store.posteriors()
         self._learnt = len(stored)
-        if self._learnt < store.settings.interactions:
-            self._sampler.prepare()
         self._counters = stored[-1][1] if stored else Counters()
         self._started = time.monotonic()
         self._posterior = self._sampler.prior()

@@ -85,6 +85,16 @@ def test_processes_start_with_the_first_tasks_and_stay() -> None:
         assert {process.pid for process in active_children()} == pids
 
 
+def has_loaded(module: str) -> bool:
+    return module in sys.modules
+
+
+def test_processes_begin_with_what_they_need() -> None:
+    with WorkerProcesses(1) as workers:
+        for module in ("estimator.posterior.sampling.sampler", "numba", "estimator.preloaded"):
+            assert workers.submit(has_loaded, module).result(), module
+
+
 def test_errors_come_back_as_they_are_or_with_their_text() -> None:
     with WorkerProcesses(1) as workers:
         with pytest.raises(PhysicsError) as caught:

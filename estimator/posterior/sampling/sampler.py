@@ -108,13 +108,6 @@ class Sampler:
         self._known: set[Attachments] = set()
         self._cleared: set[Attachments] = set()  # nothing better was found
 
-    def prepare(self) -> None:
-        """Has the workers load what they will need, while others do something else."""
-        for search in self._searches:
-            one = search.population.values[:1]
-            programs = np.zeros((1, search.predictor.unknowns.bodies(one).motors))
-            self._workers.submit(search.predictor.read_all, one, programs)
-
     def state(self) -> dict[str, Any]:
         """All that ``restore`` needs, for JSON."""
         return {
