@@ -15,7 +15,7 @@ from estimator.__main__ import main
 from estimator.exploration import best_programs, information
 from estimator.identification import posterior_method
 from estimator.posterior.checks import simulator
-from estimator.posterior.discovery import discovery
+from estimator.posterior.discovery import discovery, moves
 from estimator.posterior.sampling import weighing
 from estimator.posterior.sampling.sampler import Effort
 
@@ -27,6 +27,7 @@ def little_search() -> Iterator[None]:
     """Samplers within it, but not in other processes, do less of everything."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(discovery, "_POLISHED", 20)
+        patch.setattr(moves, "_RANDOM", 300)
         patch.setattr(discovery, "_PROMISING", 10)
         patch.setattr(discovery, "_STARTS", 6)
         patch.setattr(discovery, "_ELSEWHERE", 100)
@@ -46,8 +47,6 @@ def little_effort() -> Iterator[None]:
         patch.setattr(simulator, "SAMPLES", 6)
         patch.setattr(simulator, "STEP", 1 / 120)
         patch.setattr(simulator, "_TRIED", 6)
-        patch.setattr(simulator, "_DRAWS", 32)
-        patch.setattr(simulator, "_SIMULATED", 4)
         yield
 
 
