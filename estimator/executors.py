@@ -10,6 +10,7 @@ import multiprocessing
 import os
 import pickle
 import signal
+import sys
 import threading
 from collections.abc import Callable
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
@@ -30,6 +31,7 @@ Result = TypeVar("Result")
 _PR_SET_PDEATHSIG: Final = 1  # Linux
 _LIBC: Final = ctypes.CDLL(None)
 _PRELOADED: Final = "estimator.preloaded"
+_STARTING: Final = threading.Lock()
 _DEATHS: Final = 3
 """Processes that may die of one task before it is given up."""
 
@@ -185,14 +187,26 @@ def die_with(parent: int, signal_number: int) -> None:
 
 
 def _start_fork_server() -> None:
-    """Starts the fork server with Ctrl-C blocked, which the processes that it forks inherit."""
-    multiprocessing.set_forkserver_preload(["__main__", _PRELOADED])
-    resource_tracker.ensure_running()  # its own start would unblock it
-    kept = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        forkserver.ensure_running()
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, kept)
+    """Starts the fork server, with Ctrl-C blocked, which the processes that it forks inherit.
+
+    It finds modules where this process does and nowhere else. Up to Python 3.13 it is told, and
+    forgets.
+    """
+    paths = {"PYTHONPATH": os.pathsep.join(sys.path), "PYTHONSAFEPATH": "1"}
+    with _STARTING:
+        before = {name: os.environ.get(name) for name in paths}
+        multiprocessing.set_forkserver_preload(["__main__", _PRELOADED])
+        resource_tracker.ensure_running()  # its own start would unblock it
+        kept = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        os.environ.update(paths)
+        try:
+            forkserver.ensure_running()
+        finally:
+            for name, value in before.items():
+                del os.environ[name]
+                if value is not None:
+                    os.environ[name] = value
+            signal.pthread_sigmask(signal.SIG_SETMASK, kept)
 
 
 def _portably(work: Callable[[], Result]) -> Result:

@@ -13,9 +13,11 @@ from concurrent.futures import Executor
 from functools import partial
 from multiprocessing import active_children
 from multiprocessing.connection import Client, Listener
+from pathlib import Path
 
 import pytest
 
+import estimator
 from estimator.errors import PhysicsError, WorkerError
 from estimator.executors import ThisProcess, Threads, WorkerProcesses
 
@@ -93,6 +95,21 @@ def test_processes_begin_with_what_they_need() -> None:
     with WorkerProcesses(1) as workers:
         for module in ("estimator.posterior.sampling.sampler", "numba", "estimator.preloaded"):
             assert workers.submit(has_loaded, module).result(), module
+
+
+def test_processes_load_it_from_where_their_parent_does(tmp_path: Path) -> None:
+    """A checkout beside an installation, for one."""
+    (tmp_path / "estimator").symlink_to(Path(estimator.__path__[0]))
+    script = (
+        f"import sys; sys.path.insert(0, {str(tmp_path)!r})\n"
+        "from estimator.executors import WorkerProcesses\n"
+        "with WorkerProcesses(1) as workers:\n"
+        '    file = \'__import__("sys").modules["estimator.preloaded"].__file__\'\n'
+        "    print(workers.submit(eval, file).result())\n"
+    )
+    command = [sys.executable, "-c", script]
+    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    assert done.stdout.strip() == str(tmp_path / "estimator" / "preloaded.py")
 
 
 def test_errors_come_back_as_they_are_or_with_their_text() -> None:
