@@ -48,7 +48,7 @@ class Effort:
         steps: Of one round of the search.
         rounds: Of the search, at most.
         particles: For the evidence of one set of attachments, at most; even.
-        samples: Of the posterior.
+        samples: Of the posterior; a multiple of 8, since chains go on from them in two parts.
     """
 
     populations: int = 2
