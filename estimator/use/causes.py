@@ -35,7 +35,8 @@ _ROUNDS: Final = (64, 128, 256, 256)  # and of the others
 _SPREADS: Final = (0.01, 0.15)  # of amounts around good ones, in units of their priors
 _PRIOR: Final = 0.3  # share of bodies that are drawn by their prior in each round
 _CENTRES: Final = 16  # of either sign
-_HOPELESS: Final = 30.0  # nats below the best cause that a coarse look must find
+_HOPELESS: Final = 30.0  # nats below the best cause that a coarse look must find,
+_UNLIKELY: Final = 15.0  # and every round
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -247,7 +248,7 @@ class Weigher:
         weighed = [unchanged]
         for one, fits, guess in zip(first, coarse, guesses.tolist(), strict=True):
             if np.max(fits) > best - _HOPELESS:
-                weighed.append(self._refined(one, observations))
+                weighed.append(self._refined(one, observations, best - _UNLIKELY))
             else:
                 weighed.append(replace(one, weights=softmax(fits), log_evidence=guess))
         return self._sorted(weighed)
@@ -264,15 +265,26 @@ class Weigher:
         logs = np.log(self._weights) + self.fits(one, observations).sum(axis=1)
         return replace(one, weights=softmax(logs), log_evidence=float(logsumexp(logs)))
 
-    def _refined(self, first: Particles, observations: Sequence[Observation]) -> Particles:
-        """The particles of a cause after some rounds of those that explain most."""
+    def _refined(
+        self, first: Particles, observations: Sequence[Observation], least: float
+    ) -> Particles:
+        """The particles of a cause after some rounds of those that explain most.
+
+        Args:
+            first: Drawn by the prior.
+            observations: All.
+            least: Evidence below which no further round follows.
+        """
         cause, rng = first.cause, self.rng
         assert cause is not None
         rows, theta = first.rows, first.theta
         fits = self.fits(first, observations).sum(axis=1)
         rounds = [_Round(len(rows), self._weights, None, 1.0)]
         for count in _ROUNDS:
-            weights = softmax(self._log_weights(cause, rows, theta, fits, rounds))
+            logs = self._log_weights(cause, rows, theta, fits, rounds)
+            if float(logsumexp(logs)) - math.log(len(rows)) < least:
+                break
+            weights = softmax(logs)
             good = np.bincount(rows, np.sqrt(weights), minlength=len(self._weights))
             chances = _PRIOR * self._weights + (1 - _PRIOR) * good / good.sum()
             centres = self._centres(theta, weights)
