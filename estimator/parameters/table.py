@@ -36,6 +36,18 @@ CARE: Final = 0.6
 """Standard deviation of its logarithm: of one robot in four the factor is 2 or more, of one in 25
 a half or less."""
 
+DEGREES: Final = math.degrees(1.0)
+"""What an amount in radians is multiplied by for a sentence,"""
+
+MM: Final = 1000.0
+"""and one in metres."""
+
+LARGEST_FACTOR: Final = math.log(12.0)
+"""Limit of factors: its logarithm."""
+
+FARTHEST_TURN: Final = math.radians(40.0)
+"""Limit of turns, rad: beyond it a hinge is another hinge."""
+
 _UNNOTICED: Final = 8.0  # narrow standard deviations, which may be doubled: farther is wide
 _STATED: Final = frozenset({"thickness", "mass"})  # what robots are built of: no matter of care
 
@@ -80,6 +92,16 @@ class Draft:
         if name not in self._changed:
             self._changed[name] = getattr(self._bodies, name).copy()
         return self._changed[name]
+
+
+def scaled(column: int, draft: Draft, factors: Array) -> None:
+    """Multiplies a column of ``Bodies.base``."""
+    draft.measures("base")[:, column] *= factors
+
+
+def shifted(column: int, draft: Draft, amounts: Array) -> None:
+    """Adds to a column of ``Bodies.base``."""
+    draft.measures("base")[:, column] += amounts
 
 
 Change: TypeAlias = Callable[[Draft, Array], None]

@@ -149,7 +149,7 @@ class Motors(Strict):
 class UncertainSection(BaseModel):
     """How well a robot is known to be as its problem says: standard deviations by group.
 
-    The groups are those of ``parameters.rows``, in the units of their sentences, those of factors
+    The groups are those of the rows of ``parameters``, in the units of their sentences, those of factors
     as logarithms; 0: just as stated. What is not named is as robots are that people build.
 
     Attributes:

@@ -1,0 +1,214 @@
+"""Rows of the table of parameters for what a robot feels with, and how all of it is plugged in."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from functools import partial
+from itertools import combinations
+from typing import Final
+
+import numpy as np
+
+from estimator.body.arrays import ACCELEROMETER, DISTANCE_GAIN, LEVEL, TOO_HIGH
+from estimator.body.morphology import Array
+from estimator.parameters.rows import PartOutline
+from estimator.parameters.table import (
+    DEGREES,
+    FARTHEST_TURN,
+    LARGEST_FACTOR,
+    MM,
+    Draft,
+    Parameter,
+    scaled,
+    shifted,
+)
+
+# --- sensors ----------------------------------------------------------------------------------
+
+_QUARTER_TURNS: Final = {
+    "accelerometer by a quarter turn leftward": (0.0, -1.0, 1.0, 0.0),
+    "accelerometer by a quarter turn rightward": (0.0, 1.0, -1.0, 0.0),
+    "accelerometer by half a turn": (-1.0, 0.0, 0.0, -1.0),
+    "accelerometer's axes exchanged": (0.0, 1.0, 1.0, 0.0),
+    "left/right tilt reversed": (-1.0, 0.0, 0.0, 1.0),
+    "forward/back tilt reversed": (1.0, 0.0, 0.0, -1.0),
+}
+"""What they make of gravity leftward and forward, row by row."""
+
+
+def of_sensors(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]:
+    """How they were put on, and calibrated."""
+    for axis, (way, rises) in enumerate((("left/right", "left"), ("forward/back", "front"))):
+        yield Parameter(
+            name=f"accelerometer's own tilt, {way}",
+            group="accelerometer_deg",
+            belongs_to="sensor",
+            change=partial(shifted, ACCELEROMETER + axis),
+            sentence=f"an accelerometer turned by {{}}° {way}, or ground that rises so to the "
+            f"{rises}",
+            check="put a spirit level on the ground and on the main body",
+            unit=DEGREES,
+            narrow=math.radians(0.4),
+            wide=math.radians(6.0),
+            limit=FARTHEST_TURN,
+        )
+    yield Parameter(
+        name="accelerometer's turn about the vertical",
+        group="accelerometer_yaw_deg",
+        belongs_to="sensor",
+        change=_level_turned,
+        sentence="an accelerometer turned by {}° leftward about the vertical",
+        check="look from above how the accelerometer's board lies",
+        unit=DEGREES,
+        narrow=math.radians(0.4),
+        wide=math.radians(15.0),
+        limit=math.radians(60.0),
+    )
+    yield Parameter(
+        name="accelerometer's gain",
+        group="accelerometer_gain",
+        belongs_to="sensor",
+        change=_level_scaled,
+        sentence="an accelerometer that feels {} times gravity",
+        check="calibrate the accelerometer again",
+        factor=True,
+        narrow=0.01,
+        wide=0.2,
+        limit=LARGEST_FACTOR,
+    )
+    yield Parameter(
+        name="distance sensor's offset",
+        group="distance_mm",
+        belongs_to="sensor",
+        change=partial(shifted, TOO_HIGH),
+        sentence="a distance sensor that reads {} mm too much",
+        check="hold a ruler to the belly while the robot reads its distance",
+        unit=MM,
+        narrow=0.002,
+        wide=0.008,
+    )
+    yield Parameter(
+        name="distance sensor's gain",
+        group="distance_gain",
+        belongs_to="sensor",
+        change=partial(scaled, DISTANCE_GAIN),
+        sentence="a distance sensor that reads {} times the distance",
+        check="hold a ruler to the belly at two heights",
+        factor=True,
+        narrow=0.01,
+        wide=0.2,
+        limit=LARGEST_FACTOR,
+    )
+    known = all(part.parent is not None and part.mount is not None for part in parts)
+    for name, matrix in _QUARTER_TURNS.items() if known else ():  # else bodies are turned as well
+        yield Parameter(
+            name=name,
+            group="accelerometer_wiring",
+            belongs_to="sensor",
+            change=partial(_rewired, matrix),
+            sentence=f"the {name}" if name.startswith("accel") else name,
+            check="tilt the robot by hand, and watch which tilt changes, and its sign",
+            switch=True,
+        )
+    for gauge in range(sensors):
+        for name, reads, group in (("dead", -1, "gauge_dead"), ("stuck on", 1, "gauge_stuck")):
+            yield Parameter(
+                name=f"touch sensor {gauge + 1} {name}",
+                group=group,
+                belongs_to="sensor",
+                change=partial(_stuck, gauge, reads),
+                sentence=f"touch sensor {gauge + 1} {name}",
+                check=f"press touch sensor {gauge + 1} by hand, and watch its bit",
+                switch=True,
+            )
+
+
+def _level_turned(draft: Draft, angles: Array) -> None:
+    """Rows are what is felt leftward and forward of a board that is turned leftward."""
+    base, cosine, sine = draft.measures("base"), np.cos(angles), np.sin(angles)
+    turn = np.stack([cosine, -sine, sine, cosine], axis=1)
+    base[:, LEVEL] = _product(turn, base[:, LEVEL])
+
+
+def _level_scaled(draft: Draft, factors: Array) -> None:
+    draft.measures("base")[:, LEVEL] *= factors[:, None]
+
+
+def _rewired(matrix: Sequence[float], draft: Draft, amounts: Array) -> None:
+    base, on = draft.measures("base"), amounts > 0
+    base[on, LEVEL] = _product(np.array(matrix)[None], base[on, LEVEL])
+
+
+def _product(ones: Array, others: Array) -> Array:
+    """Of matrices of two rows, each as four numbers."""
+    return (ones.reshape(-1, 2, 2) @ others.reshape(-1, 2, 2)).reshape(-1, 4)
+
+
+def _stuck(gauge: int, reads: int, draft: Draft, amounts: Array) -> None:
+    own = (draft.numbers("sensor") == gauge) & (amounts > 0)[:, None]
+    draft.numbers("stuck")[own] = reads
+
+
+# --- wiring -----------------------------------------------------------------------------------
+
+
+def of_wiring(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]:
+    """Directions and plugs; where mounts and hinges are to be found they are found with these."""
+    driven = [(index, part) for index, part in enumerate(parts) if part.motor is not None]
+    for index, part in driven:
+        if part.hinge is not None:
+            yield Parameter(
+                name=f"servo of {part.name} reversed",
+                group="servo_reversed",
+                belongs_to="joint",
+                change=partial(_reversed, index),
+                sentence=f"the servo of {part.name} turning the other way",
+                check=f"send {part.name} to +20°, and see which way it goes",
+                switch=True,
+            )
+    for (one, first), (other, second) in combinations(driven, 2):
+        if None not in (first.mount, first.hinge, second.mount, second.hinge):
+            yield Parameter(
+                name=f"plugs of {first.name} and {second.name} exchanged",
+                group="servo_plugs",
+                belongs_to="joint",
+                change=partial(_exchanged, one, other),
+                sentence=f"the servo plugs of {first.name} and {second.name} exchanged",
+                check=f"move {first.name} alone, and see which leg moves",
+                switch=True,
+            )
+    known_by_gauge = {
+        part.sensor: (part.parent, part.radius, part.shape, part.length)
+        for part in parts
+        if part.motor is None and part.mount is None
+    }
+    for first_gauge, second_gauge in combinations(range(sensors), 2):
+        alike = known_by_gauge.get(first_gauge)
+        if alike and alike == known_by_gauge.get(second_gauge):
+            continue  # it is found as if the parts themselves were exchanged
+        yield Parameter(
+            name=f"plugs of touch sensors {first_gauge + 1} and {second_gauge + 1} exchanged",
+            group="gauge_plugs",
+            belongs_to="sensor",
+            change=partial(_gauges_exchanged, first_gauge, second_gauge),
+            sentence=f"the plugs of touch sensors {first_gauge + 1} and {second_gauge + 1} "
+            "exchanged",
+            check=f"press touch sensor {first_gauge + 1}, and watch which bit changes",
+            switch=True,
+        )
+
+
+def _reversed(part: int, draft: Draft, amounts: Array) -> None:
+    draft.measures("travel")[amounts > 0, part] *= -1.0
+
+
+def _exchanged(one: int, other: int, draft: Draft, amounts: Array) -> None:
+    motor, on = draft.numbers("motor"), np.flatnonzero(amounts > 0)
+    motor[on, one], motor[on, other] = motor[on, other], motor[on, one]
+
+
+def _gauges_exchanged(one: int, other: int, draft: Draft, amounts: Array) -> None:
+    sensor, on = draft.numbers("sensor"), (amounts > 0)[:, None]
+    first, second = (sensor == one) & on, (sensor == other) & on
+    sensor[first], sensor[second] = other, one

@@ -1,0 +1,301 @@
+"""Rows of the table of parameters for what a robot is built of: parts, main body, servos."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from typing import Final
+
+import numpy as np
+
+from estimator.body.arrays import BASE_YAW, CENTRE, PART_YAW
+from estimator.body.morphology import BASE, Array
+from estimator.parameters.rows import PartOutline
+from estimator.parameters.table import (
+    DEGREES,
+    FARTHEST_TURN,
+    LARGEST_FACTOR,
+    MM,
+    Draft,
+    Parameter,
+    scaled,
+    shifted,
+)
+
+_STUB: Final = 0.02  # of the length of a part that hangs limply
+_MASS: Final = 3  # column of ``Bodies.base``
+_AXES: Final = (
+    ("its own length", "how the servo's axis lies along the leg"),
+    ("the leftward direction", "whether the servo leans over"),
+    ("the vertical", "whether the servo sits straight on its mount"),
+)
+
+
+# --- parts ------------------------------------------------------------------------------------
+
+
+def of_parts(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]:
+    """Thickness, mass, and how parts are put on."""
+    every = slice(None)
+    yield Parameter(
+        name="thickness of all parts",
+        group="thickness",
+        belongs_to="robot",
+        change=partial(_thicker, every),
+        sentence="parts {} times as thick",
+        check="measure a leg, and a foot, with a caliper",
+        factor=True,
+        narrow=0.25,
+        wide=0.7,
+        limit=LARGEST_FACTOR,
+    )
+    yield Parameter(
+        name="mass of all parts",
+        group="mass",
+        belongs_to="robot",
+        change=partial(_denser, every),
+        sentence="parts {} times as heavy",
+        check="weigh a leg",
+        factor=True,
+        narrow=1.0,
+        limit=LARGEST_FACTOR,
+    )
+    for index, part in enumerate(parts):
+        name, own = part.name, slice(index, index + 1)
+        yield Parameter(
+            name=f"thickness of {name}",
+            group="thickness_of_each",
+            belongs_to="part",
+            change=partial(_thicker, own),
+            sentence=f"{name}, or its foot, {{}} times as thick",
+            check=f"measure {name} and its foot with a caliper",
+            factor=True,
+            narrow=0.05,
+            wide=0.7,
+            limit=LARGEST_FACTOR,
+        )
+        yield Parameter(
+            name=f"mass of {name}",
+            group="mass_of_each",
+            belongs_to="part",
+            change=partial(_denser, own),
+            sentence=f"{name} {{}} times as heavy",
+            check=f"weigh {name}, and look for cables that pull at it",
+            factor=True,
+            wide=1.0,
+            limit=LARGEST_FACTOR,
+        )
+        yield Parameter(
+            name=f"direction of {name}",
+            group="mount_deg",
+            belongs_to="part",
+            change=partial(_aside, index),
+            sentence=f"{name} pointing {{}}° leftward of its mount's direction",
+            check=f"look from above where {name} points",
+            unit=DEGREES,
+            wide=math.radians(20.0),
+            limit=FARTHEST_TURN,
+        )
+        if part.parent == BASE and part.mount is not None:
+            yield Parameter(
+                name=f"place of {name}",
+                group="mount_mm",
+                belongs_to="part",
+                change=partial(_moved, index),
+                sentence=f"{name} sitting {{}} mm leftward of its place, as it points",
+                check=f"measure where {name} sits on the main body",
+                unit=MM,
+                wide=0.02,
+                limit=0.08,
+            )
+
+
+def _thicker(columns: slice, draft: Draft, factors: Array) -> None:
+    """Of as much mass: or a heavy part and a thick one could hardly be told apart."""
+    draft.measures("radius")[:, columns] *= factors[:, None]
+    draft.measures("density")[:, columns] /= factors[:, None] ** 2
+
+
+def _denser(columns: slice, draft: Draft, factors: Array) -> None:
+    draft.measures("density")[:, columns] *= factors[:, None]
+
+
+def _aside(part: int, draft: Draft, angles: Array) -> None:
+    _remounted(part, draft, lambda own, yaw: _turn(own, yaw, angles))
+
+
+def _moved(part: int, draft: Draft, ways: Array) -> None:
+    """Along the side of the main body that it sits on: leftward, seen as it points."""
+
+    def move(own: Array, yaw: slice) -> None:
+        cosine, sine = own[:, yaw].T
+        own[:, 0] -= ways * sine
+        own[:, 1] += ways * cosine
+
+    _remounted(part, draft, move)
+
+
+def _remounted(part: int, draft: Draft, change: Callable[[Array, slice], None]) -> None:
+    mounts = draft.numbers("mount")
+    on_base = draft.numbers("parent")[:, part] == BASE
+    for table, here, yaw in (
+        ("base_mounts", on_base, BASE_YAW),
+        ("part_mounts", ~on_base, PART_YAW),
+    ):
+        if not here.any():
+            continue
+        own = draft.measures(table)[np.where(here, mounts[:, part], 0)]
+        change(own, yaw)
+        numbers = draft.extended(table, own)
+        mounts[here, part] = numbers[here]
+
+
+def _turn(vectors: Array, columns: slice | list[int], angles: Array) -> None:
+    """Turns vectors within the plane of two columns, in place, each by its angle, rad."""
+    (x, y), cosine, sine = vectors[:, columns].T, np.cos(angles), np.sin(angles)
+    vectors[:, columns] = np.column_stack([cosine * x - sine * y, sine * x + cosine * y])
+
+
+# --- the main body ----------------------------------------------------------------------------
+
+
+def of_the_main_body(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]:
+    """Its mass, and where that is."""
+    yield Parameter(
+        name="mass of the main body",
+        group="main_mass",
+        belongs_to="robot",
+        change=partial(scaled, _MASS),
+        sentence="a main body {} times as heavy, or all parts as much lighter",
+        check="weigh the main body with its battery",
+        factor=True,
+        wide=0.7,
+        limit=LARGEST_FACTOR,
+    )
+    for axis, way in enumerate(("forward", "leftward", "upward")):
+        yield Parameter(
+            name=f"centre of mass, {way}",
+            group="centre_of_mass_mm",
+            belongs_to="robot",
+            change=partial(shifted, CENTRE + axis),
+            sentence=f"the main body's centre of mass {{}} mm {way} of its middle",
+            check="balance the main body on a ruler, and see where the battery sits",
+            unit=MM,
+            narrow=0.005,
+            wide=0.03,
+        )
+
+
+# --- servos and hinges ------------------------------------------------------------------------
+
+
+def of_servos(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]:
+    """Where they stand at 0, how far they turn, about what, and whether they do."""
+    yield Parameter(
+        name="travel of all servos",
+        group="travel",
+        belongs_to="joint",
+        change=partial(_farther, slice(None)),
+        sentence="all servos turning {} times as far as told",
+        check="calibrate the servos again",
+        factor=True,
+        wide=0.2,
+        limit=LARGEST_FACTOR,
+    )
+    for index, part in enumerate(parts):
+        if part.motor is None:
+            continue
+        name, own = part.name, slice(index, index + 1)
+        yield Parameter(
+            name=f"zero of {name}",
+            group="zero_deg",
+            belongs_to="joint",
+            change=partial(_off_zero, index),
+            motor=part.motor,
+            sentence=f"the zero of {name}'s servo off by {{}}°",
+            check=f"send {name} to 0, and hold a protractor to it",
+            unit=DEGREES,
+            narrow=math.radians(0.4),
+            wide=math.radians(8.0),
+            limit=math.radians(60.0),
+        )
+        yield Parameter(
+            name=f"travel of {name}",
+            group="travel_of_each",
+            belongs_to="joint",
+            change=partial(_farther, own),
+            motor=part.motor,
+            sentence=f"the servo of {name} turning {{}} times as far as told",
+            check=f"move {name} by 30°, and hold a protractor to it",
+            factor=True,
+            narrow=0.01,
+            wide=0.3,
+            limit=LARGEST_FACTOR,
+        )
+        for axis, (about, look) in enumerate(_AXES):
+            yield Parameter(
+                name=f"hinge of {name} about {about}",
+                group="hinge_deg",
+                belongs_to="joint",
+                change=partial(_askew, index, axis),
+                sentence=f"the hinge of {name} turned by {{}}° about {about}",
+                check=f"look at {name}: {look}",
+                unit=DEGREES,
+                wide=math.radians(20.0),
+                limit=FARTHEST_TURN,
+            )
+        yield Parameter(
+            name=f"servo of {name} dead",
+            group="servo_dead",
+            belongs_to="joint",
+            change=partial(_limp, index),
+            sentence=f"the servo of {name} dead",
+            check=f"take hold of {name}: a servo that works resists",
+            switch=True,
+        )
+        yield Parameter(
+            name=f"servo of {name} jammed",
+            group="servo_jammed",
+            belongs_to="joint",
+            change=partial(_jammed, index),
+            sentence=f"the servo of {name} standing still at {{}}°",
+            check=f"watch {name} while it is moved",
+            unit=DEGREES,
+            wide=math.radians(20.0),
+            limit=math.radians(90.0),
+        )
+
+
+def _farther(columns: slice, draft: Draft, factors: Array) -> None:
+    draft.measures("travel")[:, columns] *= factors[:, None]
+
+
+def _off_zero(part: int, draft: Draft, angles: Array) -> None:
+    draft.measures("zero")[:, part] += angles
+
+
+def _askew(part: int, axis: int, draft: Draft, angles: Array) -> None:
+    """About one of the part's own directions: its length, leftward, and the vertical."""
+    hinge = draft.numbers("hinge")
+    own = draft.measures("hinges")[hinge[:, part]]
+    _turn(own, [(axis + 1) % 3, (axis + 2) % 3], angles)
+    hinge[:, part] = draft.extended("hinges", own)
+
+
+def _limp(part: int, draft: Draft, amounts: Array) -> None:
+    """It hangs with what it carries: supports nothing, as if it had no length, and lies down."""
+    parent = draft.numbers("parent")
+    rows, hanging = np.arange(len(parent)), np.zeros(parent.shape, dtype=bool)
+    hanging[:, part] = amounts > 0
+    for column in range(part + 1, parent.shape[1]):  # a carrier comes before its parts
+        carrier = parent[:, column]
+        hanging[:, column] |= (carrier != BASE) & hanging[rows, carrier]
+    draft.measures("length")[hanging] *= _STUB
+    draft.flags("limp")[hanging] = True
+
+
+def _jammed(part: int, draft: Draft, angles: Array) -> None:
+    still = angles != 0
+    draft.measures("travel")[still, part] = 0.0
+    draft.measures("zero")[still, part] = angles[still]
