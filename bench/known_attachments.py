@@ -19,7 +19,8 @@ import numpy as np
 from bench.simulation_based_calibration import BodyRun, add_bodies, bodies_by_command, robot_of
 from bench.study_command import add_options, complete_by_command
 from estimator.body.morphology import Array
-from estimator.posterior.model.likelihood import Likelihood, Noise
+from estimator.posterior.model.likelihood import Likelihood
+from estimator.posterior.model.noise import Noise
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.special import softmax
 from estimator.posterior.sampling.integrals import Hypothesis, Integrals

@@ -43,8 +43,8 @@ from estimator.parameters.table import CARE, MEDIAN_CARE
 from estimator.physics.equivalence import PROGRAMS
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.indistinguishable import indistinguishable_points
-from estimator.posterior.model.likelihood import GRAVITY_TILTS, LIKELY, Likelihood, Noise, apart
-from estimator.posterior.model.noise import drawn, drawn_scales
+from estimator.posterior.model.likelihood import GRAVITY_TILTS, LIKELY, Likelihood, apart
+from estimator.posterior.model.noise import Noise, drawn, drawn_scales
 from estimator.posterior.model.sensor_data import DENSITIES, SensorData
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.posterior import Posterior

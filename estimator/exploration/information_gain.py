@@ -23,9 +23,9 @@ from estimator.body.morphology import Array
 from estimator.executors import Threads
 from estimator.physics.kernel.compiling import compiled, entrance, stamp
 from estimator.posterior.model import mixture
-from estimator.posterior.model.likelihood import Noise, apart
+from estimator.posterior.model.likelihood import apart
 from estimator.posterior.model.mixture import level_of, log_densities
-from estimator.posterior.model.noise import drawn
+from estimator.posterior.model.noise import Noise, drawn
 from estimator.posterior.model.sensor_data import DENSITIES
 from estimator.readings.observation import PredictedReadings
 

@@ -21,7 +21,7 @@ from estimator.exploration.information_gain import InformationGain
 from estimator.physics.base import ArrayPhysics
 from estimator.physics.equivalence import Reference, images
 from estimator.posterior.indistinguishable import indistinguishable_points
-from estimator.posterior.model.likelihood import Noise
+from estimator.posterior.model.noise import Noise
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.problem.genes import Gene
 from estimator.problem.genome import Genome

@@ -22,7 +22,8 @@ from estimator.parameters.changes import Within, changes_of
 from estimator.parameters.table import Parameter
 from estimator.physics.backends import open_arrays
 from estimator.physics.base import ArrayPhysics
-from estimator.posterior.model.likelihood import Likelihood, Noise
+from estimator.posterior.model.likelihood import Likelihood
+from estimator.posterior.model.noise import Noise
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Columns, Predictor, Unknowns
 from estimator.posterior.posterior import Posterior, systematic

@@ -149,8 +149,8 @@ class Motors(Strict):
 class UncertainSection(BaseModel):
     """How well a robot is known to be as its problem says: standard deviations by group.
 
-    The groups are those of the rows of ``parameters``, in the units of their sentences, those of factors
-    as logarithms; 0: just as stated. What is not named is as robots are that people build.
+    The groups are those of the rows of ``parameters``, in the units of their sentences, those of
+    factors as logarithms; 0: just as stated. What is not named is as robots are that people build.
 
     Attributes:
         exact: Whether all is just as stated.

@@ -15,7 +15,7 @@ from estimator.body.morphology import Array
 from estimator.parameters.changes import Within
 from estimator.parameters.table import Parameter
 from estimator.posterior.fitted import FittedPosterior
-from estimator.posterior.model.likelihood import Noise
+from estimator.posterior.model.noise import Noise
 from estimator.posterior.posterior import systematic
 from estimator.readings.observation import PredictedReadings
 

@@ -22,7 +22,7 @@ from estimator.identification.loop import carry_out
 from estimator.identification.method import Listener
 from estimator.identification.robot_link import RobotLink
 from estimator.posterior.fitted import FittedPosterior
-from estimator.posterior.model.likelihood import Noise
+from estimator.posterior.model.noise import Noise
 from estimator.readings.observation import Observation, PredictedReadings, Program
 from estimator.storage.records import InteractionRecord
 

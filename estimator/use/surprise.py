@@ -7,7 +7,8 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Array
-from estimator.posterior.model.likelihood import GRAVITY_TILTS, LIKELY, Noise
+from estimator.posterior.model.likelihood import GRAVITY_TILTS, LIKELY
+from estimator.posterior.model.noise import Noise
 from estimator.posterior.model.special import logsumexp
 from estimator.readings.observation import Observation, PredictedReadings
 from estimator.use.causes import Weigher

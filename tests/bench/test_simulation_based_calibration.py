@@ -9,7 +9,7 @@ import numpy as np
 from bench.prior_bodies import on_robot
 from bench.simulation_based_calibration import StaticsRobot, evenly
 from estimator.physics.statics import StaticsPhysics
-from estimator.posterior.model.likelihood import Noise
+from estimator.posterior.model.noise import Noise
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 
 COUNT = 2000

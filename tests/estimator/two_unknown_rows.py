@@ -9,7 +9,7 @@ import numpy as np
 from estimator.body.morphology import Array, Base
 from estimator.executors import ThisProcess
 from estimator.physics.statics import StaticsPhysics
-from estimator.posterior.model.likelihood import Noise
+from estimator.posterior.model.noise import Noise
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.posterior import Mode, Posterior

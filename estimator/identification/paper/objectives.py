@@ -25,7 +25,7 @@ from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.exploration.rules import Objective
 from estimator.plugins import Registry
-from estimator.posterior.model.likelihood import Noise
+from estimator.posterior.model.noise import Noise
 from estimator.readings.modalities import MODALITIES
 from estimator.readings.observation import Observation, PredictedReadings
 from protocol.wire.capabilities import Capabilities

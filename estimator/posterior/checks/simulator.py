@@ -14,7 +14,8 @@ import numpy as np
 
 from estimator.body.morphology import Array
 from estimator.physics.base import Physics, WorldSettings
-from estimator.posterior.model.likelihood import FORKS, Likelihood, Noise, apart
+from estimator.posterior.model.likelihood import FORKS, Likelihood, apart
+from estimator.posterior.model.noise import Noise
 from estimator.posterior.model.special import expit, logsumexp, softmax
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Posterior, systematic

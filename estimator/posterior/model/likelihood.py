@@ -19,28 +19,24 @@ from __future__ import annotations
 import importlib
 import math
 from functools import cache, partial
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 
 from estimator.body.arrays import Bodies, Flags
 from estimator.body.morphology import Array
-from estimator.posterior.model.noise import NoiseFactors
+from estimator.posterior.model.noise import Noise, NoiseFactors
 from estimator.posterior.model.sensor_data import (
     BRANCH,
     COLUMNS,
     DENSITIES,
     MISFITS,
-    MODEL_CLEARANCE,
-    MODEL_TILT,
-    SCALED,
     SensorData,
 )
 from estimator.posterior.model.special import expit
 from estimator.posterior.model.unknowns import Columns, Predictor
 from estimator.readings.modalities import MODALITIES
 from estimator.readings.observation import PredictedReadings
-from protocol.wire.capabilities import Capabilities
 
 _SIDES: Final = np.radians([22.5, 202.5, 112.5, 292.5])
 _INCLINED: Final = [
@@ -63,51 +59,6 @@ _LOG_LIKELY: Final = np.log(LIKELY)
 _PLAINLY: Final = 3.0  # standard deviations
 _AS_ANNOUNCED: Final = np.zeros((1, 2))
 _NO_COLUMNS: Final = np.empty((0, 0))
-
-
-class Noise(NamedTuple):
-    """Standard deviations of the sensors about a perfect model's readings, and shares of outliers.
-
-    A tuple, as compiled functions take it.
-
-    Attributes:
-        tilt: Standard deviation of each tilt, rad.
-        clearance: Standard deviation, m.
-        touch: Probability that a touch bit is wrong.
-        outlier: Share of the interactions that do not end as the body does.
-        nearby: Share of these that end beside it; the readings of the others say nothing.
-    """
-
-    tilt: float
-    clearance: float
-    touch: float = 0.02
-    outlier: float = 0.05
-    nearby: float = 0.5
-
-    @classmethod
-    def announced(cls, capabilities: Capabilities) -> Noise:
-        """What a robot says of its sensors, with what a model itself cannot know.
-
-        A joint that is not where its servo measures it leans the body by as much at most, and lifts
-        it by that times half its size.
-        """
-        tilt, clearance = (capabilities.sensor(name) for name in ("tilt", "clearance"))
-        joint = max(joint.measured_noise or 0.0 for joint in capabilities.joints)
-        lift = joint * max(capabilities.base_size) / 2
-        return cls(
-            tilt=math.hypot(tilt.noise if tilt else 0.0, MODEL_TILT, joint),
-            clearance=math.hypot(clearance.noise if clearance else 0.0, MODEL_CLEARANCE, lift),
-        )
-
-    def widened(self, factors: Array) -> Noise:
-        """With so many times the noise of the modalities ``SCALED``, shape (2,)."""
-        wide = (self.of(name) * factor for name, factor in zip(SCALED, factors, strict=True))
-        return self._replace(**dict(zip(SCALED, map(float, wide), strict=True)))
-
-    def of(self, modality: str) -> float:
-        """The figure of one modality."""
-        figure: float = getattr(self, modality)
-        return figure
 
 
 def apart(one: PredictedReadings, other: PredictedReadings, noise: Noise) -> Flags:

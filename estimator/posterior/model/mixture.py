@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.physics.kernel.compiling import compiled, entrance, stamp
-from estimator.posterior.model.likelihood import Noise
-from estimator.posterior.model.noise import LOG_PEAK, log_above, log_shape
+from estimator.posterior.model.noise import LOG_PEAK, Noise, log_above, log_shape
 from estimator.posterior.model.sensor_data import BRANCH, COLUMNS, DENSITIES, NO_PREDICTION
 
 _SOURCES: Final = stamp(Path(__file__).parent)

@@ -1,4 +1,4 @@
-"""The noise of sensors: the family of its distribution, and unknown factors on its size.
+"""The noise of sensors: its size, the family of its distribution, and unknown factors on its size.
 
 *The family* (here normal). Everything that the estimator takes from it is in this file: density and
 tail, which ``mixture`` compiles; draws, for predicted readings; the weight of a residual in a
@@ -18,12 +18,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final, Self
+from typing import Final, NamedTuple, Self
 
 import numpy as np
 
 from estimator.body.morphology import Array
+from estimator.posterior.model.sensor_data import MODEL_CLEARANCE, MODEL_TILT, SCALED
 from estimator.posterior.model.special import logsumexp
+from protocol.wire.capabilities import Capabilities
 
 _ROOT_HALF: Final = math.sqrt(0.5)
 _FAR: Final = 30.0  # standard residuals, beyond which the error function underflows
@@ -68,6 +70,51 @@ def step_weight(residuals: Array) -> Array:
     That is minus the slope of ``log_shape``, divided by the residual.
     """
     return np.ones_like(residuals)
+
+
+class Noise(NamedTuple):
+    """Standard deviations of the sensors about a perfect model's readings, and shares of outliers.
+
+    A tuple, as compiled functions take it.
+
+    Attributes:
+        tilt: Standard deviation of each tilt, rad.
+        clearance: Standard deviation, m.
+        touch: Probability that a touch bit is wrong.
+        outlier: Share of the interactions that do not end as the body does.
+        nearby: Share of these that end beside it; the readings of the others say nothing.
+    """
+
+    tilt: float
+    clearance: float
+    touch: float = 0.02
+    outlier: float = 0.05
+    nearby: float = 0.5
+
+    @classmethod
+    def announced(cls, capabilities: Capabilities) -> Noise:
+        """What a robot says of its sensors, with what a model itself cannot know.
+
+        A joint that is not where its servo measures it leans the body by as much at most, and lifts
+        it by that times half its size.
+        """
+        tilt, clearance = (capabilities.sensor(name) for name in ("tilt", "clearance"))
+        joint = max(joint.measured_noise or 0.0 for joint in capabilities.joints)
+        lift = joint * max(capabilities.base_size) / 2
+        return cls(
+            tilt=math.hypot(tilt.noise if tilt else 0.0, MODEL_TILT, joint),
+            clearance=math.hypot(clearance.noise if clearance else 0.0, MODEL_CLEARANCE, lift),
+        )
+
+    def widened(self, factors: Array) -> Noise:
+        """With so many times the noise of the modalities ``SCALED``, shape (2,)."""
+        wide = (self.of(name) * factor for name, factor in zip(SCALED, factors, strict=True))
+        return self._replace(**dict(zip(SCALED, map(float, wide), strict=True)))
+
+    def of(self, modality: str) -> float:
+        """The figure of one modality."""
+        figure: float = getattr(self, modality)
+        return figure
 
 
 _LESS: Final = 0.15  # standard deviations of the prior, of logarithms below 0

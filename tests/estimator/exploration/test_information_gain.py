@@ -8,8 +8,8 @@ import pytest
 from estimator.body.morphology import Array
 from estimator.executors import Threads
 from estimator.exploration.information_gain import InformationGain
-from estimator.posterior.model.likelihood import Likelihood, Noise
-from estimator.posterior.model.noise import drawn
+from estimator.posterior.model.likelihood import Likelihood
+from estimator.posterior.model.noise import Noise, drawn
 from estimator.posterior.model.sensor_data import DENSITIES, SensorData
 from estimator.posterior.model.special import logsumexp
 from estimator.readings.observation import Observation, PredictedReadings

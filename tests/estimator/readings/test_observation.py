@@ -4,7 +4,7 @@ from dataclasses import replace
 import pytest
 from pydantic import ValidationError
 
-from estimator.posterior.model.likelihood import Noise
+from estimator.posterior.model.noise import Noise
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.readings.observation import Observation, by_joint_name, touched
 from protocol.wire import messages

@@ -6,8 +6,8 @@ import numpy as np
 
 from estimator.body.morphology import Array
 from estimator.posterior.discovery.population import HOTTEST, Population
-from estimator.posterior.model.likelihood import Likelihood, Noise
-from estimator.posterior.model.noise import drawn_scales
+from estimator.posterior.model.likelihood import Likelihood
+from estimator.posterior.model.noise import Noise, drawn_scales
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Predictor
 from estimator.readings.observation import Observation

@@ -5,7 +5,8 @@ import pytest
 from scipy.special import log_ndtr
 
 from estimator.body.morphology import Array
-from estimator.posterior.model.likelihood import Likelihood, Noise
+from estimator.posterior.model.likelihood import Likelihood
+from estimator.posterior.model.noise import Noise
 from estimator.posterior.model.sensor_data import MISFITS, NO_PREDICTION, SensorData
 from estimator.readings.observation import Observation, PredictedReadings
 

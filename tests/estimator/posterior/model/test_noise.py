@@ -12,8 +12,8 @@ from scipy.stats import kstest
 
 from estimator.body.morphology import Array
 from estimator.posterior.model import noise
-from estimator.posterior.model.likelihood import Likelihood, Noise
-from estimator.posterior.model.noise import drawn_scales, log_prior
+from estimator.posterior.model.likelihood import Likelihood
+from estimator.posterior.model.noise import Noise, drawn_scales, log_prior
 from estimator.posterior.model.sensor_data import (
     BRANCH,
     COLUMNS,

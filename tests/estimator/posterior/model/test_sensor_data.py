@@ -3,7 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from estimator.posterior.model.likelihood import Likelihood, Noise
+from estimator.posterior.model.likelihood import Likelihood
+from estimator.posterior.model.noise import Noise
 from estimator.posterior.model.sensor_data import DENSITIES, MISFITS, SCALED, SensorData
 from estimator.readings.modalities import MODALITIES
 from estimator.readings.observation import Observation, PredictedReadings

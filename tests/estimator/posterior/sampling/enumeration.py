@@ -8,8 +8,8 @@ import numpy as np
 from scipy.special import logsumexp
 
 from estimator.body.morphology import Array
-from estimator.posterior.model.likelihood import Likelihood, Noise
-from estimator.posterior.model.noise import log_prior
+from estimator.posterior.model.likelihood import Likelihood
+from estimator.posterior.model.noise import Noise, log_prior
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Attachments, Predictor
 

@@ -16,7 +16,8 @@ from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.checks.verdict import Fit
 from estimator.posterior.discovery.discovery import Discovery
 from estimator.posterior.model.gauss_newton import Free, GaussNewton
-from estimator.posterior.model.likelihood import Likelihood, Noise
+from estimator.posterior.model.likelihood import Likelihood
+from estimator.posterior.model.noise import Noise
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.sampling import populations
 from estimator.posterior.sampling.sampler import Effort
