@@ -151,12 +151,7 @@ class Chooser:
         ends: Lowest and highest target of each motor, rad, shape (motors, 2).
     """
 
-    def __init__(
-        self,
-        predictor: Predictor,
-        gain: InformationGain,
-        ends: Array,
-    ) -> None:
+    def __init__(self, predictor: Predictor, gain: InformationGain, ends: Array) -> None:
         self._predictor = predictor
         self._gain = gain
         self._ends = ends

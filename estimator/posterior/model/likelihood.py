@@ -26,13 +26,7 @@ import numpy as np
 from estimator.body.arrays import Bodies, Flags
 from estimator.body.morphology import Array
 from estimator.posterior.model.noise import Noise, NoiseFactors
-from estimator.posterior.model.sensor_data import (
-    BRANCH,
-    COLUMNS,
-    DENSITIES,
-    MISFITS,
-    SensorData,
-)
+from estimator.posterior.model.sensor_data import BRANCH, COLUMNS, DENSITIES, MISFITS, SensorData
 from estimator.posterior.model.special import expit
 from estimator.posterior.model.unknowns import Columns, Predictor
 from estimator.readings.modalities import MODALITIES

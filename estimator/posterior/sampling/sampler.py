@@ -19,12 +19,13 @@ from estimator.posterior.checks.verdict import fit_of
 from estimator.posterior.discovery.discovery import Discovery
 from estimator.posterior.discovery.population import Population
 from estimator.posterior.model.likelihood import Likelihood
+from estimator.posterior.model.special import logsumexp, softmax
 from estimator.posterior.model.unknowns import Attachments, Cost, Predictor, Unknowns
-from estimator.posterior.posterior import Mode, Posterior, found_by_each
+from estimator.posterior.posterior import Mode, Posterior, found_by_each, systematic
 from estimator.posterior.sampling.evidence import EvidenceEstimator
 from estimator.posterior.sampling.mixing import mixed
 from estimator.posterior.sampling.populations import Agreement, explored
-from estimator.posterior.sampling.weighing import Weigher, renormalised
+from estimator.posterior.sampling.weighing import Weigher
 
 ALGORITHM: Final = "evolutionary Monte Carlo"
 
@@ -333,3 +334,41 @@ def _searched(steps: int, anew: bool, search: Discovery) -> Discovery:
         search.start_anew(steps)
     search.search(steps)
     return search
+
+
+def renormalised(posterior: Posterior, predictor: Predictor, likelihood: Likelihood) -> Posterior:
+    """The posterior under densities that add up to 1, also where bodies may fall to several sides.
+
+    Args:
+        posterior: Equally likely samples, and modes, under a likelihood that adds up to more there.
+        predictor: Computes readings.
+        likelihood: That one.
+
+    Returns:
+        Equally likely samples, and modes, the most probable first.
+    """
+
+    def ratios(values: Array, scales: Array) -> Array:
+        as_found = likelihood.of(likelihood.misfits_of(predictor, values), scales=scales)
+        ratios: Array = (likelihood.normalised(predictor, values, scales) - as_found).sum(axis=1)
+        return ratios
+
+    modes, keys = posterior.modes, predictor.unknowns.keys(posterior.values)
+    of_samples = ratios(posterior.values, posterior.scales)
+    factors = ratios(np.array([mode.point for mode in modes]), np.zeros((len(modes), 2)))
+    for number, mode in enumerate(modes):
+        own = of_samples[[key == mode.attachments for key in keys]]
+        if own.size:
+            factors[number] = logsumexp(own) - math.log(own.size)
+    shares = np.array([mode.probability for mode in modes]) * np.exp(factors - factors.max())
+    rows = systematic(softmax(of_samples), len(keys), 0.5)
+    changed = (
+        replace(mode, probability=share)
+        for mode, share in zip(modes, (shares / shares.sum()).tolist(), strict=True)
+    )
+    return replace(
+        posterior,
+        values=posterior.values[rows],
+        scales=posterior.scales[rows],
+        modes=tuple(sorted(changed, key=lambda mode: -mode.probability)),
+    )

@@ -39,26 +39,24 @@ import numpy as np
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.parameters.table import CARE
-from estimator.posterior.model.gauss_newton import PRIOR, Free
+from estimator.posterior.model.gauss_newton import Free
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.special import logsumexp
 from estimator.posterior.model.unknowns import Columns, Predictor
+from estimator.posterior.sampling.normals import Normals, log_normal
 
 _KEPT: Final = 0.6  # effective share of particles after each step towards the posterior
 _NEAR: Final = 0.9  # share of the start that lies around the best point
 _COUNTS: Final = 0.5  # of the information there
-_AT_LEAST: Final = 0.02  # standard deviation of a length there, of its range
 _MOVES: Final = 3  # after each step
 _SETTLING: Final = 3  # of samples in the end, for each dimension
 _JITTER: Final = 1e-3
 _KINDS: Final = (0.3, 0.4, 0.3)  # shares of the moves, in the order above
 _SHORTEST: Final = (0.1, 0.05)  # step of those that keep a normal distribution; the longest is 1
-_LEAST: Final = 1e-10  # variance
 _BISECTIONS: Final = 30
 _NOWHERE: Final = -1e9  # log-likelihood where there is no body
 _MOST_STEPS: Final = 60  # towards the posterior
 _ONE_MORE: Final = ((0, 0), (0, 0), (0, 1))
-_LOG_ROOT: Final = 0.5 * math.log(2 * math.pi)
 
 
 class Particles(NamedTuple):
@@ -77,82 +75,6 @@ class Particles(NamedTuple):
     own: Array
     fits: Array
     ess: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Normals:
-    """Normal distributions around p peaks of each of g sets of attachments, in d dimensions.
-
-    Attributes:
-        mean: Shape (g, p, d).
-        root: Of the covariance, shape (g, p, d, d).
-        inverse: Of the root.
-        slopes: How lengths depend on θ, shape (g, p, θ, lengths).
-    """
-
-    mean: Array
-    root: Array
-    inverse: Array
-    slopes: Array
-
-    @classmethod
-    def around(cls, peaks: Array, precision: Array, normal: Flags, counts: Array) -> _Normals:
-        """What a likelihood that counts less would leave, were it as at a peak everywhere.
-
-        Args:
-            peaks: Of each set, shape (g, p, d).
-            precision: Of lengths and θ there, the prior's included, shape (g, p, d, d).
-            normal: Which are θ, shape (d,); they come last.
-            counts: How much it counts in each set, shape (g,).
-        """
-        prior, share = np.diag(np.where(normal, 1.0, PRIOR)), counts[:, None, None, None]
-        flatter = prior + share * (precision - prior)
-        covariance = np.asarray(np.linalg.inv(flatter))
-        covariance += np.diag(np.where(normal, 0.0, _AT_LEAST**2))
-        theta = np.where(normal, peaks, 0.0)  # the prior's middle draws it, and no length
-        climb = share * (precision @ theta[..., None])
-        mean = np.where(normal, 0.0, peaks) + np.linalg.solve(flatter, climb)[..., 0]
-        return cls.of(mean, covariance, int(np.count_nonzero(~normal)))
-
-    @classmethod
-    def as_wide_as(cls, x: Array, lengths: int) -> _Normals:
-        """One for particles of shape (g, n, d); the fewer, the less they say of correlations."""
-        _, count, size = x.shape
-        mean, each = x.mean(axis=1, keepdims=True), np.arange(size)
-        covariance = np.swapaxes(x - mean, 1, 2) @ (x - mean) / count
-        variance = covariance[:, each, each] + _LEAST
-        covariance *= count / (count + size)
-        covariance[:, each, each] = variance
-        return cls.of(mean, covariance[:, None], lengths)
-
-    @classmethod
-    def of(cls, mean: Array, covariance: Array, lengths: int) -> _Normals:
-        """By means of shape (g, p, d) and covariances; lengths come first."""
-        root = np.asarray(np.linalg.cholesky(covariance))
-        theta, both = covariance[..., lengths:, lengths:], covariance[..., lengths:, :lengths]
-        return cls(
-            mean=mean,
-            root=root,
-            inverse=np.asarray(np.linalg.inv(root)),
-            slopes=np.asarray(np.linalg.solve(theta, both)),
-        )
-
-    def near(self, normal: Array) -> Array:
-        """What standard normal draws, shape (g, n, d), are around each peak, (p, g, n, d)."""
-        points = self.mean[:, :, None] + normal[:, None] @ np.swapaxes(self.root, 2, 3)
-        return np.swapaxes(points, 0, 1)
-
-    def away(self, x: Array) -> Array:
-        """Of which draws points of shape (g, n, d) are made around each peak, (p, g, n, d)."""
-        draws = (x[:, None] - self.mean[:, :, None]) @ np.swapaxes(self.inverse, 2, 3)
-        return np.swapaxes(draws, 0, 1)
-
-    def log_densities(self, x: Array, groups: Columns | slice = slice(None)) -> Array:
-        """Of points of some sets, shape (groups, n, d), by each peak, shape (p, groups, n)."""
-        some = _Normals(**{name: array[groups] for name, array in vars(self).items()})
-        log_root = np.log(np.diagonal(some.root, axis1=2, axis2=3)).sum(axis=2)
-        log_densities: Array = _log_normal(some.away(x)) - log_root.T[..., None]
-        return log_densities
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -226,7 +148,7 @@ class _Run:
         self._lengths = int(np.count_nonzero(~self._normal))
         everyone = np.arange(len(self._peaks))
         counts = np.full(everyone.size, _COUNTS)
-        self._start = _Normals.around(self._peaks, self._precision, self._normal, counts)
+        self._start = Normals.around(self._peaks, self._precision, self._normal, counts)
         self._ess = np.full(everyone.size, float(count))
         self._x = self._drawn_at_start() if arrived is None else arrived
         self._fits = self._fits_at(self._x, everyone)
@@ -267,7 +189,7 @@ class _Run:
     def settled(self) -> Array:
         """Stays there; the points then, shape (count, size)."""
         only = np.zeros(1, dtype=np.intp)
-        around = _Normals.around(self._peaks, self._precision, self._normal, np.ones(1))
+        around = Normals.around(self._peaks, self._precision, self._normal, np.ones(1))
         for _ in range(_SETTLING * self._x.shape[2]):
             self._move(only, around)
         return self._values(only.repeat(self._count), self._x[0])
@@ -293,7 +215,7 @@ class _Run:
         return fits
 
     def _log_prior(self, x: Array) -> Array:
-        return _log_normal(x[..., self._lengths :])
+        return log_normal(x[..., self._lengths :])
 
     def _values(self, groups: Columns, x: Array) -> Array:
         """Points of n groups, shape (n,), with what is integrated over, shape (n, d)."""
@@ -334,7 +256,7 @@ class _Run:
             for array in (self._x, self._fits, self._base):
                 array[group] = array[group, rows]
 
-    def _move(self, groups: Columns, known: _Normals | None = None) -> None:
+    def _move(self, groups: Columns, known: Normals | None = None) -> None:
         """Moves both halves, each by what the other knows.
 
         Args:
@@ -345,7 +267,7 @@ class _Run:
         halves = slice(None, half), slice(half, None)
         for own, other in (halves, halves[::-1]):
             x, others = self._x[groups, own], self._x[groups, other]
-            around = known or _Normals.as_wide_as(others, self._lengths)
+            around = known or Normals.as_wide_as(others, self._lengths)
             peak = self._rng.integers(around.mean.shape[1], size=x.shape[:2])
             shares = np.array(_KINDS if self._lengths < x.shape[2] else _KINDS[:-1])
             kind = self._rng.choice(shares.size, size=x.shape[:2], p=shares / shares.sum())
@@ -397,7 +319,7 @@ class _Run:
         moved: Array = x + np.where(chosen, pace * away + spread * others.std(axis=1)[:, None], 0.0)
         return moved
 
-    def _towards(self, x: Array, around: _Normals, peak: Columns) -> Array:
+    def _towards(self, x: Array, around: Normals, peak: Columns) -> Array:
         """Leaves a normal distribution as it is; along some of its axes."""
         away = np.choose(peak[..., None], around.away(x))
         some = self._rng.random(x.shape) < self._rng.random((*x.shape[:2], 1))
@@ -405,7 +327,7 @@ class _Run:
         moved = np.sqrt(1 - pace**2) * away + pace * self._rng.standard_normal(x.shape)
         return np.choose(peak[..., None], around.near(moved))
 
-    def _theta_alone(self, x: Array, around: _Normals, peak: Columns) -> Array:
+    def _theta_alone(self, x: Array, around: Normals, peak: Columns) -> Array:
         """Leaves the prior of θ as it is; lengths follow (preconditioned Crank-Nicolson)."""
         theta, pace = x[..., self._lengths :], self._pace(x, _SHORTEST[1])
         chosen = self._rng.random(theta.shape) < self._rng.random((*x.shape[:2], 1))
@@ -418,12 +340,6 @@ class _Run:
     def _pace(self, x: Array, shortest: float) -> Array:
         pace: Array = np.exp(self._rng.uniform(math.log(shortest), 0.0, (*x.shape[:2], 1)))
         return pace
-
-
-def _log_normal(theta: Array) -> Array:
-    """Logarithm of the standard normal density of what is in the last axis."""
-    density: Array = -0.5 * np.sum(theta**2, axis=-1) - _LOG_ROOT * theta.shape[-1]
-    return density
 
 
 def _share(ratios: Array, powers: Array) -> Array:

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -23,9 +23,9 @@ from estimator.parameters.table import log_priors
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.noise import MEAN_LOSS
 from estimator.posterior.model.sensor_data import SCALED
-from estimator.posterior.model.special import logsumexp, softmax
+from estimator.posterior.model.special import softmax
 from estimator.posterior.model.unknowns import Columns, Predictor
-from estimator.posterior.posterior import CauseShare, Posterior, systematic
+from estimator.posterior.posterior import CauseShare, systematic
 from estimator.posterior.sampling.integrals import Hypothesis, Integrals
 from estimator.posterior.sampling.tempering import Particles
 
@@ -383,41 +383,3 @@ def drawn(guesses: Array, rng: np.random.Generator) -> tuple[Columns, Array]:
     ends = np.floor(np.cumsum(chances) + rng.random())
     taken = np.flatnonzero(np.diff(ends, prepend=0.0) > 0)
     return order[taken], np.log(chances[taken])
-
-
-def renormalised(posterior: Posterior, predictor: Predictor, likelihood: Likelihood) -> Posterior:
-    """The posterior under densities that add up to 1, also where bodies may fall to several sides.
-
-    Args:
-        posterior: Equally likely samples, and modes, under a likelihood that adds up to more there.
-        predictor: Computes readings.
-        likelihood: That one.
-
-    Returns:
-        Equally likely samples, and modes, the most probable first.
-    """
-
-    def ratios(values: Array, scales: Array) -> Array:
-        as_found = likelihood.of(likelihood.misfits_of(predictor, values), scales=scales)
-        ratios: Array = (likelihood.normalised(predictor, values, scales) - as_found).sum(axis=1)
-        return ratios
-
-    modes, keys = posterior.modes, predictor.unknowns.keys(posterior.values)
-    of_samples = ratios(posterior.values, posterior.scales)
-    factors = ratios(np.array([mode.point for mode in modes]), np.zeros((len(modes), 2)))
-    for number, mode in enumerate(modes):
-        own = of_samples[[key == mode.attachments for key in keys]]
-        if own.size:
-            factors[number] = logsumexp(own) - math.log(own.size)
-    shares = np.array([mode.probability for mode in modes]) * np.exp(factors - factors.max())
-    rows = systematic(softmax(of_samples), len(keys), 0.5)
-    changed = (
-        replace(mode, probability=share)
-        for mode, share in zip(modes, (shares / shares.sum()).tolist(), strict=True)
-    )
-    return replace(
-        posterior,
-        values=posterior.values[rows],
-        scales=posterior.scales[rows],
-        modes=tuple(sorted(changed, key=lambda mode: -mode.probability)),
-    )

@@ -15,7 +15,7 @@ from estimator.posterior.model.likelihood import GRAVITY_TILTS, Likelihood, apar
 from estimator.posterior.model.sensor_data import BRANCH, SensorData
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.posterior import Mode, Posterior
-from estimator.posterior.sampling.weighing import renormalised
+from estimator.posterior.sampling.sampler import renormalised
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation

@@ -1,0 +1,100 @@
+"""Normal distributions around peaks of the posterior, by which particles are drawn and moved."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from estimator.body.arrays import Flags
+from estimator.body.morphology import Array
+from estimator.posterior.model.gauss_newton import PRIOR
+from estimator.posterior.model.unknowns import Columns
+
+_AT_LEAST: Final = 0.02  # standard deviation of a length around a peak, of its range
+_LEAST: Final = 1e-10  # variance
+_LOG_ROOT: Final = 0.5 * math.log(2 * math.pi)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Normals:
+    """Normal distributions around p peaks of each of g sets of attachments, in d dimensions.
+
+    Attributes:
+        mean: Shape (g, p, d).
+        root: Of the covariance, shape (g, p, d, d).
+        inverse: Of the root.
+        slopes: How lengths depend on θ, shape (g, p, θ, lengths).
+    """
+
+    mean: Array
+    root: Array
+    inverse: Array
+    slopes: Array
+
+    @classmethod
+    def around(cls, peaks: Array, precision: Array, normal: Flags, counts: Array) -> Normals:
+        """What a likelihood that counts less would leave, were it as at a peak everywhere.
+
+        Args:
+            peaks: Of each set, shape (g, p, d).
+            precision: Of lengths and θ there, the prior's included, shape (g, p, d, d).
+            normal: Which are θ, shape (d,); they come last.
+            counts: How much it counts in each set, shape (g,).
+        """
+        prior, share = np.diag(np.where(normal, 1.0, PRIOR)), counts[:, None, None, None]
+        flatter = prior + share * (precision - prior)
+        covariance = np.asarray(np.linalg.inv(flatter))
+        covariance += np.diag(np.where(normal, 0.0, _AT_LEAST**2))
+        theta = np.where(normal, peaks, 0.0)  # the prior's middle draws it, and no length
+        climb = share * (precision @ theta[..., None])
+        mean = np.where(normal, 0.0, peaks) + np.linalg.solve(flatter, climb)[..., 0]
+        return cls.of(mean, covariance, int(np.count_nonzero(~normal)))
+
+    @classmethod
+    def as_wide_as(cls, x: Array, lengths: int) -> Normals:
+        """One for particles of shape (g, n, d); the fewer, the less they say of correlations."""
+        _, count, size = x.shape
+        mean, each = x.mean(axis=1, keepdims=True), np.arange(size)
+        covariance = np.swapaxes(x - mean, 1, 2) @ (x - mean) / count
+        variance = covariance[:, each, each] + _LEAST
+        covariance *= count / (count + size)
+        covariance[:, each, each] = variance
+        return cls.of(mean, covariance[:, None], lengths)
+
+    @classmethod
+    def of(cls, mean: Array, covariance: Array, lengths: int) -> Normals:
+        """By means of shape (g, p, d) and covariances; lengths come first."""
+        root = np.asarray(np.linalg.cholesky(covariance))
+        theta, both = covariance[..., lengths:, lengths:], covariance[..., lengths:, :lengths]
+        return cls(
+            mean=mean,
+            root=root,
+            inverse=np.asarray(np.linalg.inv(root)),
+            slopes=np.asarray(np.linalg.solve(theta, both)),
+        )
+
+    def near(self, normal: Array) -> Array:
+        """What standard normal draws, shape (g, n, d), are around each peak, (p, g, n, d)."""
+        points = self.mean[:, :, None] + normal[:, None] @ np.swapaxes(self.root, 2, 3)
+        return np.swapaxes(points, 0, 1)
+
+    def away(self, x: Array) -> Array:
+        """Of which draws points of shape (g, n, d) are made around each peak, (p, g, n, d)."""
+        draws = (x[:, None] - self.mean[:, :, None]) @ np.swapaxes(self.inverse, 2, 3)
+        return np.swapaxes(draws, 0, 1)
+
+    def log_densities(self, x: Array, groups: Columns | slice = slice(None)) -> Array:
+        """Of points of some sets, shape (groups, n, d), by each peak, shape (p, groups, n)."""
+        some = Normals(**{name: array[groups] for name, array in vars(self).items()})
+        log_root = np.log(np.diagonal(some.root, axis1=2, axis2=3)).sum(axis=2)
+        log_densities: Array = log_normal(some.away(x)) - log_root.T[..., None]
+        return log_densities
+
+
+def log_normal(theta: Array) -> Array:
+    """Logarithm of the standard normal density of what is in the last axis."""
+    density: Array = -0.5 * np.sum(theta**2, axis=-1) - _LOG_ROOT * theta.shape[-1]
+    return density
