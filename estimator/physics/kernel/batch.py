@@ -17,13 +17,13 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 from estimator.body import geometry
-from estimator.body.arrays import ACCELEROMETER, Flags, Integers
+from estimator.body.arrays import Integers
 from estimator.body.morphology import Array
 from estimator.body.mounts import Vector
-from estimator.physics.kernel.compiling import compiled, entrance, inlined, stamp
+from estimator.physics.kernel.compiling import entrance, inlined, stamp
 from estimator.physics.kernel.lanes import (
     LANES,
     bits,
@@ -66,23 +66,20 @@ from estimator.physics.kernel.parts import (
     move,
     pick_out,
     place_rims,
-    target_of,
     work_space,
 )
 from estimator.physics.kernel.rest import (
     BALANCED,
     TOUCHING,
-    balanced,
     depth,
     dot,
     follow,
     minus,
     roll,
     stands,
-    touching,
-    turning,
     vector,
 )
+from estimator.physics.kernel.sensing import SINKS, Limits, Readings, centre_of, read
 from protocol.wire import readings as definitions
 
 _SOURCES: Final = stamp(
@@ -91,42 +88,9 @@ _SOURCES: Final = stamp(
     Path(geometry.__file__),
 )
 
-_up_as_measured: Final = compiled(geometry.up_as_measured)
-_tilt_of: Final = compiled(definitions.tilt_of)
-_belly_ray: Final = compiled(definitions.belly_ray)
-_clearance_of: Final = compiled(definitions.clearance_of)
-_touches: Final = compiled(definitions.touches)
-_touch_is_doubtful: Final = compiled(definitions.touch_is_doubtful)
-
-_SINKS: Final = 1e-5
-"""A rim may sink in by so much beside where it last bore, m, until its points are placed anew."""
-
 _REFINED: Final = 4  # times that they are placed at most until they hardly move; not tuned
 _MOVED: Final = 1e-4  # rad; less is hardly
 _QUICK: Final = 8.0  # paces by which the body may turn in one and still be followed; not tuned
-
-
-class Limits(NamedTuple):
-    """Of the world; see ``WorldSettings``."""
-
-    cap: float
-    touch_gap: float
-    doubtful_gap: float
-    joint_tolerance: float
-
-
-class Readings(NamedTuple):
-    """Receives a row for each pair."""
-
-    touch: Flags
-    doubtful: Flags
-    tilt: Array
-    clearance: Array
-    saturated: Flags
-    miss: Array
-    valid: Flags
-    balances: Flags
-    up: Array
 
 
 @inlined
@@ -171,7 +135,7 @@ def _rest_alike(work: Work, least_cosine: float) -> int:
     within = (size(x) < half_x) & (size(y) < half_y)
     if work.main > CORNERS:
         boxes = load(bodies, ROUND) <= 0.0
-        rim = root(up_x * up_x + up_y * up_y) * half_x + size(up_z) * half_z - _SINKS
+        rim = root(up_x * up_x + up_y * up_y) * half_x + size(up_z) * half_z - SINKS
         corner = choose(boxes, corner, rim)
         within = within & (boxes | (x * x + y * y < half_x * half_x))
     lowest = radius - dot((up_x, up_y, up_z), foot) + TOUCHING
@@ -278,111 +242,23 @@ def _keep_pose(work: Work, lane: int) -> None:
 
 
 @inlined
-def _undecided(work: Work, lane: int, centre: Vector, up: Vector) -> bool:
-    """Whether a body, which lies at rest, is balanced on the rim of its support.
-
-    Where a round main body bears on its rim, that rolls until its curve holds it.
-    """
-    if work.bodies[ROUND, lane] > 0:
-        across = math.sqrt(up[0] * up[0] + up[1] * up[1]) * work.bodies[HALF, lane]
-        lowest = across + abs(up[2]) * work.bodies[HALF + 2, lane]
-        if across > BALANCED and lowest > work.bodies[DEEP, lane] - _SINKS:
-            return False
-    if work.bodies[FIRM, lane] != 0.0:
-        least = math.inf
-        for side in range(3):
-            one = _point(work, lane, work.counts[STANCE + side, lane])
-            edge = minus(_point(work, lane, work.counts[STANCE + (side + 1) % 3, lane]), one)
-            area = turning(up, minus(one, centre), edge)
-            least = min(least, area * area / dot(edge, edge))
-        if least > 4 * BALANCED * BALANCED:
-            return False
-    pick_out(work, lane)
-    contacts = touching(work.one, work.one.shape[1], centre, up, work.touch, work.flat)
-    return balanced(work.flat, contacts)
-
-
-@inlined
-def _point(work: Work, lane: int, point: int) -> Vector:
-    first = POINT_ROWS * point
-    return work.points[first, lane], work.points[first + 1, lane], work.points[first + 2, lane]
-
-
-@inlined
-def _read(
-    work: Work,
-    lane: int,
-    trees: Trees,
-    body: int,
-    program: Array,
-    slew: Slew,
-    limits: Limits,
-    row: int,
-    stays: bool,
-    plumb: bool,
-    readings: Readings,
-) -> None:
-    """What the sensors of a body say that has reached its targets and rests."""
-    bodies, own = work.bodies, trees.base[body]
-    weight = bodies[WEIGHT, lane]
-    centre = (
-        bodies[MOMENTS, lane] / weight,
-        bodies[MOMENTS + 1, lane] / weight,
-        bodies[MOMENTS + 2, lane] / weight,
-    )
+def _upright(work: Work, lane: int, plumb: bool) -> bool:
+    """Whether a body that has reached its targets moves once more, as gravity is plumb again."""
+    bodies, centre = work.bodies, centre_of(work, lane)
     inclined = bodies[GRAVITY, lane] != 0 or bodies[GRAVITY + 1, lane] != 0
     if bodies[ROUND, lane] > 0 and bodies[LIES, lane] == 0:
         # Where gravity inclines a rim rolls on, which is no other place to land: so back it goes.
         for axis in range(3):
             bodies[MIDDLE + axis, lane] = centre[axis]
         _come_to_rest(work, lane, 0.0)
-        stays = False
-    elif plumb and inclined:
+        return True
+    if plumb and inclined:
         pick_out(work, lane)
         _take_pose(work, lane)
         _roll(work, lane, centre)
         _keep_pose(work, lane)
-        stays = False
-    rests = work.counts[RESTS, lane] > 0
-    for axis in range(3):
-        readings.up[row, axis] = bodies[UP + axis, lane] if rests else math.nan
-    if not plumb:
-        return
-    up, deep = (bodies[UP, lane], bodies[UP + 1, lane], bodies[UP + 2, lane]), bodies[DEEP, lane]
-    readings.balances[row] = _undecided(work, lane, centre, up)
-    measured = _up_as_measured(up, own[ACCELEROMETER], own[ACCELEROMETER + 1])
-    readings.tilt[row, 0], readings.tilt[row, 1] = _tilt_of(measured)
-    ray = _belly_ray(deep - 0.5 * own[2] * up[2], up)
-    readings.clearance[row], readings.saturated[row] = _clearance_of(ray, limits.cap)
-    largest, parts = 0.0, trees.parts[body]
-    for part in range(parts):
-        work.above[part] = math.inf
-    for part in range(parts):
-        if not stays:
-            work.lowest[part, lane] = _lowest(work, lane, part, up)
-        group = work.group[part, lane]
-        work.above[group] = min(work.above[group], deep - work.lowest[part, lane])
-        target = target_of(trees, body, part, program)
-        largest = max(largest, abs(target) - slew.reach)
-    for part in range(parts):
-        sensor = trees.sensor[body, part]
-        if sensor >= 0:
-            above = work.above[work.group[part, lane]]
-            gap = 0.0 if above < TOUCHING else above
-            readings.touch[row, sensor] = _touches(gap, limits.touch_gap)
-            readings.doubtful[row, sensor] = _touch_is_doubtful(gap, limits.doubtful_gap)
-    readings.miss[row] = largest
-    readings.valid[row] = work.counts[RESTS, lane] > 0 and largest <= limits.joint_tolerance
-
-
-@inlined
-def _lowest(work: Work, lane: int, part: int, up: Vector) -> float:
-    """How far a part's lowest point lies below the body's origin, m."""
-    lowest = -math.inf
-    for point in range(work.first[part], work.end[part]):
-        below = work.points[POINT_ROWS * point + 3, lane] - dot(up, _point(work, lane, point))
-        lowest = max(lowest, below)
-    return lowest
+        return True
+    return False
 
 
 def _make_rest(sources: int) -> Any:
@@ -444,7 +320,9 @@ def _make_rest(sources: int) -> Any:
                     continue
                 done = counts[ROW, lane]
                 program = programs[done if len(programs) > 1 else 0]
-                _read(
+                if _upright(work, lane, plumb):
+                    stays = False
+                read(
                     work,
                     lane,
                     trees,

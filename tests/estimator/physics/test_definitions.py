@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from estimator.body.morphology import Base, Morphology
 from estimator.physics.base import WorldSettings
-from estimator.physics.kernel import batch
+from estimator.physics.kernel import sensing
 from estimator.physics.rest import fill_row
 from estimator.readings.observation import PredictedReadings
 from protocol.wire.readings import belly_ray, clearance_of, tilt_of, touch_is_doubtful, touches
@@ -38,8 +38,8 @@ def ups(draw: st.DrawFn) -> tuple[float, float, float]:
 
 
 def _compile() -> Any:
-    tilt, ray, clearance = batch._tilt_of, batch._belly_ray, batch._clearance_of
-    touch, doubtful = batch._touches, batch._touch_is_doubtful
+    tilt, ray, clearance = sensing._tilt_of, sensing._belly_ray, sensing._clearance_of
+    touch, doubtful = sensing._touches, sensing._touch_is_doubtful
 
     @numba.njit(error_model="numpy")
     def compiled(up: Any, height: float, cap: float, gap: float) -> Any:
