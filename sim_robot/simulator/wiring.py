@@ -73,12 +73,16 @@ class Wiring:
         self._closed: set[int] = set()  # switches
         self._belly = None if truth.distance is None else truth.distance.sensor
         self._inputs = inputs
+        self._carried: tuple[int, ...] = ()  # by servos without a fault
         self._read_at = -1
         self._volts: dict[int, float] = {}
 
     def drive(self, pulses: Sequence[int]) -> None:
         """Passes counts, one for each joint, on to the servos; 0 is limp."""
-        carried = self.servos.carry(pulses)
+        carried, faults = self.servos.carry(pulses), self.servos.faults
+        if carried == self._carried and not faults:
+            return  # as nearly always: the clock moves by microseconds
+        self._carried = () if faults else carried
         self._world.set_targets(
             [
                 self.servos.turned(index, scale.angle(count)) if count else None
