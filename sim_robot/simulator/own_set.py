@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from itertools import count
 from typing import Any, ClassVar, Final, cast
 
@@ -52,6 +52,7 @@ from sim_robot.errors import BodyError
 from sim_robot.simulator.bus_servo_sets import BusServoSet
 from sim_robot.simulator.electronics_set import REACH_MM, ElectronicsSet
 from sim_robot.simulator.pi_set import commanded
+from sim_robot.simulator.stand_ins import StandInBoard, StandInSensor, StandInServos
 from sim_robot.simulator.wiring import Wiring
 from sim_robot.world.body import Body, load_body, shipped_bodies
 from sim_robot.world.sensor_noise import NoiseLevels
@@ -93,7 +94,7 @@ class OwnSet(ElectronicsSet):
             self._serial = emulator(ids, baud=servos.baud)
             self._switches["feetech" if feetech else "dynamixel"] = self._serial
             self.lag = BusServoSet.lag
-        elif isinstance(servos, _StandInServos):
+        elif isinstance(servos, StandInServos):
             self._stand_in = servos.driver
 
     @property
@@ -241,10 +242,10 @@ class OwnSet(ElectronicsSet):
         known = SV203Settings | PCA9685Settings | FeetechSettings | DynamixelSettings
         if not isinstance(servos, known):
             self._say("servos", servos.name)
-            servos = cast(ServoSettings, _StandInServos(servos))
+            servos = cast(ServoSettings, StandInServos(servos))
         if daq is not None and not isinstance(daq, DMM32Settings | ADS1115Settings):
             self._say("daq", daq.name)
-            daq = cast(BoardSettings, _StandInBoard(daq, self))
+            daq = cast(BoardSettings, StandInBoard(daq, self._volts))
         if tilt is not None and not isinstance(tilt, MPU6050Settings | AnalogueAxes):
             tilt = self._sensor("accelerometer", tilt, Wiring.gravity)
         if distance is not None and not isinstance(distance.driver, VL6180XSettings):
@@ -264,6 +265,9 @@ class OwnSet(ElectronicsSet):
             distance=distance,
         )
 
+    def _volts(self, channel: int) -> float:
+        return self._wiring.volts(channel)
+
     def _foot(self, number: int, name: str, driver: SensorSettings) -> SensorSettings:
         return self._sensor(f"touch {name}", driver, lambda wiring: wiring.pressed(number))
 
@@ -271,7 +275,7 @@ class OwnSet(ElectronicsSet):
         self, table: str, settings: SensorSettings, read: Callable[[Wiring], Any]
     ) -> SensorSettings:
         self._say(table, settings.name)
-        sensor = _StandInSensor(f"stand-in for {settings.name}", lambda: read(self._wiring))
+        sensor = StandInSensor(f"stand-in for {settings.name}", lambda: read(self._wiring))
         return cast(SensorSettings, sensor)
 
     def _say(self, table: str, name: str) -> None:
@@ -279,84 +283,6 @@ class OwnSet(ElectronicsSet):
             f"[{table}]: there is no emulator of the {brief(name)}: a stand-in gives what the "
             "contract of its driver promises, and the driver itself is not rehearsed"
         )
-
-
-class _StandInServos:
-    """Settings and driver of servos that do as they are told.
-
-    Args:
-        settings: Those in whose place they are.
-    """
-
-    def __init__(self, settings: ServoSettings):
-        self.name = f"stand-in for {settings.name}"
-        self.outputs = settings.outputs
-        self.counts = settings.counts
-        self.per_update = settings.per_update
-        self.reads_back = True
-        self.driver = NullServos(dict.fromkeys(settings.outputs, 0))
-
-    def open(self, buses: Buses) -> NullServos:
-        """The same ones every time, where they were left."""
-        del buses
-        return self.driver
-
-    def __repr__(self) -> str:
-        return self.name
-
-
-class _StandInBoard:
-    """Settings and driver of a board with analogue inputs."""
-
-    def __init__(self, settings: BoardSettings, electronics: OwnSet):
-        self.name = f"stand-in for {settings.name}"
-        self.dithers = settings.dithers
-        self.rails = settings.rails
-        self._set = electronics
-
-    def open(self, buses: Buses) -> _StandInBoard:
-        """Itself."""
-        del buses
-        return self
-
-    def probe(self) -> None:
-        """Does nothing: it is there."""
-
-    def scan(self, low: int, high: int) -> list[float]:
-        """Volts of the channels ``low`` to ``high``."""
-        return [self._set._wiring.volts(channel) for channel in range(low, high + 1)]
-
-    def close(self) -> None:
-        """Does nothing."""
-
-    def __repr__(self) -> str:
-        return self.name
-
-
-@dataclass(frozen=True)
-class _StandInSensor:
-    """Settings and driver of a sensor that reads true, but for its noise."""
-
-    name: str
-    read: Callable[[], Any] = field(repr=False)
-    channels: ClassVar[tuple[int, ...]] = ()
-    reach: ClassVar[float] = REACH_MM / 1000
-
-    def open(self, buses: Buses, called: str) -> _StandInSensor:
-        """Itself."""
-        del buses, called
-        return self
-
-    def start(self) -> None:
-        """Does nothing: it is there."""
-
-    check = close = start
-
-    def acceleration(self) -> Any:
-        """Of an accelerometer, g."""
-        return self.read()
-
-    load = distance = acceleration
 
 
 # --- a body that fits ---------------------------------------------------------------------------

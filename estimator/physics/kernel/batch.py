@@ -35,7 +35,20 @@ from estimator.physics.kernel.lanes import (
     size,
     store,
 )
-from estimator.physics.kernel.parts import (
+from estimator.physics.kernel.parts import board, board_again, move, pick_out, place_rims
+from estimator.physics.kernel.rest import (
+    BALANCED,
+    TOUCHING,
+    depth,
+    dot,
+    follow,
+    minus,
+    roll,
+    stands,
+    vector,
+)
+from estimator.physics.kernel.sensing import SINKS, Limits, Readings, centre_of, read
+from estimator.physics.kernel.work import (
     AT,
     CORNERS,
     DEEP,
@@ -61,25 +74,8 @@ from estimator.physics.kernel.parts import (
     Slew,
     Trees,
     Work,
-    board,
-    board_again,
-    move,
-    pick_out,
-    place_rims,
     work_space,
 )
-from estimator.physics.kernel.rest import (
-    BALANCED,
-    TOUCHING,
-    depth,
-    dot,
-    follow,
-    minus,
-    roll,
-    stands,
-    vector,
-)
-from estimator.physics.kernel.sensing import SINKS, Limits, Readings, centre_of, read
 from protocol.wire import readings as definitions
 
 _SOURCES: Final = stamp(

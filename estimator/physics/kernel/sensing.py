@@ -10,7 +10,17 @@ from estimator.body.arrays import ACCELEROMETER, Flags
 from estimator.body.morphology import Array
 from estimator.body.mounts import Vector
 from estimator.physics.kernel.compiling import compiled, inlined
-from estimator.physics.kernel.parts import (
+from estimator.physics.kernel.parts import pick_out, target_of
+from estimator.physics.kernel.rest import (
+    BALANCED,
+    TOUCHING,
+    balanced,
+    dot,
+    minus,
+    touching,
+    turning,
+)
+from estimator.physics.kernel.work import (
     DEEP,
     FIRM,
     HALF,
@@ -24,17 +34,6 @@ from estimator.physics.kernel.parts import (
     Slew,
     Trees,
     Work,
-    pick_out,
-    target_of,
-)
-from estimator.physics.kernel.rest import (
-    BALANCED,
-    TOUCHING,
-    balanced,
-    dot,
-    minus,
-    touching,
-    turning,
 )
 from protocol.wire import readings as definitions
 
