@@ -159,10 +159,7 @@ class FittedPosterior:
 
     @classmethod
     def in_run(
-        cls,
-        store: RunStore,
-        posterior: Posterior,
-        observations: Sequence[Observation],
+        cls, store: RunStore, posterior: Posterior, observations: Sequence[Observation]
     ) -> FittedPosterior:
         """Samples of a run; readings are computed by its physics or, of a population, by statics.
 

@@ -24,11 +24,7 @@ _COMPARED: Final = 0.002  # probability of a mode that is compared
 
 
 def indistinguishable_points(
-    predictor: Predictor,
-    movements: Array,
-    modalities: Sequence[str],
-    ones: Array,
-    others: Array,
+    predictor: Predictor, movements: Array, modalities: Sequence[str], ones: Array, others: Array
 ) -> Flags:
     """Whether bodies are indistinguishable, pair by pair; see ``physics.equivalence``.
 

@@ -54,10 +54,7 @@ class Recheck:
 
 
 def recheck(
-    posterior: Posterior,
-    predictor: Predictor,
-    likelihood: Likelihood,
-    reference: Physics,
+    posterior: Posterior, predictor: Predictor, likelihood: Likelihood, reference: Physics
 ) -> Recheck:
     """Reweights a posterior by a simulator.
 

@@ -269,10 +269,7 @@ class Predictor:
         return self._physics.path_margins_of_bodies(bodies[rows], programs, most)
 
     def read_all(
-        self,
-        values: Array,
-        programs: Array,
-        gravity_tilts: Array | None = None,
+        self, values: Array, programs: Array, gravity_tilts: Array | None = None
     ) -> PredictedReadings:
         """Predicted readings of n points in each of k programs: n · k rows, programs fastest.
 

@@ -70,22 +70,23 @@ class Integrals:
         self._by_care = self._first + np.flatnonzero([one.by_care for one in table])
 
     def with_cost(
-        self, task: tuple[Sequence[Hypothesis], int, bool, int]
+        self, task: tuple[Sequence[Hypothesis], int, int, int]
     ) -> tuple[list[tuple[Hypothesis, Particles]], Cost]:
         """Hypotheses that have as many columns, at the points that fit best, and what that cost.
 
         Args:
-            task: These, how many particles of each, whether these start from several peaks, and a
-                seed.
+            task: These, how many particles of each, how thoroughly (0: they start from one peak, 1:
+                from several; more: with so many times the moves), and a seed.
         """
-        hypotheses, particles, thorough, seed = task
+        hypotheses, particles, thoroughness, seed = task
         before, rng = self._predictor.cost, np.random.default_rng(seed)
         points = np.array([one.point for one in hypotheses])
         free = Free.with_parameters(
             self._predictor.unknowns, [self.opened(one) for one in hypotheses]
         )
-        peaks = self._peaks(points, hypotheses, free, rng if thorough else None)
-        results = tempered(self._target(hypotheses, peaks, free, rng), particles)
+        peaks = self._peaks(points, hypotheses, free, rng if thoroughness else None)
+        target = self._target(hypotheses, peaks, free, rng)
+        results = tempered(target, particles, max(thoroughness, 1))
         better = (one._replace(point=own[0]) for one, own in zip(hypotheses, peaks, strict=True))
         return list(zip(better, results, strict=True)), self._predictor.cost.since(before)
 
@@ -102,11 +103,7 @@ class Integrals:
         return values, self._predictor.cost.since(before)
 
     def _target(
-        self,
-        hypotheses: Sequence[Hypothesis],
-        peaks: Array,
-        free: Free,
-        rng: np.random.Generator,
+        self, hypotheses: Sequence[Hypothesis], peaks: Array, free: Free, rng: np.random.Generator
     ) -> Target:
         """Of hypotheses with peaks of shape (n, p, size)."""
         count, each, size = peaks.shape

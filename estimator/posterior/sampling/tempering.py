@@ -110,14 +110,15 @@ class Target:
         return own, precision, normal
 
 
-def tempered(target: Target, particles: int) -> list[Particles]:
+def tempered(target: Target, particles: int, times: int = 1) -> list[Particles]:
     """Evidence and particles of several sets of attachments.
 
     Args:
         target: These.
         particles: For each; even.
+        times: The moves after each step towards the posterior.
     """
-    return _Run(target, particles).finished()
+    return _Run(target, particles).finished(times * _MOVES)
 
 
 def settled(target: Target, own: Array) -> Array:
@@ -173,8 +174,8 @@ class _Run:
         log_density: Array = np.logaddexp.reduce([prior, *near])
         return log_density
 
-    def finished(self) -> list[Particles]:
-        """Goes to the posterior."""
+    def finished(self, moves: int) -> list[Particles]:
+        """Goes to the posterior, with so many moves after each step."""
         everyone = np.arange(len(self._x))
         self._drawn_anew(everyone, np.where(self._fits > _NOWHERE, 0.0, _NOWHERE))
         for _ in range(_MOST_STEPS):
@@ -182,7 +183,7 @@ class _Run:
             if not going.size:
                 break
             self._go_on(going)
-            for _ in range(_MOVES):
+            for _ in range(moves):
                 self._move(going)
         return [self._particles(group) for group in everyone.tolist()]
 

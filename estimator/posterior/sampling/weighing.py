@@ -46,6 +46,8 @@ _RIVALS: Final = 12.0  # where the readings are explained without any:
 _WIDE: Final = 6  # so many switches of a set, and others;
 _OTHERS: Final = 24  # sets that are weighed with what leads on those that were looked at
 _WORTH: Final = 5.0  # below the best weight, those that are weighed like the narrow ones
+_COMPETES: Final = 3.0  # below the best weight, those that are weighed once more if one is wide,
+_CAREFULLY: Final = 3  # with so many times the moves
 _SETTLES: Final = 16  # samples of one hypothesis,
 _SETTLE_TOGETHER: Final = 128  # by one worker; even
 _DRAWN: Final = 32  # points of a set, for the next interaction,
@@ -130,7 +132,7 @@ class Weigher:
         while len(weights) < len(rows) and hoped[len(weights)] >= best - _WEIGHED:
             few = range(len(weights), min(len(weights) + _AT_ONCE, len(rows)))
             first = [Hypothesis(row, points[row]) for row in few]
-            weights += self._of(first, max(each, _FEWEST), log_chances, thorough=False)
+            weights += self._of(first, max(each, _FEWEST), log_chances, thoroughness=0)
             best = max(one.log for one in weights)
         points = np.array([one.hypothesis.point for one in weights])
         stated = self._weighed_again(weights, _close(weights), log_chances)
@@ -173,16 +175,30 @@ class Weigher:
         ]
         least = max(guess for guess, _ in screened) - (_GUESSED if strays else _RIVALS)
         wide = [one for _, several in screened for guess, one in several if guess > least]
-        rough = self._of(wide, _FEWEST, log_chances, thorough=False)
+        rough = self._of(wide, _FEWEST, log_chances, thoroughness=0)
         rough += self._of(
-            self._others_with(rough, [*weights, *again]), _FEWEST, log_chances, thorough=False
+            self._others_with(rough, [*weights, *again]), _FEWEST, log_chances, thoroughness=0
         )
         rough.sort(key=lambda one: -one.log)
         least = max(one.log for one in [*again, *rough, *weights]) - _WORTH
         rough = [one for one in rough if one.log > least]
         wide = [one.hypothesis for one in rough[:_FEW]]
         weights += [*again, *self._of(wide, self._particles, log_chances), *rough[len(wide) :]]
+        self._weigh_causes_carefully(weights, log_chances)
         return stated
+
+    def _weigh_causes_carefully(self, weights: list[_Weight], log_chances: Array) -> None:
+        """Replaces the best weights, if wide components compete with others, by less noisy ones.
+
+        Of many that are weighed some come out high by chance.
+        """
+        best = max(one.log for one in weights)
+        rows = [row for row, one in enumerate(weights) if one.log > best - _COMPETES]
+        rivals = [weights[row].hypothesis for row in rows]
+        if any(one.wide >= 0 for one in rivals):
+            careful = self._of(rivals, self._particles, log_chances, thoroughness=_CAREFULLY)
+            for row, one in zip(rows, careful, strict=True):
+                weights[row] = one
 
     def _others_with(self, rough: Sequence[_Weight], narrow: Sequence[_Weight]) -> list[Hypothesis]:
         """Sets that were not looked at, with the wide component that leads, if one does.
@@ -248,12 +264,12 @@ class Weigher:
         particles: int,
         log_chances: Array,
         *,
-        thorough: bool = True,
+        thoroughness: int = 1,
     ) -> list[_Weight]:
         """Weights of hypotheses, which begin at better points than they had.
 
-        Robots that are as stated, of whom less is open, have half as many particles. Those that are
-        weighed thoroughly start from several peaks.
+        Robots that are as stated, of whom less is open, have half as many particles. For the
+        thoroughness see ``Integrals``.
         """
         groups: dict[int, list[int]] = {}
         for number, one in enumerate(hypotheses):
@@ -269,7 +285,7 @@ class Weigher:
         for batch, seed in zip(batches, seeds, strict=True):
             several = [hypotheses[number] for number in batch]
             each = particles // 2 if several[0].as_stated else particles
-            tasks.append((several, _even(each), thorough, seed))
+            tasks.append((several, _even(each), thoroughness, seed))
         weights: dict[int, _Weight] = {}
         done = self._workers.map(self._integrals.with_cost, tasks)
         for batch, (results, cost) in zip(batches, done, strict=True):
