@@ -1,0 +1,70 @@
+"""What decides what is named as otherwise is weighed most thoroughly."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from concurrent.futures import Future
+from typing import Any
+
+import numpy as np
+import pytest
+
+from estimator.body.morphology import Array, Base
+from estimator.executors import ThisProcess
+from estimator.physics.statics import StaticsPhysics
+from estimator.posterior.model.likelihood import Likelihood
+from estimator.posterior.model.unknowns import Predictor, Unknowns
+from estimator.posterior.sampling.integrals import Integrals
+from estimator.posterior.sampling.weighing import Weigher
+from estimator.problem.genome import Genome
+from estimator.problem.problem import Problem
+from tests.estimator.two_unknown_rows import NOISE, draw, programs
+
+CAUSE = "travel of all servos"
+
+
+class Heard(ThisProcess):
+    """Notes how thoroughly hypotheses were weighed."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.thoroughness: list[int] = []
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        if fn.__name__ == Integrals.with_cost.__name__:
+            self.thoroughness.append(args[0][2])
+        return super().submit(fn, *args, **kwargs)
+
+
+@pytest.fixture(scope="module")
+def predictor() -> Predictor:
+    """Of a body whose attachments are known, and of which some else may be otherwise."""
+    problem = Problem.load("parametric")
+    table = [row for row in problem.table if row.group in ("travel", "zero_deg", "thickness")]
+    genome = Genome(problem, Base(size=(0.14, 0.14, 0.085), mass=1.0))
+    return Predictor(Unknowns(genome, table), StaticsPhysics())
+
+
+def observed(predictor: Predictor, travel: float) -> tuple[Array, Likelihood]:
+    """A body as stated, and readings of one whose servos turn so many times as far."""
+    unknowns, rng = predictor.unknowns, np.random.default_rng(3)
+    genes = np.full((1, unknowns.genes_size), 0.5)
+    (true,) = unknowns.points(genes, {CAUSE: np.array([math.log(travel)])})
+    data = draw(predictor, true, programs(6, seed=3), rng, outlier=0.0)
+    return unknowns.as_stated(genes)[0], Likelihood(data, NOISE)
+
+
+@pytest.mark.parametrize(("travel", "named"), [(1.0, False), (1.3, True)])
+def test_causes_that_compete_are_weighed_with_more_moves(
+    predictor: Predictor, travel: float, named: bool
+) -> None:
+    point, likelihood = observed(predictor, travel)
+    rng, workers = np.random.default_rng(1), Heard()
+    weigher = Weigher(predictor, likelihood, rng, workers=workers, particles=96)
+    causes = {
+        predictor.unknowns.table[one.row].name: one.probability
+        for one in weigher.weighed(point[None], np.zeros(1), 16).causes
+    }
+    assert (causes.get(CAUSE, 0.0) > 0.9) == named
+    assert (max(workers.thoroughness) > 1) == named
