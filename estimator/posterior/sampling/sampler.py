@@ -66,7 +66,8 @@ class Sampler:
 
     Args:
         unknowns: What the posterior is over. What may be otherwise than stated is open once bodies
-            are weighed: searches look for bodies that have it as it was found to be up to then.
+            are weighed: searches look for bodies that have it as it was found to be up to then; as
+            stated where much is to be found, since with wrong bodies it would be wrong, too.
         make_physics: Makes a back-end for each population.
         effort: How much to do.
         seeds: One for each population and one for what is done in common.
@@ -311,7 +312,8 @@ class Sampler:
         if unknowns.table:
             best = modes.points[int(np.argmax(modes.shares))]
             agreement = agreement.with_fit(fit_of(best, predictor, likelihood))
-            self._search_robots(unknowns.typical(values))
+            if not self._explores:
+                self._search_robots(unknowns.typical(values))
         found_by = found_by_each(keys, agreement.found).tolist()
         posterior = replace(
             Posterior.equally_likely(values, scales),
