@@ -116,7 +116,7 @@ def tempered(target: Target, particles: int, times: int = 1) -> list[Particles]:
     Args:
         target: These.
         particles: For each; even.
-        times: The moves after each step towards the posterior.
+        times: As many moves as usual after each step towards the posterior.
     """
     return _Run(target, particles).finished(times * _MOVES)
 

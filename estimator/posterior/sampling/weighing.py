@@ -268,8 +268,8 @@ class Weigher:
     ) -> list[_Weight]:
         """Weights of hypotheses, which begin at better points than they had.
 
-        Robots that are as stated, of whom less is open, have half as many particles. For the
-        thoroughness see ``Integrals``.
+        Robots that are as stated, of whom less is open, have half as many particles. Thoroughness
+        is that of ``Integrals.with_cost``.
         """
         groups: dict[int, list[int]] = {}
         for number, one in enumerate(hypotheses):

@@ -39,7 +39,7 @@ class Heard(ThisProcess):
 
 @pytest.fixture(scope="module")
 def predictor() -> Predictor:
-    """Of a body whose attachments are known, and of which some else may be otherwise."""
+    """Of a body whose attachments are known; servos and thicknesses may be otherwise."""
     problem = Problem.load("parametric")
     table = [row for row in problem.table if row.group in ("travel", "zero_deg", "thickness")]
     genome = Genome(problem, Base(size=(0.14, 0.14, 0.085), mass=1.0))
