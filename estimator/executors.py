@@ -23,7 +23,7 @@ from types import TracebackType
 from typing import Any, Final, ParamSpec, TypeVar
 
 from estimator.errors import WorkerError
-from protocol.system.process import Closable
+from protocol.system.process import Closable, interrupts_deferred
 
 P = ParamSpec("P")
 Result = TypeVar("Result")
@@ -79,8 +79,12 @@ class WorkerProcesses(ThreadPoolExecutor):
     def submit(
         self, fn: Callable[P, Result], /, *args: P.args, **kwargs: P.kwargs
     ) -> Future[Result]:
-        """Has a function called in some process; picklable, like its arguments and its result."""
-        return super().submit(self._elsewhere, partial(fn, *args, **kwargs))
+        """Has a function called in some process; picklable, like its arguments and its result.
+
+        An interrupt comes after it: within, it may leave a lock taken that each thread waits for.
+        """
+        with interrupts_deferred():
+            return super().submit(self._elsewhere, partial(fn, *args, **kwargs))
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """Ends the processes once all tasks are done; may be called twice."""

@@ -170,6 +170,27 @@ def die_with_processes() -> None:
         os.kill(os.getpid(), signal.SIGKILL)
 
 
+class InterruptedCondition(threading.Condition):
+    """Ctrl-C is pressed just as its lock is taken."""
+
+    def __enter__(self) -> bool:
+        taken = super().__enter__()
+        signal.raise_signal(signal.SIGINT)
+        return taken
+
+
+def test_an_interrupt_while_a_task_is_handed_over_leaves_no_lock_taken() -> None:
+    with WorkerProcesses(1) as workers:
+        handed_over = InterruptedCondition(threading.Lock())
+        semaphore = vars(workers._idle_semaphore)
+        usual, semaphore["_cond"] = semaphore["_cond"], handed_over
+        with pytest.raises(KeyboardInterrupt):
+            workers.submit(math.sqrt, 4.0)
+        semaphore["_cond"] = usual
+        assert handed_over.acquire(blocking=False)  # else all threads would wait for it
+        assert workers.submit(math.sqrt, 9.0).result() == 3.0
+
+
 def test_processes_end_when_their_parent_is_killed() -> None:
     """The standard library tells of the semaphores that it cleans up after it, and nobody else."""
     script = f"from {__name__} import die_with_processes; die_with_processes()"
