@@ -165,7 +165,8 @@ class Threads(Closable):
         if self._executor is None:
             self._executor = ThreadPoolExecutor(self._jobs, thread_name_prefix="rows")
         ends = [count * piece // pieces for piece in range(pieces + 1)]
-        work = [self._executor.submit(function, start, end) for start, end in pairwise(ends)]
+        with interrupts_deferred():  # as above
+            work = [self._executor.submit(function, start, end) for start, end in pairwise(ends)]
         return [piece.result() for piece in work]
 
     def close(self) -> None:
