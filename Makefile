@@ -43,13 +43,13 @@ demo-damage: $(READY) ## The robot is identified, loses half of a leg, notices, 
 # Tests start hundreds of processes: what these import is compiled once.
 unexport PYTHONDONTWRITEBYTECODE
 
-TEST_JOBS ?= 4
+TEST_JOBS ?= 3
 CALLS_ALL_MACHINE_CODE := tests/estimator/identification/test_posterior_method.py::test_a_run_that_is_sure_at_once_puts_it_to_the_test
 $(COMPILED): $(READY)  # what all of them import and call is compiled by one of them
 	$(BIN)/python -m pytest --quiet $(CALLS_ALL_MACHINE_CODE) > /dev/null
 	@touch $@
 
-test: $(COMPILED) ## Run all tests, TEST_JOBS=4 side by side: many wait for processes
+test: $(COMPILED) ## Run all tests, TEST_JOBS=3 side by side: many wait for processes
 	$(BIN)/python -m pytest --numprocesses $(TEST_JOBS) --dist worksteal
 
 NEWEST ?= python3.13
