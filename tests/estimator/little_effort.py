@@ -16,7 +16,7 @@ from estimator.exploration import best_programs, information
 from estimator.identification import posterior_method
 from estimator.posterior.checks import simulator
 from estimator.posterior.discovery import discovery, moves
-from estimator.posterior.sampling import weighing
+from estimator.posterior.sampling import integrals, tempering, weighing
 from estimator.posterior.sampling.sampler import Effort
 
 _LITTLE: Final = Effort(levels=4, chains_per_level=8, steps=10, rounds=1, particles=60, samples=16)
@@ -44,6 +44,12 @@ def little_effort() -> Iterator[None]:
         patch.setattr(information, "CANDIDATES", 100)
         patch.setattr(best_programs, "_LIKELY", 20)
         patch.setattr(information, "_MORE_DRAWS", 200)
+        patch.setattr(weighing, "_FEWEST", 24)
+        patch.setattr(weighing, "_CAREFULLY", 1)
+        patch.setattr(integrals, "_ANYWHERE", 30)
+        patch.setattr(integrals, "_DRAWN", 100)
+        patch.setattr(tempering, "_MOVES", 1)
+        patch.setattr(tempering, "_SETTLING", 1)
         patch.setattr(simulator, "SAMPLES", 6)
         patch.setattr(simulator, "STEP", 1 / 120)
         patch.setattr(simulator, "_TRIED", 6)
