@@ -49,10 +49,10 @@ _KEPT: Final = 0.6  # effective share of particles after each step towards the p
 _NEAR: Final = 0.9  # share of the start that lies around the best point
 _COUNTS: Final = 0.5  # of the information there
 _MOVES: Final = 3  # after each step
-_SETTLING: Final = 3  # of samples in the end, for each dimension
+_SETTLING: Final = 2  # of samples in the end, for each dimension
 _JITTER: Final = 1e-3
-_KINDS: Final = (0.3, 0.4, 0.3)  # shares of the moves, in the order above
-_SHORTEST: Final = (0.1, 0.05)  # step of those that keep a normal distribution; the longest is 1
+_KINDS: Final = (0.2, 0.5, 0.3)  # shares of the moves, in the order above
+_SHORTEST: Final = 0.5  # step of those that keep a normal distribution; the longest is 1
 _BISECTIONS: Final = 30
 _NOWHERE: Final = -1e9  # log-likelihood where there is no body
 _MOST_STEPS: Final = 60  # towards the posterior
@@ -324,13 +324,13 @@ class _Run:
         """Leaves a normal distribution as it is; along some of its axes."""
         away = np.choose(peak[..., None], around.away(x))
         some = self._rng.random(x.shape) < self._rng.random((*x.shape[:2], 1))
-        pace = np.where(some, self._pace(x, _SHORTEST[0]), 0.0)
+        pace = np.where(some, self._pace(x), 0.0)
         moved = np.sqrt(1 - pace**2) * away + pace * self._rng.standard_normal(x.shape)
         return np.choose(peak[..., None], around.near(moved))
 
     def _theta_alone(self, x: Array, around: Normals, peak: Columns) -> Array:
         """Leaves the prior of θ as it is; lengths follow (preconditioned Crank-Nicolson)."""
-        theta, pace = x[..., self._lengths :], self._pace(x, _SHORTEST[1])
+        theta, pace = x[..., self._lengths :], self._pace(x)
         chosen = self._rng.random(theta.shape) < self._rng.random((*x.shape[:2], 1))
         drawn = np.sqrt(1 - pace**2) * theta + pace * self._rng.standard_normal(theta.shape)
         moved = np.where(chosen, drawn, theta)
@@ -338,8 +338,8 @@ class _Run:
         lengths = x[..., : self._lengths] + np.choose(peak[..., None], follow)
         return np.concatenate([lengths, moved], axis=2)
 
-    def _pace(self, x: Array, shortest: float) -> Array:
-        pace: Array = np.exp(self._rng.uniform(math.log(shortest), 0.0, (*x.shape[:2], 1)))
+    def _pace(self, x: Array) -> Array:
+        pace: Array = np.exp(self._rng.uniform(math.log(_SHORTEST), 0.0, (*x.shape[:2], 1)))
         return pace
 
 
