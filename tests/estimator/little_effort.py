@@ -21,6 +21,16 @@ from estimator.posterior.sampling.sampler import Effort
 
 _LITTLE: Final = Effort(levels=4, chains_per_level=8, steps=10, rounds=1, particles=60, samples=16)
 
+_WEIGHING: Final = (
+    (weighing, "_FEWEST", 24),
+    (weighing, "_CAREFULLY", 1),
+    (integrals, "_ANYWHERE", 30),
+    (integrals, "_DRAWN", 100),
+    (tempering, "_MOVES", 1),
+    (tempering, "_SETTLING", 1),
+)
+_USUALLY: Final = [(module, name, getattr(module, name)) for module, name, _ in _WEIGHING]
+
 
 @contextmanager
 def little_search() -> Iterator[None]:
@@ -44,15 +54,20 @@ def little_effort() -> Iterator[None]:
         patch.setattr(information, "CANDIDATES", 100)
         patch.setattr(best_programs, "_LIKELY", 20)
         patch.setattr(information, "_MORE_DRAWS", 200)
-        patch.setattr(weighing, "_FEWEST", 24)
-        patch.setattr(weighing, "_CAREFULLY", 1)
-        patch.setattr(integrals, "_ANYWHERE", 30)
-        patch.setattr(integrals, "_DRAWN", 100)
-        patch.setattr(tempering, "_MOVES", 1)
-        patch.setattr(tempering, "_SETTLING", 1)
+        for module, name, little in _WEIGHING:
+            patch.setattr(module, name, little)
         patch.setattr(simulator, "SAMPLES", 6)
         patch.setattr(simulator, "STEP", 1 / 120)
         patch.setattr(simulator, "_TRIED", 6)
+        yield
+
+
+@contextmanager
+def usual_weighing() -> Iterator[None]:
+    """Within little effort, where it must be no luck which of two causes leads."""
+    with pytest.MonkeyPatch.context() as patch:
+        for module, name, usual in _USUALLY:
+            patch.setattr(module, name, usual)
         yield
 
 

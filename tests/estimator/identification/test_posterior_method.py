@@ -23,7 +23,7 @@ from estimator.report.run_files import write_report
 from estimator.storage.posteriors import NotKnown, StoredPosterior
 from estimator.storage.run_config import RunConfig
 from estimator.storage.store import RunStore
-from tests.estimator.little_effort import little_effort
+from tests.estimator.little_effort import little_effort, usual_weighing
 from tests.estimator.model_robot import (
     PROBLEM,
     TRUE_LENGTHS,
@@ -280,7 +280,7 @@ def test_what_a_robot_has_otherwise_is_named_with_its_amount(
     monkeypatch.setattr(posterior_method, "probability_of", lambda *_: 0.01)
     more = Effort(levels=4, chains_per_level=16, steps=20, rounds=2, particles=256, samples=128)
     monkeypatch.setattr(posterior_method, "Effort", lambda: more)
-    with serving(ModelRobot(travel=1.25)) as uri:
+    with usual_weighing(), serving(ModelRobot(travel=1.25)) as uri:
         asked = changed(order(tmp_path, uri), interactions=4, seed=1)
         result = identify(
             tmp_path / "run", asked, IN_THIS_PROCESS, Listener(), report=without_plots
