@@ -22,11 +22,10 @@ from estimator.posterior.sampling.sampler import Effort
 _LITTLE: Final = Effort(levels=4, chains_per_level=8, steps=10, rounds=1, particles=60, samples=16)
 
 _WEIGHING: Final = (
-    (weighing, "_FEWEST", 24),
     (weighing, "_CAREFULLY", 1),
-    (integrals, "_ANYWHERE", 30),
-    (integrals, "_DRAWN", 100),
-    (tempering, "_MOVES", 1),
+    (integrals, "_ANYWHERE", 100),
+    (integrals, "_DRAWN", 300),
+    (tempering, "_MOVES", 2),
     (tempering, "_SETTLING", 1),
 )
 _USUALLY: Final = [(module, name, getattr(module, name)) for module, name, _ in _WEIGHING]
@@ -64,7 +63,7 @@ def little_effort() -> Iterator[None]:
 
 @contextmanager
 def usual_weighing() -> Iterator[None]:
-    """Within little effort, where it must be no luck which of two causes leads."""
+    """Within little effort, where it must be no luck what comes out."""
     with pytest.MonkeyPatch.context() as patch:
         for module, name, usual in _USUALLY:
             patch.setattr(module, name, usual)

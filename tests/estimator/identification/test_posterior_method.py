@@ -54,7 +54,7 @@ class Interrupting(Listener):
 
 @pytest.fixture(scope="module", autouse=True)
 def soon_done() -> Iterator[None]:
-    with little_effort():
+    with little_effort(), usual_weighing():
         yield
 
 
@@ -280,7 +280,7 @@ def test_what_a_robot_has_otherwise_is_named_with_its_amount(
     monkeypatch.setattr(posterior_method, "probability_of", lambda *_: 0.01)
     more = Effort(levels=4, chains_per_level=16, steps=20, rounds=2, particles=256, samples=128)
     monkeypatch.setattr(posterior_method, "Effort", lambda: more)
-    with usual_weighing(), serving(ModelRobot(travel=1.25)) as uri:
+    with serving(ModelRobot(travel=1.25)) as uri:
         asked = changed(order(tmp_path, uri), interactions=4, seed=1)
         result = identify(
             tmp_path / "run", asked, IN_THIS_PROCESS, Listener(), report=without_plots
