@@ -294,7 +294,7 @@ def test_what_a_robot_has_otherwise_is_named_with_its_amount(
 
 def test_noise_that_is_not_announced_is_no_other_body(tmp_path: Path) -> None:
     with serving(ModelRobot(noise=3 * MODEL_TILT)) as uri:
-        asked = changed(order(tmp_path, uri), interactions=4)
+        asked = changed(order(tmp_path, uri), interactions=4, seed=4)
         path = tmp_path / "legs.toml"
         exact = "[uncertain]\nexact = true\n"
         path.write_text(PROBLEM.replace('hinge = "up"', 'hinge = "unknown"', 1) + exact)
