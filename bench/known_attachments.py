@@ -3,7 +3,7 @@
 Bodies and robots are drawn as by ``bench.simulation_based_calibration``, movements at random. Of
 each body the true attachments alone are weighed; told is how many true lengths lie in the 90 %
 intervals of the particles that give the evidence, and of the samples that stand for the posterior,
-which have settled. A study that was interrupted goes on where it stopped.
+which have equilibrated. A study that was interrupted goes on where it stopped.
 """
 
 from __future__ import annotations
@@ -45,8 +45,8 @@ class KnownRun(BodyRun):
 
     def sentence(self, root: Path) -> str:
         """How it went."""
-        settled = self.figures(root)["settled"]
-        return f"{sum(settled)} of {len(settled)} lengths inside"
+        equilibrated = self.figures(root)["equilibrated"]
+        return f"{sum(equilibrated)} of {len(equilibrated)} lengths inside"
 
 
 def inside(run: BodyRun) -> dict[str, Any]:
@@ -61,7 +61,7 @@ def inside(run: BodyRun) -> dict[str, Any]:
     known = Hypothesis(0, unknowns.as_stated(unknowns.cube(body[None]))[0])
     ((one, particles),), _ = integrals.with_cost(([known], effort.particles, 1, run.seed))
     rows = np.resize(rng.permutation(len(particles.own)), effort.samples)
-    settled, _ = integrals.settled_with_cost((one, particles.own[rows], run.seed))
+    equilibrated, _ = integrals.equilibrated_with_cost((one, particles.own[rows], run.seed))
 
     def holds(values: Array) -> list[bool]:
         misfits = likelihood.misfits_of(predictor, values)
@@ -77,7 +77,7 @@ def inside(run: BodyRun) -> dict[str, Any]:
     return {
         "dimensions": particles.own.shape[1],
         "particles": holds(particles.values),
-        "settled": holds(settled),
+        "equilibrated": holds(equilibrated),
     }
 
 
@@ -90,7 +90,7 @@ def main() -> None:
     runs = [KnownRun(**of_body, random=True) for of_body in bodies_by_command(options)]
     complete_by_command(runs, options.out, options)
     told = [run.figures(options.out) for run in runs]
-    for name in ("particles", "settled"):
+    for name in ("particles", "equilibrated"):
         every = np.array([one for figures in told for one in figures[name]])
         share = f"{every.sum()} of {every.size} lengths ({100 * every.mean():.0f} %)"
         print(f"{name}, {told[0]['dimensions']} dimensions: {share} inside their 90 % intervals")

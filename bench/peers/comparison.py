@@ -161,7 +161,7 @@ def _rows(
     assert fitted is not None
     assert fitted.best is not None
     seed, likelihood, unknowns = figures.seed, fitted.likelihood, fitted.unknowns
-    as_stated = unknowns.searched(np.zeros(len(unknowns.table)))
+    as_stated = unknowns.with_fixed_deviations(np.zeros(len(unknowns.table)))
     make_physics = partial(open_arrays, "statics", store.world)
     predictor = Predictor(as_stated, make_physics())
     solver = GaussNewton(predictor, likelihood)

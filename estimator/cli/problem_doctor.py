@@ -27,7 +27,7 @@ from protocol.wire.capabilities import Capabilities
 
 _TOO_MANY: Final = 1.5  # times the movements that a problem makes
 _MORE: Final = 0.1  # bits, worth saying
-_UNFORESEEN: Final = 0.1  # share of movements after which no model knows how it lies
+_UNPREDICTED: Final = 0.1  # share of movements without a prediction that is worth a warning
 _SENSORS: Final = {
     "touch": "touch sensors",
     "tilt": "an accelerometer",
@@ -71,21 +71,21 @@ def examine_problem(
         yield ExaminedItem("problem", Fitness.NOTE, f"{sentence[0].upper()}{sentence[1:]}.")
     if tighter := tightens(problem.table, problem.supposed.announced):
         yield ExaminedItem("calibration", Fitness.FINE, f"The robot announces its own: {tighter}.")
-    foreseen = _prospects(problem, known, has)
-    yield _bodies(foreseen)
-    yield _movements(problem, foreseen, has)
-    if foreseen.unforeseen > _UNFORESEEN:
+    expected = _prospects(problem, known, has)
+    yield _bodies(expected)
+    yield _movements(problem, expected, has)
+    if expected.unpredicted > _UNPREDICTED:
         yield ExaminedItem(
             "poses",
             Fitness.NOTE,
-            f"After {foreseen.unforeseen:.0%} of random movements no model knows how its body "
+            f"After {expected.unpredicted:.0%} of random movements no model knows how its body "
             "lies, and they tell nothing: narrow motors.range_deg.",
         )
-    yield from _not_identifiable(foreseen, has)
+    yield from _not_identifiable(expected, has)
     for missing in (one for one in MODALITIES if one not in has):
         richer = with_sensors(known, asked.sensors or driven)
         counting = tuple(one for one in MODALITIES if one in (*has, missing))
-        yield _with(missing, _prospects(asked.for_robot(richer), richer, counting), foreseen)
+        yield _with(missing, _prospects(asked.for_robot(richer), richer, counting), expected)
 
 
 def _prospects(problem: Problem, robot: Capabilities, modalities: Sequence[str]) -> Prospects:
@@ -93,35 +93,35 @@ def _prospects(problem: Problem, robot: Capabilities, modalities: Sequence[str])
         return prospects(problem, robot, physics, modalities, np.random.default_rng(0))
 
 
-def _bodies(foreseen: Prospects) -> ExaminedItem:
-    ways = f"{foreseen.ways:,.0f}" if foreseen.ways < 1e9 else f"{foreseen.ways:.1e}"
+def _bodies(expected: Prospects) -> ExaminedItem:
+    ways = f"{expected.ways:,.0f}" if expected.ways < 1e9 else f"{expected.ways:.1e}"
     parts = []
-    if foreseen.ways > 1:
-        parts.append(f"{ways} ways to attach its parts ({math.log2(foreseen.ways):.0f} bits)")
-    if foreseen.lengths:
-        several = "s" if foreseen.lengths > 1 else ""
+    if expected.ways > 1:
+        parts.append(f"{ways} ways to attach its parts ({math.log2(expected.ways):.0f} bits)")
+    if expected.lengths:
+        several = "s" if expected.lengths > 1 else ""
         parts.append(
-            f"{foreseen.lengths} length{several}, to {1000 * KNOWN:.0f} mm "
-            f"({foreseen.length_bits:.0f} bits)"
+            f"{expected.lengths} length{several}, to {1000 * KNOWN:.0f} mm "
+            f"({expected.length_bits:.0f} bits)"
         )
     return ExaminedItem("bodies", Fitness.FINE, f"To be found: {' and '.join(parts)}.")
 
 
-def _movements(problem: Problem, foreseen: Prospects, has: Sequence[str]) -> ExaminedItem:
+def _movements(problem: Problem, expected: Prospects, has: Sequence[str]) -> ExaminedItem:
     makes = problem.search.interactions
-    first = foreseen.movements(foreseen.attachment_bits)
-    last = foreseen.movements(foreseen.attachment_bits + foreseen.length_bits)
+    first = expected.movements(expected.attachment_bits)
+    last = expected.movements(expected.attachment_bits + expected.length_bits)
     if math.isinf(last):
         return ExaminedItem(
             "movements", Fitness.BAD, f"By {_words(has)} no movement tells anything of the body."
         )
-    told = f"By {_words(has)} a good movement tells {foreseen.movement_bits:.1f} bits at first: "
-    if foreseen.ways > 1:
+    told = f"By {_words(has)} a good movement tells {expected.movement_bits:.1f} bits at first: "
+    if expected.ways > 1:
         told += f"attachments take about {math.ceil(first)} movements, lengths up to "
     else:
         told += "lengths take about "
     sentence = f"{told}{math.ceil(last)}; the problem makes {makes}"
-    needed = first if foreseen.ways > 1 else last
+    needed = first if expected.ways > 1 else last
     if needed > _TOO_MANY * makes:
         return ExaminedItem(
             "movements",
@@ -138,32 +138,32 @@ def _movements(problem: Problem, foreseen: Prospects, has: Sequence[str]) -> Exa
     return ExaminedItem("movements", Fitness.FINE, f"{sentence}.")
 
 
-def _not_identifiable(foreseen: Prospects, has: Sequence[str]) -> Iterator[ExaminedItem]:
-    if foreseen.never:
+def _not_identifiable(expected: Prospects, has: Sequence[str]) -> Iterator[ExaminedItem]:
+    if expected.never:
         yield ExaminedItem(
             "unknowns",
             Fitness.NOTE,
-            f"By {_words(has)} nobody can tell: {', '.join(foreseen.never)}.",
+            f"By {_words(has)} nobody can tell: {', '.join(expected.never)}.",
         )
-    if foreseen.turned >= NEVER:
+    if expected.turned >= NEVER:
         yield ExaminedItem(
             "unknowns",
             Fitness.NOTE,
             f"By {_words(has)} a body feels like itself turned by a quarter or a half, or "
             "mirrored: sides, and which way parts swing sideways, are found up to that.",
         )
-    if not foreseen.never and foreseen.turned < NEVER:
+    if not expected.never and expected.turned < NEVER:
         yield ExaminedItem("unknowns", Fitness.FINE, "Each shows in some reading of some bodies.")
 
 
-def _with(missing: str, richer: Prospects, foreseen: Prospects) -> ExaminedItem:
+def _with(missing: str, richer: Prospects, expected: Prospects) -> ExaminedItem:
     """What a sensor that the robot lacks would tell."""
-    more = richer.movement_bits - foreseen.movement_bits
+    more = richer.movement_bits - expected.movement_bits
     sentence = f"With {_SENSORS[missing]} a movement would tell " + (
         f"{richer.movement_bits:.1f} bits" if more > _MORE else "hardly more"
     )
-    shown = [name for name in foreseen.never if name not in richer.never]
-    if foreseen.turned >= NEVER > richer.turned:
+    shown = [name for name in expected.never if name not in richer.never]
+    if expected.turned >= NEVER > richer.turned:
         shown.append("sides, and which way parts swing sideways")
     return ExaminedItem(
         "sensors",

@@ -18,9 +18,9 @@ Score: TypeAlias = Callable[[Array], ArrayLike]
 CANDIDATES: Final = 1000
 """Programs that are drawn at first."""
 
-_LIKELY: Final = 100  # of the best candidates, which are looked at more closely
-_REFINED: Final = 8  # of the best of these, each by
-_VARIANTS: Final = 8
+_LIKELY: Final = 100  # best candidates by the rough score, which are scored more precisely
+_REFINED: Final = 8  # best programs that are varied
+_VARIANTS: Final = 8  # of each of them
 _SPREADS: Final = (math.radians(6.0), math.radians(3.0))
 _FINALISTS: Final = 20
 

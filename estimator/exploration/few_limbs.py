@@ -1,10 +1,10 @@
 """Motor programs that move few limbs, where more is open than some readings can tell.
 
-A reading of many limbs at once tells as much as one of a few, but of nothing in particular: what
-it leaves open can only be found by trying all limbs together. A limb that stays as it lies hardly
-matters, so with few moved a robot of many legs is found leg by leg. Where it is not known which
-part sits on which, each part that a motor turns is a limb by itself; and samples that have come to
-agree sooner than their readings can have told them to are not trusted.
+A reading of many moved limbs holds as much information as one of a few, but constrains them only
+jointly: the search would have to try all limbs together. A limb that does not move hardly matters
+to a reading, so with few moved limbs a body of many legs is found leg by leg. Where it is not known
+which part sits on which, each part that a motor turns is a limb by itself, and samples that agree
+sooner than their readings can have informed them are not trusted.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from estimator.body.morphology import BASE, Array
 from estimator.posterior.model.unknowns import Columns, Unknowns
 
 _OPEN: Final = 24.0
-"""Bits about attachments that moved limbs hold together, at most: as much as three of
-two parts. One alone often lifts into the air, and tells nothing."""
+"""Entropy of the attachments of all moved limbs, bits, at most: that of three limbs of two parts.
+A single limb often lifts into the air, and shows nothing."""
 
 _OPEN_OF_PARTS: Final = 12.0
-"""Bits that single moved parts hold together, at most: as much as two that are unknown."""
+"""The same where each part is a limb: that of two unknown parts."""
 
 _BITS_LEARNT: Final = 5.0
-"""Bits about attachments of single parts that one interaction surely tells no more than; fewer than
-the sampler waits for before it weighs, since to move all parts too soon cannot be made good."""
+"""Bits about attachments that one interaction tells at most where each part is a limb. Fewer than
+the sampler's figure, since too many moved parts cost more than too few."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,9 +50,9 @@ class Limbs:
 
     Attributes:
         limbs: Each of them.
-        open: Bits about attachments that those which move hold together, at most.
-        unlearnt: Bits about all of them that are open before the first interaction, where samples
-            may agree sooner than they should; else 0.
+        open: Entropy of the attachments of all moved limbs, bits, at most.
+        unlearnt: Entropy of all attachments before the first interaction, bits, where samples may
+            agree sooner than they should; else 0.
     """
 
     limbs: tuple[LimbGenes, ...]
@@ -104,20 +104,20 @@ def with_few_limbs(
     interactions: int,
     rng: np.random.Generator,
 ) -> Array:
-    """The programs, with limbs left as they lie where they move too many of which much is open.
+    """The programs, with some limbs left unmoved where the attachments of many are open.
 
-    Each program moves limbs in a random order, as long as what is open about them is little enough;
-    at least one. Where little is open about all limbs the programs stay as they are.
+    Each program moves limbs in a random order, at least one, up to the entropy that ``limbs``
+    allows. Where all limbs together have no more the programs stay as they are.
 
     Args:
         programs: rad, shape (p, motors).
         limbs: From ``limbs_of``.
         decided: What equally likely samples choose, by gene, shape (n, genes).
-        interactions: From which the samples are.
+        interactions: Number of interactions that the samples are after.
         rng: Draws the orders.
     """
     bits = np.array([_entropy(decided[:, limb.choices]) for limb in limbs.limbs])
-    if bits.size:  # which limbs the samples are wrong about nobody knows: so all alike
+    if bits.size:  # it is not known which limbs samples are wrong about: shared evenly
         bits += max(limbs.unlearnt - _BITS_LEARNT * interactions - bits.sum(), 0.0) / bits.size
     if bits.sum() <= limbs.open:
         return programs
@@ -131,7 +131,7 @@ def with_few_limbs(
 
 
 def _entropy(chosen: NDArray[np.int64]) -> float:
-    """Of columns that are taken for independent, bits."""
+    """Entropy of columns that are taken for independent, bits."""
     total = 0.0
     for column in chosen.T:
         shares = np.unique(column, return_counts=True)[1] / len(column)

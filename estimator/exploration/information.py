@@ -1,6 +1,6 @@
 """The rule ``information``: the program with the largest expected information gain about the body.
 
-Once attachments are settled it may be the one that narrows most what is asked for (``--learn``).
+Once attachments have converged it may be the one that narrows lengths or masses most (``--learn``).
 ``Chooser`` finds the program; the rule says in words what it discriminates between.
 """
 
@@ -30,9 +30,9 @@ from estimator.posterior.summary import SAMPLES
 from estimator.readings.observation import PredictedReadings
 from estimator.storage.run_config import Learn
 
-_WORTH_SAYING: Final = 0.25  # bits about one trait
-_SAID: Final = 2  # traits, named as the reason
-_SETTLED: Final = 0.9  # share of the samples that have the same attachments
+_WORTH_SAYING: Final = 0.25  # bits about one trait from which it is named as a reason
+_SAID: Final = 2  # traits that are named, at most
+_CONVERGED: Final = 0.9  # share of the samples that have the same attachments
 _MASSES: Final = frozenset({"mass", "mass_of_each", "main_mass"})  # groups of the table
 
 
@@ -78,33 +78,33 @@ def _possible_values(models: FittedPosterior, column: int) -> str:
     return f"{gene.name} ({low:.0f} to {high:.0f} {gene.unit})"
 
 
-_DRAWS: Final = 100  # readings for each program
-_FEWEST: Final = 50  # bodies, by which candidates are compared: the best tenth goes on
-_THINNED: Final = slice(None, None, 2)  # of the bodies, by which all but finalists are compared
-_MORE_DRAWS: Final = 800  # for each finalist
-_AT_ONCE: Final = 4096  # readings, whose bodies fit into a processor's cache
-_COMPETES: Final = 0.005  # share of a cause that is weighed
-_THICKER: Final = 1.4  # times as thick; bodies that then lie otherwise foresee nothing
-_FORESEEABLE: Final = math.radians(2.0)  # path margin; of so many, those near forks look best
+_DRAWS: Final = 100  # readings drawn for each program
+_FEWEST: Final = 50  # bodies by which candidates are compared
+_THINNED: Final = slice(None, None, 2)  # the bodies by which all but finalists are compared
+_MORE_DRAWS: Final = 800  # readings drawn for each finalist
+_AT_ONCE: Final = 4096  # readings computed at once, whose bodies fit into a processor's cache
+_COMPETES: Final = 0.005  # share of the posterior from which a cause competes
+_THICKER: Final = 1.4  # factor on radii under which a predicted pose must stay the same
+_PREDICTABLE: Final = math.radians(2.0)  # least path margin of a pose; else forks look best
 _PLUMB: Final = GRAVITY_TILTS[:1]
 _BRANCHES: Final = np.vstack([_PLUMB, FORKS])  # inclinations of gravity
 
 
 @dataclass(frozen=True, kw_only=True)
 class InformativeProgram:
-    """A motor program, and what it would tell.
+    """A motor program, and its expected information gain.
 
     Attributes:
         program: rad, shape (motors,).
-        bits: Information that it is expected to give about the body.
-        about: Information about each column of the cube, bits: about a choice, or about the half of
-            its range in which a length lies; shape (size,).
+        bits: Expected information gain about the body.
+        about: About each column of the cube, bits: about a choice, or about the half of its range
+            in which a length lies; shape (size,).
         causes: Rows of the table of parameters whose wide components compete, the most probable
             first; −1: the robot is as stated. Empty where none compete.
-        about_causes: Information about which of them it is, bits, were they as even as they are
-            weighed for the choice.
-        narrowed: Share by which it is expected to narrow what was to be learnt; ``None``: that was
-            the body.
+        about_causes: Expected information gain about which of them it is, bits, under the
+            probabilities with which they count for the choice.
+        narrowed: Share by which it is expected to narrow lengths or masses; ``None``: they were not
+            asked for.
     """
 
     program: Array
@@ -117,14 +117,14 @@ class InformativeProgram:
 
 @dataclass(frozen=True, kw_only=True)
 class _Hypotheses:
-    """Equally likely bodies, one of which may be the robot's.
+    """Equally likely bodies, of which the posterior consists.
 
     Attributes:
         bodies: n of them.
         scales: Logarithms of their noise factors, shape (n, 2).
-        groups: Bodies of one group are the same, shape (n,).
-        causes: Of causes that compete, which each body has, shape (n,); ``None``: none do.
-        asked: Amounts that are to be learnt, shape (n, k); ``None``: all that bodies differ by.
+        groups: The same number for equal bodies, shape (n,).
+        causes: Which of the competing causes each body has, shape (n,); ``None``: none compete.
+        asked: Lengths or masses that are to be learnt, shape (n, k); ``None``: the whole body is.
     """
 
     bodies: Bodies
@@ -167,16 +167,16 @@ class Chooser:
     ) -> InformativeProgram:
         """The motor program that is expected to tell most.
 
-        Where attachments are settled and causes compete (wide components of the table of
-        parameters, or that there is none), each has the square root of its share in the choice, and
-        what tells them apart counts twice: to know how long legs are is worth little as long as it
-        rests on a servo that may turn the other way.
+        Where attachments have converged and causes compete (wide components of the table of
+        parameters, or that there is none), each counts by the square root of its share, and
+        information about which of them it is counts twice: leg lengths are worth little while a
+        servo may turn the other way.
 
         Args:
             posterior: The bodies.
-            interactions: How many the samples have been learnt from.
+            interactions: Number of interactions that the posterior is after.
             rng: The choice's own.
-            learn: About what, once attachments are settled; where none of that is open, about all.
+            learn: What is to be learnt once attachments have converged; all, where it is not open.
         """
         low, high = self._ends.T
         causes, even = self._causes(posterior)
@@ -230,12 +230,12 @@ class Chooser:
         )
 
     def _causes(self, posterior: Posterior) -> tuple[tuple[int, ...], Posterior]:
-        """The causes that compete, if any do, and the posterior with these more even."""
+        """The causes that compete, and the posterior with their shares made more even."""
         own = self._deviating(posterior.values)
         rows, which = np.unique(own, return_inverse=True)
         shares = np.bincount(which, posterior.weights)
         compete = shares >= _COMPETES
-        if compete.sum() < 2 or not self._settled(posterior.values).any():
+        if compete.sum() < 2 or not self._converged(posterior.values).any():
             return (), posterior
         even = np.where(compete, np.sqrt(shares), 0.0) / shares.clip(_COMPETES)
         weights = posterior.weights * even[which]
@@ -248,7 +248,7 @@ class Chooser:
         return deviating(unknowns.table, values[:, first : first + len(unknowns.table)])
 
     def _asked(self, samples: Posterior, learn: Learn) -> tuple[Posterior, Array | None]:
-        """Samples with the attachments that are settled, and the amounts that are to be learnt."""
+        """Samples with the converged attachments, and their lengths or masses to be learnt."""
         unknowns = self._predictor.unknowns
         if learn == "all":
             return samples, None
@@ -260,17 +260,17 @@ class Chooser:
                 if one.group in _MASSES
             ],
         }[learn]
-        same = self._settled(samples.values)
+        same = self._converged(samples.values)
         amounts = samples.values[same][:, columns]
         if not same.any() or not np.ptp(amounts, axis=0).any():
             return samples, None
         return replace(samples, values=samples.values[same], scales=samples.scales[same]), amounts
 
-    def _settled(self, values: Array) -> Flags:
-        """Which of n points have the attachments that are settled; none, where none are."""
+    def _converged(self, values: Array) -> Flags:
+        """Which of n points have the attachments that nearly all have; none where these differ."""
         keys = self._predictor.unknowns.keys(values)
         ((first, count),) = Counter(keys).most_common(1)
-        return np.array([key == first and count >= _SETTLED * len(keys) for key in keys])
+        return np.array([key == first and count >= _CONVERGED * len(keys) for key in keys])
 
     def _models(self, samples: Posterior, asked: Array | None) -> _Hypotheses:
         _, same = np.unique(samples.values, axis=0, return_inverse=True)
@@ -296,8 +296,8 @@ class Chooser:
     ) -> PredictedReadings:
         """Predicted readings, undecided where a body may fall to more sides than one.
 
-        Where much is to be found, also where it matters how thick capsules are: what is square but
-        not known to be rests on its edges.
+        Where many attachments are open, also where the pose depends on how thick capsules are: a
+        square part that is not known to be a box rests on its edges.
         """
         plumb, *others = self._read(known, programs, _BRANCHES, coarse_step=coarse_step)
         if self._predictor.unknowns.many:
@@ -311,8 +311,8 @@ class Chooser:
         """Predicted readings, undecided also where path margins are small: slow to compute."""
         readings = self._sure_readings(known, programs)
         rows, repeated = each_with_each(len(known), programs)
-        margins = self._predictor.margins(known.bodies, rows, repeated, most=_FORESEEABLE)
-        return replace(readings, undecided=readings.undecided | (margins < _FORESEEABLE))
+        margins = self._predictor.margins(known.bodies, rows, repeated, most=_PREDICTABLE)
+        return replace(readings, undecided=readings.undecided | (margins < _PREDICTABLE))
 
     def _read(
         self,

@@ -1,11 +1,10 @@
-"""What a motor program would tell: expected information gain by nested Monte Carlo.
+"""Expected information gain of a motor program, by nested Monte Carlo.
 
-A reading is drawn from each sample's prediction, noise included, and what it would tell about the
-group of samples that its sample belongs to is ``log p(y | group) - log p(y)``, under the mixture by
-which bodies are judged. So a program that separates bodies only by what cannot be measured, or in
-poses that the models cannot predict, is worth nothing. With
-every sample a group of its own this is the information about the body as a whole; with samples
-grouped by what they say of one leg's side, it is the information about that side.
+A reading is drawn from each sample's prediction, noise included. Its information about the group of
+samples that its sample belongs to is ``log p(y | group) - log p(y)``, under the likelihood by which
+bodies are judged. So a program that separates bodies only by what cannot be measured, or in poses
+that cannot be predicted, is worth nothing. With every sample a group of its own this is the
+information about the whole body; with samples grouped by one leg's side, about that side.
 """
 
 from __future__ import annotations
@@ -104,10 +103,11 @@ class InformationGain:
         return result / math.log(2)
 
     def narrowed(self, readings: PredictedReadings, amounts: Array) -> Array:
-        """By what share each program is expected to narrow what is known of amounts, shape (p,).
+        """Share by which each program is expected to narrow some amounts, shape (p,).
 
-        Standard deviations, all added up, of what is left by linear regression on tilt and
-        clearance among the samples that touch alike. A sample without a prediction narrows nothing.
+        By the sum of their standard deviations: that of the residuals of a linear regression on
+        tilt and clearance, among samples with the same touch readings, over that before. Samples
+        without a prediction narrow nothing.
 
         Args:
             readings: As for ``of``.
@@ -149,27 +149,27 @@ class InformationGain:
 
 
 def _left(readings: Array, amounts: Array, before: float) -> float:
-    """Standard deviations of amounts, added up, once readings, in units of their noise, are known.
+    """Sum of the standard deviations of amounts, given readings in units of their noise.
 
     ``before`` where there are too few samples.
     """
     free = len(readings) - 1 - readings.shape[1]
     if free <= 0:
         return before
-    away, asked = readings - readings.mean(axis=0), amounts - amounts.mean(axis=0)
-    both = away.T @ asked
-    known = away.T @ away + len(away) * np.eye(away.shape[1])
+    centred, asked = readings - readings.mean(axis=0), amounts - amounts.mean(axis=0)
+    both = centred.T @ asked
+    known = centred.T @ centred + len(centred) * np.eye(centred.shape[1])
     left = (asked**2).sum(axis=0) - (both * np.linalg.solve(known, both)).sum(axis=0)
     return float(np.sqrt(np.maximum(left, 0.0) / free).sum())
 
 
 _SOURCES: Final = stamp(Path(__file__).parent, *sorted(Path(mixture.__file__).parent.glob("*.py")))
-_LEAST: Final = -60.0  # logarithm of a density that vanishes beside an outlier's
+_LEAST: Final = -60.0  # logarithm of a density that is negligible beside an outlier's
 
 
 @compiled
 def _differing(touch: Flags, doubtful: Flags, bits: Flags) -> tuple[float, float]:
-    """How many touch bits are not as one prediction has them, and of how many it is not sure."""
+    """Number of touch bits that differ from a prediction, and of those that are doubtful in it."""
     wrong, unsure = 0.0, 0.0
     for bit in range(len(bits)):
         if doubtful[bit]:
@@ -210,8 +210,8 @@ def _make_gains(sources: int) -> Any:
     ) -> int:
         """Fills ``result`` of programs ``start`` to ``end``, in nats; see ``InformationGain.of``.
 
-        What a robot feels anywhere, or that a sample has no prediction, tells nothing: that density
-        is the same for every body.
+        Outliers and samples without a prediction give no information: their density is the same for
+        every body.
 
         Args:
             scales: Logarithms of each sample's noise factors, shape (samples, 2).
@@ -251,7 +251,7 @@ def _make_gains(sources: int) -> Any:
                     bits,
                 )
                 elsewhere = anywhere[1 if far else 0]
-                everyone, own, members = 0.0, 0.0, 0
+                of_all, of_group, members = 0.0, 0.0, 0
                 for other in range(samples):
                     density = elsewhere
                     if not no_prediction[program, other]:
@@ -273,11 +273,11 @@ def _make_gains(sources: int) -> Any:
                             density += beside * math.exp(nearby)
                         if near > _LEAST:
                             density += (1 - spread.outlier) * math.exp(near)
-                    everyone += density
+                    of_all += density
                     if groups[other] == groups[source]:
-                        own += density
+                        of_group += density
                         members += 1
-                total += math.log(own / members) - math.log(everyone / samples)
+                total += math.log(of_group / members) - math.log(of_all / samples)
             result[program] = total / len(noise_draws)
         return 0 * sources
 

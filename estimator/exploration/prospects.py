@@ -1,9 +1,9 @@
-"""What a problem can be expected to tell, before a robot has moved: of its prior alone.
+"""What can be expected of a problem before a robot has moved, by its prior alone.
 
-Attachments and lengths hold so much information, and a movement tells so much of it: that is how
-many movements it takes, about. A movement that is drawn at random tells of the prior what
-``InformationGain`` computes, and one that is chosen about as much as the better ones of these. On
-the shipped problems attachments were sure after as many movements, or up to half as many more.
+The entropy of attachments and lengths, divided by the information that a movement gives, is about
+the number of movements that it takes. A random movement gives what ``InformationGain`` computes for
+the prior, and a chosen one about as much as the better random ones. On the shipped problems
+attachments were certain after so many movements, or up to half as many more.
 """
 
 from __future__ import annotations
@@ -32,17 +32,17 @@ KNOWN: Final = 0.005
 """A length counts as known within so much either way, m."""
 
 NEVER: Final = 0.9
-"""What shows in no reading of such a share of the bodies, nobody can tell."""
+"""Share of bodies on which an unknown shows in no reading, from which it is not identifiable."""
 
-_POINTS: Final = 20_000  # of the cube, by which what is allowed is counted
-_BODIES: Final = 1_000  # so that up to 10 bits can be told
-_PROGRAMS: Final = 32
-_DRAWS: Final = 400  # readings for each program
-_GOOD: Final = 0.9  # share of random programs that tell less than one that is chosen
+_POINTS: Final = 20_000  # of the cube, by which the allowed share of it is estimated
+_BODIES: Final = 1_000  # limit the information about a body to 10 bits
+_PROGRAMS: Final = 32  # random ones whose information is computed
+_DRAWS: Final = 400  # readings drawn for each of them
+_GOOD: Final = 0.9  # quantile of their information that a chosen one is taken to give
 _CHANGED: Final = 24  # bodies of which each unknown is changed
-_COMPARED: Final = 60  # programs in which they are compared
+_COMPARED: Final = 60  # programs in which these are compared
 _STEP: Final = 0.25  # of a length's range, by which it is changed
-_FEWEST: Final = 6  # bodies on which an unknown must have been changed
+_FEWEST: Final = 6  # bodies on which an unknown can be changed, at least
 
 _RATE: Final = 50.0  # samples per second of a sensor that is supposed
 _SENSORS: Final = {
@@ -53,17 +53,17 @@ _SENSORS: Final = {
 
 @dataclass(frozen=True, kw_only=True)
 class Prospects:
-    """What a problem can be expected to tell by some sensors.
+    """What can be expected of a problem and some sensors.
 
     Attributes:
-        ways: In how many ways its parts may be attached.
-        attachment_bits: Information that says which, but for what never shows.
-        lengths: How many lengths are to be found.
-        length_bits: Information that says each to within ``KNOWN``, but for those that never show.
-        movement_bits: What a good movement tells at first.
-        unforeseen: Share of random movements after which no model can say how its body lies.
-        hidden: By the names of unknowns, of how many bodies no reading shows another value of it;
-            those that show on all of them are left out.
+        ways: Number of ways in which its parts may be attached.
+        attachment_bits: Entropy of these, without unknowns that are not identifiable.
+        lengths: Number of lengths to be found.
+        length_bits: Information that determines each identifiable length to within ``KNOWN``.
+        movement_bits: Information that a good movement gives at first.
+        unpredicted: Share of random movements after which the pose cannot be predicted.
+        hidden: Share of bodies on which no reading shows another value of an unknown, by its name;
+            unknowns that show on all of them are left out.
         turned: Share of bodies that read like themselves turned by quarters, or mirrored.
     """
 
@@ -72,17 +72,17 @@ class Prospects:
     lengths: int
     length_bits: float
     movement_bits: float
-    unforeseen: float
+    unpredicted: float
     hidden: dict[str, float]
     turned: float
 
     @property
     def never(self) -> tuple[str, ...]:
-        """The unknowns that nobody can tell."""
+        """Names of the unknowns that are not identifiable."""
         return tuple(name for name, share in self.hidden.items() if share >= NEVER)
 
     def movements(self, bits: float) -> float:
-        """How many movements tell so much, about; infinite where none tells anything."""
+        """Approximate number of movements that give so much; infinite where none gives any."""
         return bits / self.movement_bits if self.movement_bits > 0.05 else math.inf
 
 
@@ -127,7 +127,7 @@ def prospects(
     modalities: Sequence[str],
     rng: np.random.Generator,
 ) -> Prospects:
-    """What a problem can be expected to tell of a robot.
+    """What can be expected of a problem on a robot.
 
     Args:
         problem: Written out for the robot.
@@ -150,23 +150,23 @@ def prospects(
     gain = InformationGain(
         Noise.announced(robot), problem.settings(robot).clearance_cap, tuple(modalities)
     )
-    told, unforeseen = [], []
+    gains, unpredicted = [], []
     for program in programs[:_PROGRAMS]:
         predicted = predictor.read_all(bodies, program[None])
         scales, groups = np.zeros((len(bodies), 2)), np.arange(len(bodies))
-        told.append(gain.of(predicted, scales, groups, rng, draws=_DRAWS)[0])
-        unforeseen.append(np.mean(predicted.undecided | ~predicted.valid))
+        gains.append(gain.of(predicted, scales, groups, rng, draws=_DRAWS)[0])
+        unpredicted.append(np.mean(predicted.undecided | ~predicted.valid))
     hidden = _hidden(predictor, bodies[:_CHANGED], programs, modalities, rng)
-    felt = [gene for gene in genome.genes if gene.felt]
-    never = [gene for gene in felt if hidden.get(gene.name, 0.0) >= NEVER]
+    observable = [gene for gene in genome.genes if gene.observable]
+    never = [gene for gene in observable if hidden.get(gene.name, 0.0) >= NEVER]
     lengths = [gene for gene in genome.genes if gene.trait == "length"]
     return Prospects(
         ways=ways,
         attachment_bits=max(0.0, math.log2(ways) - sum(math.log2(g.choices or 1) for g in never)),
         lengths=len(lengths),
         length_bits=sum(_length_bits(problem, gene) for gene in lengths if gene not in never),
-        movement_bits=float(np.quantile(told, _GOOD)),
-        unforeseen=float(np.mean(unforeseen)),
+        movement_bits=float(np.quantile(gains, _GOOD)),
+        unpredicted=float(np.mean(unpredicted)),
         hidden=hidden,
         turned=_turned(
             problem, genome.decode_all(bodies[:_CHANGED]), programs, physics, modalities
@@ -186,9 +186,9 @@ def _hidden(
     modalities: Sequence[str],
     rng: np.random.Generator,
 ) -> dict[str, float]:
-    """Of how many bodies no reading shows another value of an unknown, by its name."""
+    """Share of bodies on which no reading shows another value of an unknown, by its name."""
     unknowns = predictor.unknowns
-    found = {}
+    hidden = {}
     for column, gene in enumerate(unknowns.genes):
         others = bodies.copy()
         least = 1 / gene.choices if gene.choices > 1 else _STEP
@@ -203,8 +203,8 @@ def _hidden(
             predictor, programs, modalities, bodies[differ], others[differ]
         )
         if alike.any():
-            found[gene.name] = float(alike.mean())
-    return found
+            hidden[gene.name] = float(alike.mean())
+    return hidden
 
 
 def _turned(

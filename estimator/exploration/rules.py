@@ -62,7 +62,7 @@ class Situation:
         objective: By what the method ``paper`` fits models; the method ``posterior`` has its own
             likelihood.
         rng: The choice's own.
-        learn: What the robot is moved for, once attachments are settled.
+        learn: What the robot is moved for, once attachments have converged.
         jobs: Threads that the rule may use, apart from those of physics; what it chooses must not
             depend on it.
     """

@@ -42,12 +42,12 @@ def as_sensed(readings: PredictedReadings, bodies: Bodies) -> PredictedReadings:
     if odd_tilt:
         one, other, third, fourth, *_ = own
         odd = (one != 1) | (other != 0) | (third != 0) | (fourth != 1)
-        felt = np.empty_like(tilt)
+        measured = np.empty_like(tilt)
         left, forward = np.sin(tilt).T
-        felt[:, 0] = one * left + other * forward
-        felt[:, 1] = third * left + fourth * forward
-        felt = np.arcsin(np.maximum(np.minimum(felt, 1.0), -1.0))
-        tilt = np.where(odd[:, None], felt, tilt)
+        measured[:, 0] = one * left + other * forward
+        measured[:, 1] = third * left + fourth * forward
+        measured = np.arcsin(np.maximum(np.minimum(measured, 1.0), -1.0))
+        tilt = np.where(odd[:, None], measured, tilt)
     if odd_distance:
         *_, too_high, gain = own
         height = np.maximum(gain * clearance + too_high, 0.0)

@@ -155,8 +155,8 @@ class Parameter:
         """
         if self.switch:
             return np.ones_like(theta)
-        away = np.minimum(np.maximum(spread * theta, -self.limit), self.limit)  # clip takes longer
-        return np.exp(away) if self.factor else away
+        off = np.minimum(np.maximum(spread * theta, -self.limit), self.limit)  # clip takes longer
+        return np.exp(off) if self.factor else off
 
     def applied(self, bodies: Bodies, amounts: Array | float = 1.0) -> Bodies:
         """The bodies, each changed by its own amount, shape (n,), or all by one."""
@@ -179,20 +179,20 @@ class Parameter:
         return f"{shown:{'' if self.factor else '+'}.{min(digits, 3)}f}"
 
 
-def applied(table: Sequence[Parameter], bodies: Bodies, away: Array) -> Bodies:
+def applied(table: Sequence[Parameter], bodies: Bodies, deviations: Array) -> Bodies:
     """Bodies as columns of a posterior have them.
 
     Args:
         table: The rows that columns stand for.
         bodies: n bodies, as stated.
-        away: How far each is from that, shape (n, rows): SI, of factors their logarithms, of
+        deviations: Of each from that, shape (n, rows): SI, of factors their logarithms, of
             switches 1. What is 0 is as stated.
     """
     if not table:
         return bodies
     draft = Draft(bodies)
-    for column in np.flatnonzero(np.any(away != 0, axis=0)).tolist():
-        row, own = table[column], away[:, column]
+    for column in np.flatnonzero(np.any(deviations != 0, axis=0)).tolist():
+        row, own = table[column], deviations[:, column]
         row.change(draft, own if row.switch else row.amounts(1.0, own))
     return draft.done()
 
@@ -216,13 +216,13 @@ def log_priors(table: Sequence[Parameter]) -> dict[str, float]:
     }
 
 
-def deviating(table: Sequence[Parameter], away: Array) -> NDArray[np.int64]:
+def deviating(table: Sequence[Parameter], deviations: Array) -> NDArray[np.int64]:
     """The row whose wide component each of n bodies has, shape (n,); −1: it has none.
 
     Args:
         table: The rows.
-        away: How far the bodies are from what is stated, shape (n, rows), as of ``applied``.
+        deviations: Of the bodies from what is stated, shape (n, rows), as of ``applied``.
     """
     least = np.array([_UNNOTICED * one.narrow for one in table])
-    far = np.abs(away) > least
-    return np.where(far.any(axis=1), far.argmax(axis=1), -1) if table else np.full(len(away), -1)
+    far = np.abs(deviations) > least
+    return np.where(far.any(axis=1), far.argmax(axis=1), -1) if table else np.full(len(far), -1)

@@ -12,7 +12,7 @@ from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.posterior.model.unknowns import Attachments, Columns
 
-_TRIFLE: Final = 0.05  # of the posterior: what tells as much as one miss
+_TRIFLE: Final = 0.05  # share of the posterior that counts as missed in estimates of coverage
 
 MOSTLY: Final = 0.5
 """Part of a mode that must be indistinguishable from the first for the mode to count as such."""
@@ -43,10 +43,10 @@ class CauseShare(NamedTuple):
     Attributes:
         row: Of the table.
         probability: Share of the posterior.
-        low: How far the robot is from what is stated, as ``parameters.table.applied`` has it: of
-            the posterior with this component 5 % lie below,
-        median: half of it,
-        high: 95 %.
+        low: 5 % quantile of the deviation, in the units of ``parameters.table.applied``, in the
+            posterior with this component.
+        median: Its median.
+        high: Its 95 % quantile.
     """
 
     row: int
@@ -65,12 +65,12 @@ class Posterior:
         scales: Logarithms of the noise factors on tilt and clearance, shape (n, 2).
         weights: Of the samples, adding up to 1, shape (n,).
         modes: The most probable first.
-        adequate_fit: Whether the readings are explained so well that something can be probable.
+        adequate_fit: Whether the readings are explained so well that a body can be probable.
         changed: How far each sample is by now from what it was when it was identified, standard
             normal before any reading, shape (n, changes); ``None``: nothing has changed.
-        causes: What makes the robot otherwise than stated, the most probable first.
-        as_stated: Points of the first mode, shape (m, size), if the robot is exactly as stated;
-            ``None``: not known, or the samples are these.
+        causes: Deviations from what is stated that may explain the readings, most probable first.
+        as_stated: Points of the first mode, shape (m, size), without any deviations; ``None``: not
+            computed, or the samples have none.
     """
 
     values: Array
@@ -122,9 +122,9 @@ def coverage(shares: Array, found: Flags) -> float:
     """Share of the posterior that the populations have found, by capture and recapture.
 
     As in counting animals by catching them twice: of what one population found, the share that the
-    others found too is their chance of meeting anything. So no population may learn from another.
-    What is but a trifle of the posterior tells little of that chance, however much of it was met
-    twice: one population alone has then found the rest.
+    others found, too, estimates the probability with which they find anything. So no population may
+    learn from another. Where both have found only a small share of the posterior it says little of
+    that probability, so a small share is always counted as missed.
 
     Args:
         shares: Of the posterior, shape (n,).

@@ -30,10 +30,10 @@ from estimator.storage.posteriors import (
     StoredPosterior,
 )
 
-_FEW: Final = 10.0  # effective draws
-_KEPT: Final = 120  # modes, as many as are weighed at most
-_RARITY: Final = 0.02  # probability of what is not worth naming
-_RIVALS: Final = 20  # of them, that are compared with the first where nothing is stated
+_FEW: Final = 10.0  # effective sample size below which probabilities are called uncertain
+_KEPT: Final = 120  # modes that are stored, at most
+_RARITY: Final = 0.02  # probability below which a deviation is not named
+_RIVALS: Final = 20  # modes that are compared with the first where no probability is stated
 
 
 def summarise(
@@ -102,14 +102,14 @@ def summarise(
 
 
 def _causes(posterior: Posterior, unknowns: Unknowns) -> tuple[Cause, ...]:
-    """What may be otherwise and is no rarity, the most probable first."""
+    """Deviations that may explain the readings, the most probable first."""
     causes = []
     for cause in posterior.causes:
         if cause.probability < _RARITY:
             break
         row = unknowns.table[cause.row]
-        away = np.array([cause.low, cause.median, cause.high])
-        low, median, high = row.amounts(1.0, away).tolist()
+        ends = np.array([cause.low, cause.median, cause.high])
+        low, median, high = row.amounts(1.0, ends).tolist()
         causes.append(
             Cause(
                 name=row.name,
@@ -215,7 +215,7 @@ def load_posterior(stored: StoredPosterior, unknowns: Unknowns) -> Posterior:
 
 
 SAMPLES: Final = 200
-"""Among so many samples information is measured: at most their number's logarithm."""
+"""Samples by which information is measured, which limits it to their number's logarithm."""
 
 
 def information_gained(

@@ -33,7 +33,7 @@ class Gene:
         name: For people.
         parent: What the part sits on, where that is known.
         unit: For people, of what is any in a range.
-        felt: Whether a sensor may show it: never the hinge of a locked part.
+        observable: Whether a sensor may show it: never the hinge of a locked part.
     """
 
     part: int
@@ -42,12 +42,12 @@ class Gene:
     name: str
     parent: int | None = None
     unit: str = ""
-    felt: bool = True
+    observable: bool = True
 
     @property
     def is_choice(self) -> bool:
-        """Whether it chooses among several values, and which one may be felt."""
-        return self.choices > 1 and self.felt
+        """Whether it chooses among several values, and which one is observable."""
+        return self.choices > 1 and self.observable
 
 
 class Traits(NamedTuple):
@@ -152,7 +152,7 @@ def genes_of(problem: Problem, index: int) -> list[Gene]:
             name=f"{trait} of {rule.name}",
             parent=rule.parent,
             unit="" if choices else "mm",
-            felt=trait != "hinge" or rule.motor is not None,
+            observable=trait != "hinge" or rule.motor is not None,
         )
         for trait, unknown, choices in traits
         if unknown

@@ -256,9 +256,9 @@ def _width(interval: Interval) -> float:
 def _parameters(fitted: FittedPosterior) -> tuple[ParameterEstimate, ...]:
     """Of what the readings say much more than was known before."""
     estimates = []
-    for name, away in fitted.unknowns.amounts(fitted.points).items():
+    for name, deviations in fitted.unknowns.amounts(fitted.points).items():
         row = next(one for one in fitted.problem.table if one.name == name)
-        known = _interval(away, fitted.weights)
+        known = _interval(deviations, fitted.weights)
         off = known.low > 0 or known.high < 0
         learnt = off or _width(known) < _LEARNT_MUCH * _PRIOR_WIDTH * row.narrow
         if row.switch or not row.narrow or not learnt:

@@ -45,7 +45,7 @@ class RunConfig(BaseModel):
     )
     learn: Learn = Field(
         default="all",
-        description="What the rule information moves the robot for once attachments are settled: "
+        description="What the rule information moves the robot for once attachments are known: "
         "lengths, mass (of parts and of the main body), or all that is not known.",
     )
     search: str | None = Field(

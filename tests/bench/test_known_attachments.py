@@ -19,6 +19,6 @@ def test_a_run_leaves_which_lengths_are_inside(
     run.make(run.file(tmp_path).parent)
     told = run.figures(tmp_path)
     assert told["dimensions"] == dimensions
-    assert len(told["particles"]) == len(told["settled"]) == 4
-    assert sum(told["settled"]) >= 2
-    assert run.sentence(tmp_path) == f"{sum(told['settled'])} of 4 lengths inside"
+    assert len(told["particles"]) == len(told["equilibrated"]) == 4
+    assert sum(told["equilibrated"]) >= 2
+    assert run.sentence(tmp_path) == f"{sum(told['equilibrated'])} of 4 lengths inside"

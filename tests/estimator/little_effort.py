@@ -26,7 +26,7 @@ _WEIGHING: Final = (
     (integrals, "_ANYWHERE", 100),
     (integrals, "_DRAWN", 300),
     (tempering, "_MOVES", 2),
-    (tempering, "_SETTLING", 1),
+    (tempering, "_EQUILIBRATING", 1),
 )
 _USUALLY: Final = [(module, name, getattr(module, name)) for module, name, _ in _WEIGHING]
 

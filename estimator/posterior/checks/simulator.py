@@ -1,7 +1,8 @@
-"""The simulator has the last word: samples are reweighted by what it predicts.
+"""Importance weights by the simulator, and the probability that the robot deviates otherwise.
 
-Statics finds the posterior. A simulation of some of its samples with a fine time step gives each a
-weight (``recheck``): its likelihood there over its likelihood in statics, under the same mixture.
+The posterior is sampled with statics. Some of the samples are simulated with a fine time step, and
+each gets a weight (``recheck``): its likelihood by the simulator over that by statics, under the
+same mixture.
 """
 
 from __future__ import annotations
@@ -59,7 +60,7 @@ def recheck(
     """Reweights a posterior by a simulator.
 
     Args:
-        posterior: Found with statics.
+        posterior: Sampled with statics.
         predictor: Statics.
         likelihood: Of the observations.
         reference: The simulator.
@@ -109,21 +110,21 @@ def recheck(
     )
 
 
-_OTHERWISE: Final = 1 / 30  # of robots are otherwise in a way that nobody looks for
-_TAKEN_IN: Final = 0.3  # of these feel all like another robot: 5 of 17 odd ones that were tried
+_UNLISTED: Final = 1 / 30  # share of robots that deviate in a way that is not in the table
+_MISTAKEN: Final = 0.3  # share of these that read like another robot: 5 of 17 that were tried
 _OUTLIER_RATE: Final = 0.004  # unexplained interactions of robots as stated: 2 of 615 recorded
-_STRANGE_RATE: Final = 0.3  # of robots that are otherwise and show it
-_TRIED: Final = 32  # samples
-_MORE_LIKELY: Final = 0.5  # than not
-_POORLY: Final = 3.0  # nats less than what explains an interaction best
+_UNLISTED_RATE: Final = 0.3  # unexplained interactions of the other robots that deviate so
+_TRIED: Final = 32  # samples that are simulated where an interaction is unexplained
+_MORE_LIKELY: Final = 0.5  # probability from which an interaction is unexplained
+_POORLY: Final = 3.0  # nats below a perfect prediction from which an interaction is simulated
 
 
 def probability_unlisted(outliers: Array, noise: Noise) -> float:
-    """Probability that the robot is otherwise as nobody looks for, or changed on the way.
+    """Probability that the robot deviates in a way that is not in the table, or changed on the way.
 
-    It shows by interactions that nothing explains, of which robots that are as stated hardly have
-    any; or not at all: what a servo that is too weak lifts is what another robot would lift. So no
-    probability that is stated comes closer to 1 than a hundredth.
+    Either some interactions are left unexplained, which hardly happens with robots as stated, or
+    none is: a robot with a weak servo may read like another robot whose servos are strong. So every
+    probability that is stated is at most 0.99.
 
     Args:
         outliers: Probability of each interaction that it says nothing about the body, shape (k,).
@@ -131,16 +132,16 @@ def probability_unlisted(outliers: Array, noise: Noise) -> float:
     """
     share = noise.outlier
     # densities of what was observed, to a factor, without the share that the mixture gives outliers
-    strange, plain = outliers * (1 - share), (1 - outliers) * share
+    outlier, inlier = outliers * (1 - share), (1 - outliers) * share
 
     def log_density(rate: float) -> float:
-        return float(np.log(rate * strange + (1 - rate) * plain).sum())
+        return float(np.log(rate * outlier + (1 - rate) * inlier).sum())
 
     gained = np.logaddexp(
-        math.log1p(-_TAKEN_IN) + log_density(_STRANGE_RATE),
-        math.log(_TAKEN_IN) + log_density(_OUTLIER_RATE),
+        math.log1p(-_MISTAKEN) + log_density(_UNLISTED_RATE),
+        math.log(_MISTAKEN) + log_density(_OUTLIER_RATE),
     ) - log_density(_OUTLIER_RATE)
-    return float(expit(np.array(math.log(_OTHERWISE / (1 - _OTHERWISE)) + gained)))
+    return float(expit(np.array(math.log(_UNLISTED / (1 - _UNLISTED)) + gained)))
 
 
 def outliers_left(
@@ -164,7 +165,7 @@ def outliers_left(
         return outliers
     samples = posterior.values[systematic(posterior.weights, _TRIED, 0.5)]
     points = np.vstack([posterior.modes[0].point, samples])
-    fits = _fits(likelihood, predictor, points)
+    fits = likelihood.of(likelihood.misfits_of(predictor, points))
     amends = np.zeros(len(likelihood))
     for interaction in np.flatnonzero(likelihood.best()[0] - fits[0] > _POORLY).tolist():
         one = likelihood[interaction : interaction + 1]
@@ -196,11 +197,7 @@ def _forks(predictor: Predictor, points: Array, likelihood: Likelihood) -> Array
     programs = likelihood.data.programs
     plumb = predictor.read_all(points, programs)
     forks = np.zeros(len(plumb), dtype=bool)
-    for lean in FORKS:
-        forks |= apart(plumb, predictor.read_all(points, programs, lean), likelihood.noise)
+    for gravity_tilt in FORKS:
+        inclined = predictor.read_all(points, programs, gravity_tilt)
+        forks |= apart(plumb, inclined, likelihood.noise)
     return forks.reshape(len(points), len(likelihood))
-
-
-def _fits(likelihood: Likelihood, predictor: Predictor, points: Array) -> Array:
-    """Log-likelihoods of n points in k interactions, shape (n, k)."""
-    return likelihood.of(likelihood.misfits_of(predictor, points))

@@ -1,10 +1,10 @@
-"""Does any body that the problem allows explain the readings?
+"""Whether any body that the problem allows explains the readings.
 
-An interaction is *unexplained* when it is more likely the mixture's outlier than not although the
-path there is sure, of nearly all bodies that are left. One such interaction in a run may be an
-outlier. Two of them, one that strays farther than outliers do, a noise factor that surely lies
-above 2, or a touch sensor that contradicts the body more often than chance allows, say that the
-problem does not describe the robot. The last betrays a limp leg: its foot lies on the ground where
+An interaction is *unexplained* if it is more likely an outlier than not under nearly all samples,
+although their path margins there are large. One such interaction in a run may be an outlier. Two of
+them, one with a larger residual than outliers have, a noise factor that is above 2 with high
+probability, or a touch sensor that contradicts the body more often than chance allows, say that the
+problem does not describe the robot. The last reveals a limp leg: its foot lies on the ground where
 a stiff one, short enough to carry nothing, would hang in the air.
 """
 
@@ -38,7 +38,7 @@ POOR: Final = 1.0
 
 _SURELY: Final = 0.95  # probability that a factor lies above ``TOO_NOISY``, or that a path is sure
 _BY_CHANCE: Final = 1e-3  # probability of so many wrong bits of a touch sensor
-_STRIKING: Final = 3.0  # standard deviations
+_STRIKING: Final = 3.0  # standard deviations from which a sensor is named
 
 
 def judge(posterior: Posterior, predictor: Predictor, likelihood: Likelihood) -> FitVerdict:
@@ -59,8 +59,8 @@ def judge(posterior: Posterior, predictor: Predictor, likelihood: Likelihood) ->
     )
     residuals = standardised_residuals(best, predictor, likelihood)
     widened = likelihood.noise.widened(np.exp(weights @ posterior.scales))
-    as_found = standardised_residuals(best, predictor, Likelihood(likelihood.data, widened))
-    farthest = np.abs(list(as_found.values())).max(axis=0)
+    by_widened = standardised_residuals(best, predictor, Likelihood(likelihood.data, widened))
+    farthest = np.abs(list(by_widened.values())).max(axis=0)
     unexplained = tuple(
         UnexplainedInteraction(
             interaction=index,
@@ -97,8 +97,8 @@ class Fit:
 
     Attributes:
         unexplained: How many interactions it leaves unexplained.
-        excess: How much farther from the others it lies than bodies do on average that are the
-            robot's, in standard deviations, under the announced noise.
+        excess: Loss of log-likelihood in the other interactions beyond the mean of the robot's own
+            body under the announced noise, in standard deviations of that loss.
     """
 
     unexplained: int
@@ -125,7 +125,7 @@ def fit_of(point: Array, predictor: Predictor, likelihood: Likelihood) -> Fit:
     )
     return Fit(
         unexplained=int(unexplained),
-        # where nothing is left, nothing lies apart
+        # without readings there is no loss
         excess=excess / math.sqrt(VARIANCE_LOSS * read) if read else 0.0,
     )
 

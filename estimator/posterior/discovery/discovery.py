@@ -1,8 +1,8 @@
-"""The search for bodies that explain the readings: everything that happens before sampling.
+"""The search for bodies that explain the readings, which precedes sampling.
 
 Chains explore on their levels; every set of attachments that a colder level visits is kept, its
-lengths are polished, and around the best few every other row of each part is tried. None of this
-leaves the posterior invariant, and nothing of it needs to: it only says where the posterior is.
+lengths are optimised, and of the best few every other attachment of each part is tried. This need
+not leave the posterior invariant, and does not: it only finds where the posterior is.
 """
 
 from __future__ import annotations
@@ -29,21 +29,21 @@ from estimator.posterior.model.gauss_newton import GaussNewton, best_of_each
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
 
-_WATCHED: Final = 3  # levels, from the coldest up
-_WATCHING: Final = 4  # times fewer steps, while a body that all searches agreed on explains all
-_POLISHED: Final = 200  # sets of attachments whose lengths are fitted, in one round
-_POLISHED_BESIDE: Final = 40  # where neighbours are tried, too
-_LEADERS: Final = 4  # in one sweep
-_SWEPT: Final = (math.inf, 16.0)  # nats that they may lie below the best, in one and the next
+_WATCHED: Final = 3  # coldest levels, whose chains' attachments are kept
+_WATCHING: Final = 4  # divides the steps while converged attachments explain the readings
+_POLISHED: Final = 200  # sets of attachments whose lengths are optimised in one round
+_POLISHED_BESIDE: Final = 40  # the same where neighbours are tried
+_LEADERS: Final = 4  # sets of attachments in one sweep
+_SWEPT: Final = (math.inf, 16.0)  # nats that they may lie below the best, in each sweep of a round
 _ELSEWHERE: Final = 800  # random lengths tried with a leader's attachments
-_PROMISING: Final = 60  # of them polished,
-_FINISHED: Final = 3  # and one in so many to the end, the best
-_STARTS: Final = 24  # of these, fitted
-_HIGHER: Final = 3.0  # nats, for which it is worth going on
-_FOUNDERS: Final = 6  # bodies of each start whose subtrees others may take over,
-_CROSSED: Final = 4  # the best few that do
-_REMEMBERED: Final = 64  # of the best points, for the next interaction
-_SEVERAL: Final = 4  # interactions, of which chains alone hardly ever explain all
+_PROMISING: Final = 60  # other attachments of a leader whose lengths are optimised
+_FINISHED: Final = 3  # one in so many of those points, the best, is optimised to the end
+_STARTS: Final = 24  # random lengths, and best points of the last search, that are optimised
+_HIGHER: Final = 3.0  # nats of improvement from which neighbours are tried again
+_FOUNDERS: Final = 6  # best bodies of each restart, whose subtrees are given to others
+_CROSSED: Final = 4  # best bodies that are given subtrees
+_REMEMBERED: Final = 64  # best points that are kept for the next interaction
+_SEVERAL: Final = 4  # interactions from which neighbours are tried
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,17 +74,18 @@ class Discovery:
         population: Its chains are moved.
         predictor: The population's own.
         rng: The population's own, apart from its chains'.
-        explores: Whether its chains have so much to find that they, and the neighbours of the best
-            bodies, are all that is worth the time: other rows of single parts are not tried.
+        explores: Whether many attachments are open: then only the neighbours of the best bodies
+            are tried beside the chains, and no sweeps of single parts are made.
 
     Attributes:
         population: As above, like ``predictor`` and ``rng``.
-        found: The best points that it found, shape (n, size): it begins with them when it observes.
-        drawn: Points of the posterior with attachments that it found itself, shape (n, size): it
-            begins with them, too. The best lengths so far may be far from the best ones now.
+        best_points: The best points that it found, shape (n, size), with which it begins when it
+            observes.
+        posterior_points: Points of the posterior with attachments that it found itself, shape
+            (n, size), with which it begins, too: new readings may move the best lengths far.
         converged: Attachments on which all searches agreed after the last interaction, if on any;
-            several where sensors tell them apart hardly or not at all. While they explain the
-            readings bodies near them are not tried again.
+            several where sensors hardly discriminate between them. While they explain the readings
+            bodies near them are not tried again.
     """
 
     def __init__(
@@ -98,12 +99,12 @@ class Discovery:
         self.population = population
         self.predictor = predictor
         self.rng = rng
-        self.found, self.drawn = np.empty((2, 0, predictor.unknowns.size))
+        self.best_points, self.posterior_points = np.empty((2, 0, predictor.unknowns.size))
         self.converged: frozenset[Attachments] = frozenset()
         self._explores = explores
 
     def observe(self, likelihood: Likelihood) -> None:
-        """Takes in all observations; the search goes on from its chains and what it has found.
+        """Takes in all observations; the search goes on from its chains and points.
 
         Args:
             likelihood: Of all interactions.
@@ -117,10 +118,10 @@ class Discovery:
         if joined_parts(predictor.unknowns) and len(likelihood) >= _SEVERAL:
             self._neighbours = Neighbours(predictor.unknowns, self._solver, self.rng)
         self._before, self._visited = _Visited(predictor), _Visited(predictor)
-        starts = np.concatenate([self.found, self.drawn])
+        starts = np.concatenate([self.best_points, self.posterior_points])
         fits = self._solver.fits(starts)
         self._visited.add(starts, fits)
-        if self._explores and len(starts):  # elsewhere searches would agree before all is found
+        if self._explores and len(starts):  # with fewer attachments searches would agree too early
             best = np.argsort(-fits, kind="stable")[:_STARTS]
             self._visited.add(*self._solver.polished(starts[best]))
 
@@ -128,7 +129,7 @@ class Discovery:
         """One round.
 
         Args:
-            steps: Of the chains; of those that only watch a body that all agreed on, a part.
+            steps: Of the chains; a part of them where the search has converged.
 
         Returns:
             All sets of attachments that were found so far.
@@ -143,7 +144,7 @@ class Discovery:
         if not self._has_converged():
             self._try_others(visited)
         bodies = self.best()
-        self.found = bodies.values[:_REMEMBERED]
+        self.best_points = bodies.values[:_REMEMBERED]
         return bodies
 
     def best(self) -> BestPoints:
@@ -152,7 +153,7 @@ class Discovery:
         return BestPoints.joined(both, self.predictor.unknowns)
 
     def _try_others(self, visited: _Visited) -> None:
-        """Tries bodies near the best, and bodies that are made of several."""
+        """Tries bodies near the best ones, and recombinations."""
         if self._neighbours:
             visited.climb(self._neighbours)
             if self._founders:
@@ -167,33 +168,33 @@ class Discovery:
         return fit_of(leader, self.predictor, self._likelihood).unexplained == 0
 
     def _has_converged(self) -> bool:
-        """Whether the best body is still the one that all agreed on, and explains the readings."""
+        """Whether the best body still has converged attachments, and explains the readings."""
         leader = self._visited.best().values[:1]
         if self.converged.isdisjoint(self.predictor.unknowns.keys(leader)):
             return False
         return not fit_of(leader[0], self.predictor, self._likelihood).is_improvable
 
     def _recombine(self, neighbours: Neighbours) -> None:
-        """Gives the best bodies subtrees that other starts have found, and goes on from there."""
+        """Gives the best bodies subtrees that earlier starts have found, and tries neighbours."""
         founders = np.concatenate([*self._founders, self._visited.best().values[:_FOUNDERS]])
-        everyone = self._before
-        everyone.join(self._visited)
+        visited = self._before
+        visited.join(self._visited)
         while True:
-            bodies = everyone.best()
+            bodies = visited.best()
             for body in bodies.values[:_CROSSED]:
-                everyone.add_better(
+                visited.add_polished(
                     *with_subtrees_of_others(body, founders, self.predictor.unknowns, self._solver)
                 )
-            everyone.climb(neighbours)
-            if everyone.best().fits[0] < bodies.fits[0] + _HIGHER:
+            visited.climb(neighbours)
+            if visited.best().fits[0] < bodies.fits[0] + _HIGHER:
                 break
 
-    def start_anew(self, steps: int) -> None:
-        """Draws all chains from the prior and lets them take in one interaction after the other.
+    def restart(self, steps: int) -> None:
+        """Draws all chains from the prior and has them observe one interaction after the other.
 
-        In random order, since one of them may mislead; and whatever was found before is left out of
-        the search, though it still counts. Chains that are shown all readings at once find the
-        body of a hard run a third as often at the same cost.
+        In random order, since one of them may mislead. Points found before are left out of the
+        search, but stay among its results. Chains that observe all readings at once find the body
+        of a hard run a third as often at the same cost.
 
         Args:
             steps: With each number of interactions but the last.
@@ -212,7 +213,7 @@ class Discovery:
 
 
 class _Visited:
-    """Sets of attachments that were found, with the best point of each."""
+    """Sets of attachments that a search has visited, with the best point of each."""
 
     def __init__(self, predictor: Predictor) -> None:
         self._unknowns = predictor.unknowns
@@ -227,15 +228,15 @@ class _Visited:
                 self._points[key] = fit, value.copy()
 
     def join(self, other: _Visited) -> None:
-        """Adds all that another has found, and what became of it."""
+        """Adds all that another has visited, and what was done with it."""
         bodies = other.best()
         self.add(bodies.values, bodies.fits)
         self._polished |= other._polished
         self._swept |= other._swept
         self._climbed |= other._climbed
 
-    def add_better(self, values: Array, fits: Array) -> None:
-        """Adds points whose lengths are good."""
+    def add_polished(self, values: Array, fits: Array) -> None:
+        """Adds points whose lengths are optimised."""
         self._polished.update(self._unknowns.keys(values))
         self.add(values, fits)
 
@@ -252,10 +253,10 @@ class _Visited:
         fresh = [key not in self._polished for key in self._unknowns.keys(values)]
         values = values[np.flatnonzero(fresh)[:count]]
         if len(values):
-            self._add_polished(values, solver)
+            self._polish(values, solver)
 
     def sweep(self, solver: GaussNewton, rng: np.random.Generator, nats: float) -> bool:
-        """Tries other rows of each part of the best few; False when there is nobody to be swept."""
+        """Tries other attachments of each part of the best few; False where none is left."""
         bodies = self.best()
         leaders = bodies.values[bodies.fits >= bodies.fits[0] - nats][: 2 * _LEADERS]
         keys = self._unknowns.keys(leaders)
@@ -269,12 +270,12 @@ class _Visited:
                 ]
             )
             promising = ranked_by_attachments(values, solver, self._unknowns, rng)[:_PROMISING]
-            self._add_polished(promising, solver)
-            self._add_polished(self._elsewhere(leaders[row], solver, rng), solver)
+            self._polish(promising, solver)
+            self._polish(self._elsewhere(leaders[row], solver, rng), solver)
         return bool(chosen)
 
     def climb(self, neighbours: Neighbours) -> None:
-        """Tries the neighbours of the best, as long as that finds something much better."""
+        """Tries the neighbours of the best body, as long as that finds a much better one."""
         while True:
             bodies = self.best()
             keys = self._unknowns.keys(bodies.values)
@@ -282,18 +283,18 @@ class _Visited:
             if row is None:
                 break
             self._climbed.add(keys[row])
-            self.add_better(*neighbours.of(bodies.values[row]))
+            self.add_polished(*neighbours.of(bodies.values[row]))
             if self.best().fits[0] < bodies.fits[0] + _HIGHER:
                 break
 
     def _elsewhere(self, leader: Array, solver: GaussNewton, rng: np.random.Generator) -> Array:
-        """Starts with a leader's attachments and other lengths, since peaks may be several."""
+        """Points with a leader's attachments and other lengths: there may be several peaks."""
         columns = self._unknowns.continuous
         trial = np.repeat(leader[None], _ELSEWHERE, axis=0)
         trial[:, columns] = rng.random((_ELSEWHERE, columns.size))
         return ranked(trial, solver, rng)[:_STARTS]
 
-    def _add_polished(self, values: Array, solver: GaussNewton) -> None:
+    def _polish(self, values: Array, solver: GaussNewton) -> None:
         better, fits = solver.polished(values, math.ceil(len(values) / _FINISHED))
         self._polished.update(self._unknowns.keys(values))
         self.add(better, fits)

@@ -15,12 +15,12 @@ import numpy as np
 from estimator.body.morphology import Array
 from estimator.posterior.model.unknowns import Columns, Unknowns
 
-_SMALLEST: Final = 0.001  # of a length's range: the scales of random steps, log-uniform
-_LARGEST: Final = 0.2  # and the largest of them
-_ALL_LENGTHS: Final = 0.5  # of the random steps move all lengths, the others some
-_SOME: Final = 0.3  # chance of each length to be moved then
+_SMALLEST: Final = 0.001  # scale of random steps, of a length's range; log-uniform from here
+_LARGEST: Final = 0.2  # to here
+_ALL_LENGTHS: Final = 0.5  # share of the random steps that move all lengths
+_SOME: Final = 0.3  # chance of each length to be moved by the others
 _JITTER: Final = 1e-4  # of a length's range, added to steps along differences
-_HINGED_ANEW: Final = 0.5  # of the parts that change places
+_REHINGED: Final = 0.5  # share of the parts that change places whose hinges are drawn again
 
 
 class Move(IntEnum):
@@ -85,9 +85,9 @@ def propose(
 
 
 def _swap(fresh: Array, chosen: Columns, unknowns: Unknowns, rng: np.random.Generator) -> None:
-    """Exchanges the places of two parts, in some of the points, and may hinge both anew.
+    """Exchanges the places of two parts, in some of the points, and may draw both hinges again.
 
-    A leg in another's place with another hinge often feels much like the other.
+    A leg in another's place with another hinge often reads much like the other.
     """
     which = rng.integers(len(unknowns.places), size=chosen.size)
     for kind, (columns, hinges) in enumerate(zip(unknowns.places, unknowns.hinges, strict=True)):
@@ -96,9 +96,9 @@ def _swap(fresh: Array, chosen: Columns, unknowns: Unknowns, rng: np.random.Gene
         second = (first + rng.integers(1, len(columns), size=rows.size)) % len(columns)
         one, other = fresh[rows, columns[first]], fresh[rows, columns[second]]
         fresh[rows, columns[first]], fresh[rows, columns[second]] = other, one
-        anew = rng.random(rows.size) < _HINGED_ANEW
+        rehinged = rng.random(rows.size) < _REHINGED
         for part, own in enumerate(hinges):
-            those = rows[anew & ((first == part) | (second == part)), 0]
+            those = rows[rehinged & ((first == part) | (second == part)), 0]
             fresh[np.ix_(those, own)] = rng.random((those.size, own.size))
 
 
@@ -142,23 +142,23 @@ def _factors(count: int, lengths: int, rng: np.random.Generator) -> Array:
     return np.where(whole, 1.0, usual) * np.exp(rng.uniform(-1.5, 0.2, (count, 1)))
 
 
-_RANDOM: Final = 1200  # points, where parents are unknown
-_LENGTHS: Final = 6  # tried with each choice, where they are known
+_RANDOM: Final = 1200  # points that are tried where parents are unknown
+_LENGTHS: Final = 6  # lengths that are tried with each choice where parents are known
 
 
 def other_attachments(
     leader: Array, columns: Columns, unknowns: Unknowns, rng: np.random.Generator
 ) -> Array:
-    """Points that differ from a leader in one part's row.
+    """Points that differ from a leader in one part's attachment.
 
-    Each mount with each hinge and several lengths, where the part's parent is known; else random
-    rows. A part that takes another's place leaves its own to it, where no two may share one.
+    Each mount with each hinge and several lengths where the part's parent is known, else random
+    ones. Where no two parts may share a mount, the part whose place is taken gets the other place.
 
     Args:
         leader: Shape (size,).
         columns: The part's: one of ``Unknowns.parts``.
         unknowns: The cube.
-        rng: Draws lengths, and rows.
+        rng: Draws lengths, and attachments.
 
     Returns:
         Shape (n, size).
@@ -178,10 +178,10 @@ def other_attachments(
 
 
 def exchange_places(points: Array, before: Array, unknowns: Unknowns) -> None:
-    """Moves who sat on a mount that another part has come to sit on to where that one was.
+    """Moves the part whose mount another part has taken to the mount that this one has left.
 
-    Only where parents are known, and where one part alone has moved: there, a symmetric proposal
-    stays symmetric, since the two have exactly each other's genes.
+    Only where parents are known, and where one part alone has moved: a symmetric proposal stays
+    symmetric there, since the two exchange their genes.
 
     Args:
         points: Shape (n, size); changed in place.

@@ -1,11 +1,11 @@
-"""Bodies that differ from one in a limb, or in two that have changed places.
+"""Bodies that differ from a given one in one limb, or in two limbs that have changed places.
 
-A leg put on in another way is another in all of its parts at once, and so is the one whose mount
-it takes: none of these changes alone makes a body better, so chains that change one row hardly ever
-get from one to the other. Here all of them are tried, the likely ones with better lengths.
+A leg that is attached in another way differs in all of its parts at once, and so does the leg whose
+mount it takes. No single change improves a body, so chains that change one attachment at a time
+hardly ever get there. Here all combinations are tried, and lengths of the most likely optimised.
 
-Searches that began apart find different legs of the true body: recombination gives one subtrees of
-another. A subtree is a part with all that it carries. It is taken over as a whole, as in genetic
+Independent searches find different legs of the true body: recombination gives one body subtrees of
+another. A subtree is a part with all that it carries, and is exchanged as a whole, as in genetic
 programming (Koza 1992): a part means little without what it carries.
 
 All this finds where the posterior is; it does not leave it invariant.
@@ -27,22 +27,22 @@ from estimator.posterior.discovery.moves import exchange_places
 from estimator.posterior.model.gauss_newton import GaussNewton, best_of_each
 from estimator.posterior.model.unknowns import Columns, Unknowns
 
-_LENGTHS: Final = 2  # times each choice is tried: with the parts' lengths, and random ones
-_KEPT: Final = 16  # of the rows of parts that are joined
-_NEWCOMERS: Final = 3  # on a mount that was another's, for each of which
-_SETTLED: Final = 2  # rows of that other one are kept
-_POLISHED: Final = 32  # of all neighbours, and of all recombined bodies
+_LENGTHS: Final = 2  # times each choice is tried: with the parts' lengths, and with random ones
+_KEPT: Final = 16  # attachments of joined parts that are kept, the best
+_NEWCOMERS: Final = 3  # bodies for each mount that was taken from another part
+_DISPLACED: Final = 2  # attachments of that other part that are kept for each of these bodies
+_POLISHED: Final = 32  # neighbours, and recombined bodies, whose lengths are optimised
 
 
 class Neighbours:
     """Tries bodies that differ from a given one in one or two limbs.
 
-    Where it is not known which part sits on which, that is any part put on in another way, alone
-    and with any other on it.
+    Where it is not known which part sits on which, a limb is any part, alone or with any other part
+    on it.
 
     Args:
         unknowns: The cube.
-        solver: Compares and polishes bodies.
+        solver: Compares bodies, and optimises their lengths.
         rng: Draws lengths.
     """
 
@@ -53,11 +53,11 @@ class Neighbours:
         self._rng = rng
 
     def of(self, leader: Array) -> tuple[Array, Array]:
-        """Points near one of shape (size,), with good lengths, and their log-likelihoods.
+        """Points near one of shape (size,), with optimised lengths, and their log-likelihoods.
 
         At most ``_POLISHED``; no two have the same attachments when they are chosen.
         """
-        by_pairs = self._unknowns.parents.any()  # what takes two steps explains nothing after one
+        by_pairs = self._unknowns.parents.any()  # half of a change of two parts explains nothing
         ranking = partial(
             ranked_by_attachments,
             solver=self._solver,
@@ -74,7 +74,7 @@ class Neighbours:
             near.append(points[:_KEPT])
             for newcomers, displaced in self._newcomers(points, leader, joined.columns):
                 near += [
-                    ranking(self._rows(newcomers, other.columns, (displaced,)))[:_SETTLED]
+                    ranking(self._rows(newcomers, other.columns, (displaced,)))[:_DISPLACED]
                     for other in self._joined
                     if displaced in other.columns and displaced not in other.kept
                 ]
@@ -84,9 +84,9 @@ class Neighbours:
         return self._solver.polished(points[best], _POLISHED)
 
     def _rows(self, leaders: Array, columns: Columns, kept: Collection[int]) -> Array:
-        """Leaders with all that some columns choose, but for those kept, each at several lengths.
+        """Leaders with all choices of some columns, but for those kept, each at several lengths.
 
-        A part that takes another's place leaves its own to it.
+        Where a part takes another's place, that one gets the place of the first.
         """
         unknowns = self._unknowns
         counts = unknowns.counts[columns]
@@ -116,17 +116,17 @@ class Neighbours:
                     yield points[lost], column
 
 
-_MOST: Final = 3  # parts that carry each other, of which legs seldom have more
+_MOST: Final = 3  # parts in a chain that are tried together, at most
 
 
 @dataclass(frozen=True, kw_only=True)
 class Joined:
-    """Parts of which each carries the next: one, two or three that have something to choose.
+    """A chain of one, two or three parts with open attachments, each of which carries the next.
 
     Attributes:
-        columns: All of theirs.
-        kept: Those of them that stay: of three, where the first one sits; and what another sits on.
-        carried: Where that has to be chosen: by which columns, each with the value that does it.
+        columns: Of all its parts.
+        kept: Columns that stay: of three parts the mount of the first, and chosen parents.
+        carried: Columns of chosen parents, each with the value that puts a part on the one before.
     """
 
     columns: Columns
@@ -135,10 +135,10 @@ class Joined:
 
 
 def joined_parts(unknowns: Unknowns) -> tuple[Joined, ...]:
-    """What is best put on in another way together.
+    """Chains of parts whose attachments are best changed together.
 
-    Where parents are known, the parts of a limb; where they are not, but many things are, each part
-    by itself and with each that may sit on it.
+    Where parents are known, the parts of a limb; where they are not, but many attachments are open,
+    each part by itself and with each that may sit on it. None otherwise.
     """
     if not unknowns.parents.any():
         return _joined(unknowns)
@@ -146,7 +146,7 @@ def joined_parts(unknowns: Unknowns) -> tuple[Joined, ...]:
 
 
 def subtrees(point: Array, unknowns: Unknowns) -> list[Flags]:
-    """Which columns are of each part or of what it carries, shape (size,) each.
+    """Which columns belong to each part or to what it carries, shape (size,) each.
 
     Args:
         point: Of the cube, shape (size,).
@@ -196,35 +196,35 @@ def _joined(unknowns: Unknowns) -> tuple[Joined, ...]:
         while len(chain) < _MOST and chain[0] in carriers:
             chain.insert(0, carriers[chain[0]])
         if chain == [part] and part in carriers.values():
-            continue  # it is tried with those that it carries
+            continue  # tried with the parts that it carries
         columns = np.concatenate([own[one] for one in chain])
         mounts = [at for at in own[chain[0]].tolist() if genes[at].trait == "mount"]
         joined.append(Joined(columns=columns, kept=tuple(mounts) if len(chain) == _MOST else ()))
     return tuple(joined)
 
 
-_TRIED_FIRST: Final = 2  # interactions; with this share
-_GO_ON: Final = 0.25  # of the points, as many more are tried, and so on
-_EXPLAINING: Final = 0.1  # of the points, where one is tried first that has to be explained
-_FEWEST: Final = 200  # points that go on
-_SAMPLED: Final = 0.05  # of the points, which tell in which interactions they differ
+_TRIED_FIRST: Final = 2  # interactions by which points are compared first
+_GO_ON: Final = 0.25  # share of the points that are compared by the next interactions
+_EXPLAINING: Final = 0.1  # the same where the first interaction is one that has to be explained
+_FEWEST: Final = 200  # points that go on, at least
+_SAMPLED: Final = 0.05  # share of the points by which the order of interactions is decided
 
 
 def ranked(
     points: Array, solver: GaussNewton, rng: np.random.Generator, unexplained: Sequence[int] = ()
 ) -> Array:
-    """The points that fit best while the noise is wide, best first; unlikely ones are left out.
+    """The points that fit best under wide noise, best first; unlikely ones are left out.
 
-    Interactions in which the points differ as much as usual are tried first, the others with
-    those alone that fit best in these. Where they differ most bodies fall to one side or the
-    other, whatever their lengths, and the right choices do not stand out.
+    Points are compared first by interactions in which their fits differ by about the median, and
+    only the best of them by the others. Where fits differ most, bodies fall to one side or the
+    other whatever their lengths, and right attachments do not stand out.
 
     Args:
         points: Shape (n, size).
         solver: Compares them.
-        rng: Draws those that tell in which interactions they differ.
-        unexplained: Interactions that a point has to explain to be any better than what is known:
-            these are tried first, if there are any.
+        rng: Draws the points by which the order of interactions is decided.
+        unexplained: Interactions that a point has to explain to be better than those known: points
+            are compared by these first, if there are any.
     """
     interactions = np.arange(solver.interactions)
     if len(points) <= _FEWEST or interactions.size <= _TRIED_FIRST:

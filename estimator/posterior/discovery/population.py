@@ -81,8 +81,8 @@ class Population:
 
         Args:
             likelihood: Of all of it.
-            surely: Take it that every chain falls as statics has it, and every proposal to the
-                side to which its chain has fallen. That costs less: for chains that search.
+            surely: Whether every chain is taken to fall as statics has it, and every proposal to
+                the side to which its chain has fallen. That costs less: for chains that search.
         """
         self._likelihood, self._surely = likelihood, surely
         self._misfits = np.empty((len(self.values), len(likelihood), MISFITS))
@@ -103,9 +103,9 @@ class Population:
 
     def step(self) -> None:
         """Moves every chain once, and exchanges levels. The joint target is left invariant."""
-        everyone = np.arange(len(self.values))
+        rows = np.arange(len(self.values))
         for half in (0, 1):
-            self._move(everyone[half::2], everyone[1 - half :: 2])
+            self._move(rows[half::2], rows[1 - half :: 2])
         if self._rng.random() < _CROSSINGS:
             self._cross()
         self._rescale()

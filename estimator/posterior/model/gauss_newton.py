@@ -1,4 +1,4 @@
-"""How readings change with a body's lengths, and which lengths therefore fit best.
+"""Derivatives of readings by a body's lengths, and the lengths that fit best (Gauss-Newton).
 
 A resting pose is a smooth function of the lengths between one set of contacts and the next, so a
 few Gauss-Newton steps find the best lengths of a set of attachments. Interactions count by how
@@ -142,7 +142,7 @@ class GaussNewton:
         return len(self._likelihood)
 
     def unexplained(self, value: Array) -> list[int]:
-        """Interactions that a point, shape (size,), leaves unexplained, the last one first."""
+        """Interactions that a point, shape (size,), leaves unexplained, the latest first."""
         misfits = self._likelihood.misfits_of(self._predictor, value[None])
         unexplained = np.flatnonzero(self._likelihood.inlier_share(misfits)[0] < 0.5)
         return list(reversed(unexplained.tolist()))
@@ -150,7 +150,7 @@ class GaussNewton:
     def rough_fits(self, values: Array, interactions: Columns | None = None) -> Array:
         """Log-likelihoods of n points in k of the interactions, by default all, shape (n, k).
 
-        Under ``ROUGH`` times the announced noise, everybody falling as statics has it.
+        Under ``ROUGH`` times the announced noise, with all bodies falling as statics has it.
         """
         bodies = self._predictor.unknowns.bodies(values)
         misfits = self._likelihood.misfits_of_bodies(
@@ -180,10 +180,10 @@ class GaussNewton:
     def polished_of(
         self, values: Array, groups: Columns | None, most: int, free: Free | None = None
     ) -> tuple[Columns, Array, Array]:
-        """Points of groups that fit better, from where the most promising of each are.
+        """Better points of groups, from the most promising ones of each.
 
-        Each goes on from where wide noise has led it, and from where it is: where wide noise leads
-        astray what already fitted would be lost.
+        Each is optimised twice, from the result under wide noise and from where it was: wide noise
+        may lead away from a point that fits already.
 
         Args:
             values: Shape (n, size).
@@ -200,7 +200,7 @@ class GaussNewton:
             led, fits = self._narrower(led, free, noise_scale)
         kept = np.arange(len(fits)) if groups is None else best_of_each(groups, fits, most)
         both, free = np.concatenate([led[kept], values[kept]]), free[np.tile(kept, 2)]
-        going_on = np.arange(len(both))  # who does not get better once never will
+        going_on = np.arange(len(both))  # what one step does not improve, the next will not
         for noise_scale in _NARROW:
             before = both[going_on]
             after, _ = self._narrower(before, free[going_on], noise_scale)
@@ -241,8 +241,8 @@ class GaussNewton:
     def slopes(self, values: Array, noise_scale: float = 1.0, free: Free | None = None) -> Slopes:
         """Precision and gradient of the log-likelihood by differences, shape (n, size) in.
 
-        Under wider noise than announced forks are left out, and joints turn in coarse steps: that
-        matters near the truth.
+        Under wider noise than announced forks are left out, and joints turn in coarse steps, which
+        are precise enough there.
         """
         free = self._all(values, free)
         count, (_, size) = len(values), free.columns.shape

@@ -1,12 +1,12 @@
-"""How likely an interaction is, given a body.
+"""The likelihood of an interaction, given a body.
 
-A mixture, so that one pose can cost a body only so much. For one interaction with readings y and a
-body that predicts its pose::
+A mixture, so that one pose lowers a body's likelihood by a limited factor. For one interaction with
+readings y and a body that predicts its pose::
 
     p(y | body) = (1 - e) p1(y) + e ((1 - q) p0(y) + q p2(y))
     p1(y) = N(tilt; s_t) N(clearance; s_c) Π Bernoulli(touch)
 
-p0 is what a robot might feel anywhere: each tilt uniform over ±90°, clearance uniform over the
+p0 is the density of readings in any pose: each tilt uniform over ±90°, clearance uniform over the
 sensor's range, touch bits even. p2 is p1 with 3° and 10 mm more deviation: a robot may rest beside
 the pose predicted, on the edge of a foot that models take to be round. A pose that the model cannot
 predict (undecided, or a simulation that failed) leaves only e p0. A clearance at the
@@ -50,7 +50,7 @@ LIKELY: Final = np.array([1.0, *[0.5] * len(_SIDES), *[0.05] * len(_SIDES)])
 """How likely each of ``GRAVITY_TILTS`` is, beside the first."""
 
 _LOG_LIKELY: Final = np.log(LIKELY)
-_PLAINLY: Final = 3.0  # standard deviations
+_PLAINLY: Final = 3.0  # standard deviations by which readings of different poses differ
 _AS_ANNOUNCED: Final = np.zeros((1, 2))
 _NO_COLUMNS: Final = np.empty((0, 0))
 
@@ -129,15 +129,15 @@ class Likelihood:
     ) -> Array:
         """The misfits of n bodies in k interactions, shape (n, k, MISFITS).
 
-        Where what was observed is more likely an outlier than what a body feels, it may have
-        fallen to another side: the first of ``GRAVITY_TILTS`` that explains it is taken.
+        Where an observation is more likely an outlier than not, the body may have fallen to another
+        side: the first of ``GRAVITY_TILTS`` that explains the observation is taken.
 
         Args:
             predictor: Computes readings.
             bodies: As ``Unknowns.bodies`` makes them.
             interactions: Which, shape (k,); by default all.
-            branches: Numbers of ``GRAVITY_TILTS``, shape (n, k) or one for all: take it that
-                everybody falls under these. Under 0 that is as statics has it.
+            branches: Numbers of ``GRAVITY_TILTS``, shape (n, k) or one for all, under which bodies
+                are taken to fall; 0: as statics has it.
             coarse_step: Whether joints turn in coarse steps, where ``branches`` are given.
         """
         if interactions is None:
@@ -190,9 +190,9 @@ class Likelihood:
     def normalised(self, predictor: Predictor, values: Array, scales: Array | None = None) -> Array:
         """Log-likelihood of n points in every interaction, shape (n, k).
 
-        Unlike ``of`` it adds up to 1 over all readings also where a body may fall to several sides:
-        they share what is no outlier. A search, which looks for sides only where it has to, need
-        not know; what is stated must.
+        Unlike ``of`` it adds up to 1 over all readings also where a body may fall to several sides,
+        which share the probability that is no outlier's. A search does without it, since it looks
+        for sides only where readings are not explained; a stated probability cannot.
 
         Args:
             predictor: Computes readings.
@@ -204,7 +204,7 @@ class Likelihood:
         return np.logaddexp(inlier - shared, outlier)
 
     def _sides(self, predictor: Predictor, values: Array) -> Array:
-        """How likely all sides are to which a body may fall, together; shape (n, k), at least 1."""
+        """Sum of ``LIKELY`` over the sides to which a body may fall, shape (n, k), at least 1."""
         count, likely = len(GRAVITY_TILTS), np.exp(_LOG_LIKELY)
         shape = len(values), len(self.data), count
         rows, interactions, branches = np.indices(shape).reshape(3, -1)

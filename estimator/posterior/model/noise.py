@@ -130,9 +130,9 @@ def log_prior(scales: Array) -> Array:
 
 def drawn_scales(shape: int | tuple[int, ...], rng: np.random.Generator) -> Array:
     """Logarithms of factors, drawn from the prior."""
-    away = np.abs(rng.normal(size=shape))
+    sizes = np.abs(rng.normal(size=shape))
     below = rng.random(shape) < _LESS / (_LESS + _MORE)
-    return np.where(below, -_LESS, _MORE) * away
+    return np.where(below, -_LESS, _MORE) * sizes
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -235,8 +235,8 @@ NO_PREDICTION: Final = _ENDS[-1]
 """Column of the misfits that is 1 where the model predicts nothing; the modalities' come before."""
 
 BRANCH: Final = NO_PREDICTION + 1
-"""Column that is 0 where the model falls as statics has it, else the number of the lean by which it
-comes to where it explains what was observed."""
+"""Column that is 0 where the model falls as statics has it, else the number in ``GRAVITY_TILTS``
+under which it explains what was observed."""
 
 MISFITS: Final = BRANCH + 1
 

@@ -29,25 +29,26 @@ _MANY: Final = 24.0  # bits
 class Unknowns:
     """The unit cube of one problem: its uniform measure, where bodies are allowed, is the prior.
 
-    To its columns come those of what may be otherwise than stated: how far each point is from that,
-    as ``parameters.table.applied`` has it.
+    Beside its columns a point has one for each row of the table of parameters: its deviation from
+    what the problem states, in the units of ``parameters.table.applied``.
 
     Args:
         genome: The code between genes and bodies.
-        table: What may be otherwise; nothing by default.
-        taken: What is otherwise of all points alike, for which they have no columns; and how far.
+        table: Parameters that may deviate; none by default.
+        fixed: Parameters that deviate alike at all points, which have no columns for them, and
+            their deviations.
 
     Attributes:
         table: As above.
         genes_size: Dimensions of the cube.
         size: Columns of a point.
         continuous: Columns of the lengths.
-        choices: Columns of what is chosen from a few values, and may be felt.
-        counts: How many values each column chooses from, shape (genes,); 0: any in a range, or it
-            is never felt.
+        choices: Columns of what is chosen from a few values and observable.
+        counts: How many values each column chooses from, shape (genes,); 0: any in a range, or
+            not observable.
         parents: Which columns choose what a part sits on, shape (size,).
-        bits: Information that says which of all attachments a body has, were they equally likely.
-        many: Whether these are so many that changes of single parts do not lead to the body.
+        bits: Entropy of the attachments, were all equally likely.
+        many: Whether that is so much that changes of single parts do not lead to the body.
         parts: Columns that belong to one part, by its number, of each part that has any.
         places: Columns that say where parts sit, of parts that may have each other's mounts and not
             share them: in each array one row a part, and the same columns for each.
@@ -58,17 +59,18 @@ class Unknowns:
         self,
         genome: Genome,
         table: Sequence[Parameter] = (),
-        taken: tuple[Sequence[Parameter], Array] = ((), np.empty(0)),
+        fixed: tuple[Sequence[Parameter], Array] = ((), np.empty(0)),
     ):
         self._genome = genome
-        self._taken = taken
+        self._fixed = fixed
         self.table = tuple(table)
         genes = genome.genes
         self.genes_size = len(genes)
         self.size = self.genes_size + len(self.table)
         self.continuous: Columns = _where([not gene.choices for gene in genes])
         self.choices: Columns = _where([gene.is_choice for gene in genes])
-        self.counts: Columns = np.array([gene.felt * gene.choices for gene in genes], dtype=np.intp)
+        observable = [gene.observable * gene.choices for gene in genes]
+        self.counts: Columns = np.array(observable, dtype=np.intp)
         self.parents: Flags = np.array([gene.trait == "parent" for gene in genes])
         self.bits = float(np.log2(self.counts[self.choices]).sum())
         self.parts: dict[int, Columns] = {
@@ -102,22 +104,22 @@ class Unknowns:
         """The bodies of n points, shape (n, size)."""
         bodies = self._genome.bodies(self.cube(values), self._like)
         if self._like is None:
-            table, away = self._taken
-            bodies = applied(table, bodies, away[None].repeat(len(values), axis=0))
+            table, deviations = self._fixed
+            bodies = applied(table, bodies, deviations[None].repeat(len(values), axis=0))
         return applied(self.table, bodies, values[:, self.genes_size :])
 
     @cached_property
     def _like(self) -> Bodies | None:
-        """A body with what is taken; ``None``: that changes what genes decide, body by body."""
-        table, away = self._taken
+        """A body with the fixed deviations; ``None``: they change what genes decide."""
+        table, deviations = self._fixed
         body = self._genome.bodies(np.zeros((1, self.genes_size)))
-        changed = applied(table, body, away[None])
+        changed = applied(table, body, deviations[None])
         same = (getattr(changed, name) is getattr(body, name) for name in DECIDED)
         return changed if all(same) else None
 
-    def searched(self, away: Array) -> Unknowns:
-        """The cube alone: bodies that are all so far from what is stated, shape (rows,)."""
-        return Unknowns(self._genome, taken=(self.table, away)) if self.table else self
+    def with_fixed_deviations(self, deviations: Array) -> Unknowns:
+        """The cube alone, of bodies that all have these deviations, shape (rows,)."""
+        return Unknowns(self._genome, fixed=(self.table, deviations)) if self.table else self
 
     def cube(self, values: Array) -> Array:
         """What n points are in the cube, shape (n, genes)."""
@@ -125,11 +127,11 @@ class Unknowns:
 
     def as_stated(self, genes: Array) -> Array:
         """Points of n genomes that are as stated, shape (n, size)."""
-        return self.otherwise(genes, np.zeros(len(self.table)))
+        return self.with_deviations(genes, np.zeros(len(self.table)))
 
-    def otherwise(self, genes: Array, away: Array) -> Array:
-        """Points of n genomes, shape (n, size), all so far from what is stated, shape (rows,)."""
-        return np.hstack([genes, away[None].repeat(len(genes), axis=0)])
+    def with_deviations(self, genes: Array, deviations: Array) -> Array:
+        """Points of n genomes, shape (n, size), that all have these deviations, shape (rows,)."""
+        return np.hstack([genes, deviations[None].repeat(len(genes), axis=0)])
 
     def log_narrow(self, values: Array, apart: Columns) -> Array:
         """Logarithm of the narrow components' density of n points beside its peak, shape (n,).
@@ -149,11 +151,11 @@ class Unknowns:
         narrow = [row.narrow > 0 for row in self.table]
         return np.where([True] * self.genes_size + narrow, values, 0.0)
 
-    def typical(self, values: Array) -> Array:
-        """How far n points are from what is stated, on average; shape (rows,)."""
-        away: Array = values[:, self.genes_size :].mean(axis=0)
+    def mean_deviations(self, values: Array) -> Array:
+        """Mean deviations of n points, shape (rows,); of switches rounded."""
+        deviations: Array = values[:, self.genes_size :].mean(axis=0)
         switches = np.array([row.switch for row in self.table], dtype=bool)
-        return np.where(switches, np.round(away), away)
+        return np.where(switches, np.round(deviations), deviations)
 
     def points(self, genes: Array, amounts: Mapping[str, Array]) -> Array:
         """Points of n genomes, shape (n, size), of robots with amounts by the names of the table.
@@ -164,15 +166,15 @@ class Unknowns:
         values, numbers = self.as_stated(genes), {row.name: i for i, row in enumerate(self.table)}
         for name, column in amounts.items():
             if name not in numbers:
-                raise ValueError(f"nothing that may be otherwise is called {name!r}")
+                raise ValueError(f"no parameter that may deviate is called {name!r}")
             values[:, self.genes_size + numbers[name]] = column
         return values
 
     def amounts(self, values: Array) -> dict[str, Array]:
-        """What n points have otherwise than stated, by the names of the table; shape (n,) each."""
-        away = values[:, self.genes_size : self.genes_size + len(self.table)]
-        used = np.flatnonzero(np.any(away != 0, axis=0)).tolist()
-        return {self.table[column].name: away[:, column] for column in used}
+        """Deviations of n points by the names of the table, but for zeros; shape (n,) each."""
+        deviations = values[:, self.genes_size : self.genes_size + len(self.table)]
+        used = np.flatnonzero(np.any(deviations != 0, axis=0)).tolist()
+        return {self.table[column].name: deviations[:, column] for column in used}
 
     def decode_all(self, values: Array) -> list[Morphology]:
         """The bodies of n points as objects, as if they were as stated."""

@@ -1,6 +1,6 @@
-"""How probable sets of attachments are, roughly: Laplace's approximation at their best lengths.
+"""Approximate evidences of sets of attachments: Laplace's approximation at their best lengths.
 
-By it those are chosen that are weighed (``weighing``).
+They decide which sets are weighed (``weighing``).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from estimator.posterior.model.unknowns import Predictor
 
 
 class EvidenceEstimator:
-    """Guesses the evidence of sets of attachments.
+    """Approximates evidences of sets of attachments.
 
     Args:
         predictor: Computes readings.
@@ -37,12 +37,12 @@ class EvidenceEstimator:
         """Log-likelihoods with the noise factors integrated out, shape (n,).
 
         Args:
-            values: Points, shape (n, size). Those that were asked for before cost nothing.
+            values: Points, shape (n, size). Results are kept for the next time.
         """
         return self._looked_up("fits", values, self._solver.fits)
 
     def guess(self, values: Array) -> Array:
-        """Laplace's approximation of the evidence, to tell which sets are worth more; shape (n,).
+        """Laplace's approximation of the log-evidence, shape (n,).
 
         Args:
             values: The best point of each set, shape (n, size); see ``fits``.
@@ -53,16 +53,16 @@ class EvidenceEstimator:
         return guesses
 
     def as_built(self, values: Array) -> tuple[Array, Array]:
-        """The best points of robots as people build them, shape (n, size), and their guesses.
+        """The best points with narrow components open, shape (n, size), and their evidences.
 
         Args:
-            values: Of each set, shape (n, size). Those that were asked for before cost nothing.
+            values: A point of each set, shape (n, size). Results are kept for the next time.
         """
         both = self._looked_up("as built", values, self._as_built)
         return both[:, :-1], both[:, -1]
 
     def _as_built(self, values: Array) -> Array:
-        """Points and guesses of robots as people build them, shape (n, size + 1)."""
+        """These points, and in the last column the evidences, shape (n, size + 1)."""
         unknowns = self.predictor.unknowns
         narrow = {row: one.narrow for row, one in enumerate(unknowns.table) if one.narrow}
         free = Free.with_parameters(unknowns, [narrow] * len(values))
@@ -71,7 +71,7 @@ class EvidenceEstimator:
         return np.column_stack([points, guesses])
 
     def _looked_up(self, what: str, values: Array, compute: Callable[[Array], Array]) -> Array:
-        """What is computed of each of n points, row by row, once."""
+        """Results for each of n points, row by row; those computed before are looked up."""
         known, keys = self._known[what], [value.tobytes() for value in values]
         fresh = [row for row, key in enumerate(keys) if key not in known]
         if fresh:

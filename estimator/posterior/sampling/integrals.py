@@ -1,8 +1,8 @@
 """Evidence and particles of hypotheses: sets of attachments, and what is open beside their lengths.
 
-Where they start from is found here: peaks of the posterior of robots as people build them, and the
-best points with each wide component of the table of parameters, from lengths anywhere, since what
-is otherwise than stated bends the lengths that are found without it.
+Here the points are found that the integration starts from: peaks of the posterior with narrow
+components of the table of parameters alone, and the best points with each wide one. The latter are
+searched from any lengths, since a deviation that is left out biases the lengths that are fitted.
 """
 
 from __future__ import annotations
@@ -18,27 +18,27 @@ from estimator.parameters.table import MEDIAN_CARE
 from estimator.posterior.model.gauss_newton import Free, GaussNewton
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.unknowns import Columns, Cost, Predictor
-from estimator.posterior.sampling.tempering import Particles, Target, settled, tempered
+from estimator.posterior.sampling.tempering import Particles, Target, equilibrated, tempered
 
-_ANYWHERE: Final = 300  # lengths at random with each wide component: what is wrong bends lengths,
-_STARTS: Final = 4  # of them, where fits start
-_PROMISING: Final = 3  # of all these and the known ones, fits that are finished
-_DRAWN: Final = 1000  # robots as people build them, of whom so many are the best too
-_OFF: Final = 1.5  # standard deviations from which fits start
-_PEAKS: Final = 3  # of these fits, where particles start,
-_LOWER: Final = 10.0  # but none so many nats below the best
-_STRETCHED: Final = ("thickness", "mass")  # groups of the parameters that these starts have
+_ANYWHERE: Final = 300  # points with random lengths that are tried with each wide component
+_STARTS: Final = 4  # of these points, and of those drawn from the prior, from which fits start
+_PROMISING: Final = 3  # fits of each wide component that are finished
+_DRAWN: Final = 1000  # points drawn from the prior of lengths and narrow components
+_OFF: Final = 1.5  # deviation of starting points, in standard deviations
+_PEAKS: Final = 3  # of a hypothesis, at most, around which particles start
+_LOWER: Final = 10.0  # nats below the best peak beyond which a peak does not count
+_STRETCHED: Final = ("thickness", "mass")  # groups of parameters with such a deviation at starts
 
 
 class Hypothesis(NamedTuple):
-    """What is open beside the lengths of one set of attachments.
+    """A set of attachments, and what is open beside its lengths.
 
     Attributes:
         mode: Number of the set.
-        point: To start from, shape (size,).
+        point: With its attachments, from which fits start, shape (size,).
         wide: Row of the table whose wide component is open; −1: none is.
-        as_stated: Whether the robot is exactly so, and only lengths are open.
-        log_prior: Among the hypotheses of the set.
+        as_stated: Whether there are no deviations, and only lengths are open.
+        log_prior: Logarithm of its prior probability, given the set.
     """
 
     mode: int
@@ -72,11 +72,12 @@ class Integrals:
     def with_cost(
         self, task: tuple[Sequence[Hypothesis], int, int, int]
     ) -> tuple[list[tuple[Hypothesis, Particles]], Cost]:
-        """Hypotheses that have as many columns, at the points that fit best, and what that cost.
+        """Particles of hypotheses, these with their best points, and the cost of computing them.
 
         Args:
-            task: These, how many particles of each, how thoroughly (0: they start from one peak, 1:
-                from several; more: with so many times the moves), and a seed.
+            task: Hypotheses with equally many columns open, the number of particles of each,
+                thoroughness (0: particles start from one peak, 1: from several; above: with so
+                many times the moves), and a seed.
         """
         hypotheses, particles, thoroughness, seed = task
         before, rng = self._predictor.cost, np.random.default_rng(seed)
@@ -90,16 +91,16 @@ class Integrals:
         better = (one._replace(point=own[0]) for one, own in zip(hypotheses, peaks, strict=True))
         return list(zip(better, results, strict=True)), self._predictor.cost.since(before)
 
-    def settled_with_cost(self, task: tuple[Hypothesis, Array, int]) -> tuple[Array, Cost]:
-        """Points of a hypothesis that have settled, and what that cost.
+    def equilibrated_with_cost(self, task: tuple[Hypothesis, Array, int]) -> tuple[Array, Cost]:
+        """Equilibrated points of a hypothesis, and the cost of computing them.
 
         Args:
-            task: The hypothesis, what is integrated over of some particles, and a seed.
+            task: The hypothesis, lengths and θ of some particles (``Particles.own``), and a seed.
         """
         one, own, seed = task
         before, rng = self._predictor.cost, np.random.default_rng(seed)
         free = Free.with_parameters(self._predictor.unknowns, [self.opened(one)])
-        values = settled(self._target([one], one.point[None, None], free, rng), own)
+        values = equilibrated(self._target([one], one.point[None, None], free, rng), own)
         return values, self._predictor.cost.since(before)
 
     def _target(
@@ -128,7 +129,7 @@ class Integrals:
         return rows
 
     def _by_care_alone(self, free: Free, hypotheses: Sequence[Hypothesis]) -> Flags:
-        """Which columns are the wider the less care was taken, and not open more widely."""
+        """Which columns have spreads that care decides, but for that of a wide component."""
         wide = np.array([[self._first + one.wide if one.wide >= 0 else -1] for one in hypotheses])
         flags: Flags = np.isin(free.columns, self._by_care) & (free.columns != wide)
         return flags
@@ -140,16 +141,13 @@ class Integrals:
         free: Free,
         rng: np.random.Generator | None,
     ) -> Array:
-        """The best point from each, or a few, from robots that are thicker, thinner, and so on.
+        """Peaks of the posterior of each hypothesis, shape (n, peaks, size), the best first.
 
         Args:
-            points: One of each hypothesis, shape (n, size).
-            hypotheses: These.
+            points: One of each hypothesis, shape (n, size), from which fits start.
+            hypotheses: Of n sets of attachments.
             free: What is open.
-            rng: Draws other robots to start from; ``None``: the best point is wanted alone.
-
-        Returns:
-            Shape (n, peaks, size), the best first.
+            rng: Draws further starts; ``None``: fits start from ``points`` alone.
         """
         starts = [points]
         rows = [
@@ -176,7 +174,7 @@ class Integrals:
         return np.swapaxes(by_start[order, each], 0, 1)
 
     def _drawn(self, points: Array, free: Free, rng: np.random.Generator) -> list[Array]:
-        """The best of many robots drawn from the prior, each of shape (n, size)."""
+        """The best of many points drawn from the prior, each of shape (n, size)."""
         count, each = len(points), np.repeat(np.arange(len(points)), _DRAWN)
         shape = (len(each), free.columns.shape[1])
         own = np.where(free.normal, rng.standard_normal(shape), rng.random(shape))
@@ -189,17 +187,17 @@ class Integrals:
     def fitted_with_cost(
         self, task: tuple[Sequence[int], Array, int]
     ) -> tuple[list[tuple[float, int, Array]], Cost]:
-        """Points that fit best with each of some wide components, and what that cost.
+        """The best points with each of some wide components, and the cost of finding them.
 
-        Lengths alone are free with it.
+        Lengths alone are fitted with it.
 
         Args:
             task: Rows of the table, all of which have amounts or none; −1: no wide component.
-                Points of one set of attachments to start from, shape (n, size), and a seed, since
-                other lengths are started from, too.
+                Points of one set of attachments from which fits start, shape (n, size), and a
+                seed, which draws random lengths as further starts.
 
         Returns:
-            For each Laplace's approximation of the evidence, the row, and the point.
+            Laplace's approximation of the evidence, the row, and the point, for each row.
         """
         rows, starts, seed = task
         before, rng = self._predictor.cost, np.random.default_rng(seed)

@@ -1,9 +1,9 @@
-"""Samples that go on from the sets of attachments that were weighed to those that nobody has met.
+"""Markov chains from the sets of attachments that were weighed to those that no search has found.
 
-Where few readings leave many sets of attachments, a search meets part of them only: more of those
-that hold a leg fast than of the many ways in which a leg may be attached that touches nothing. So
-samples of what was met know too much. Chains that begin with them leave the posterior as it is, and
-go to the others as often as these deserve.
+Where few readings leave many sets of attachments, a search finds part of them only: more of those
+in which the readings determine a leg than of the many in which that leg touches nothing. So samples
+of the sets found are overconfident. Chains that begin with these samples leave the posterior
+invariant, and reach the other sets as often as their share of it demands.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.unknowns import Attachments, Cost, Predictor, Unknowns
 from estimator.posterior.sampling.weighing import WeighedModes
 
-_PARTS: Final = 2  # of the chains, which know nothing of each other
+_PARTS: Final = 2  # of the chains, independent of each other
 
 
 def mixed(
@@ -34,12 +34,13 @@ def mixed(
     workers: Executor,
     steps: int,
 ) -> tuple[WeighedModes, Array]:
-    """The modes with those that chains go on to, and the samples where these are then.
+    """The modes with those that chains reach, and the chains' ends as samples.
 
-    Of those modes the effective number is that of their chains, and the draws are where these are.
+    Of a mode that only chains have reached, the effective sample size is their number, and the
+    draws are their ends.
 
     Args:
-        modes: That were weighed.
+        modes: The weighed ones.
         scales: Logarithms of their samples' noise factors, shape (n, 2).
         predictor: Computes readings.
         likelihood: Of the observations.
@@ -66,7 +67,7 @@ def mixed(
 def _moved(
     predictor: Predictor, likelihood: Likelihood, steps: int, task: tuple[Array, Array, int]
 ) -> tuple[Array, Array, Array, Cost]:
-    """Where chains are after some steps, their noise factors and fits, and what that cost."""
+    """Ends of chains after some steps, their noise factors and fits, and the cost of that."""
     values, scales, seed = task
     before = predictor.cost
     chains = Population(predictor, np.random.default_rng(seed), values, scales)
@@ -77,7 +78,7 @@ def _moved(
 
 
 def _with_others(modes: WeighedModes, fits: Array, unknowns: Unknowns) -> WeighedModes:
-    """The modes with those of samples that are on none of them."""
+    """The modes, and beside them those of the samples that have none of their attachments."""
     values, others = modes.values, dict[Attachments, list[int]]()
     weighed = set(unknowns.keys(modes.points))
     for row, key in enumerate(unknowns.keys(values)):
@@ -100,8 +101,8 @@ def _with_others(modes: WeighedModes, fits: Array, unknowns: Unknowns) -> Weighe
 def _shares(counts: Array) -> Array:
     """Shares of sets with so many chains in them, shape (n,).
 
-    A set has for sure what lies two standard deviations below its count; all else belongs to any.
-    Else one of many that are as good would lead by chance.
+    A set keeps what lies two standard deviations below its count; the rest is shared out evenly.
+    Otherwise one of many equally good sets would lead by chance.
     """
     sure = np.maximum(counts - 2 * np.sqrt(counts), 0.0)
     shares: Array = (sure + (counts - sure).mean()) / counts.sum()

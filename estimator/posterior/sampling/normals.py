@@ -14,7 +14,7 @@ from estimator.posterior.model.gauss_newton import PRIOR
 from estimator.posterior.model.unknowns import Columns
 
 _AT_LEAST: Final = 0.02  # standard deviation of a length around a peak, of its range
-_LEAST: Final = 1e-10  # variance
+_LEAST: Final = 1e-10  # variance of particles
 _LOG_ROOT: Final = 0.5 * math.log(2 * math.pi)
 
 
@@ -36,26 +36,26 @@ class Normals:
 
     @classmethod
     def around(cls, peaks: Array, precision: Array, normal: Flags, counts: Array) -> Normals:
-        """What a likelihood that counts less would leave, were it as at a peak everywhere.
+        """Normal approximations of the posterior at its peaks, with the readings counting less.
 
         Args:
             peaks: Of each set, shape (g, p, d).
             precision: Of lengths and θ there, the prior's included, shape (g, p, d, d).
             normal: Which are θ, shape (d,); they come last.
-            counts: How much it counts in each set, shape (g,).
+            counts: Share of the readings' information that counts in each set, shape (g,).
         """
         prior, share = np.diag(np.where(normal, 1.0, PRIOR)), counts[:, None, None, None]
         flatter = prior + share * (precision - prior)
         covariance = np.asarray(np.linalg.inv(flatter))
         covariance += np.diag(np.where(normal, 0.0, _AT_LEAST**2))
-        theta = np.where(normal, peaks, 0.0)  # the prior's middle draws it, and no length
+        theta = np.where(normal, peaks, 0.0)  # only θ is drawn to its prior's mean
         climb = share * (precision @ theta[..., None])
         mean = np.where(normal, 0.0, peaks) + np.linalg.solve(flatter, climb)[..., 0]
         return cls.of(mean, covariance, int(np.count_nonzero(~normal)))
 
     @classmethod
-    def as_wide_as(cls, x: Array, lengths: int) -> Normals:
-        """One for particles of shape (g, n, d); the fewer, the less they say of correlations."""
+    def with_covariance_of(cls, x: Array, lengths: int) -> Normals:
+        """With particles' covariance, shape (g, n, d); the fewer, the more it is shrunk."""
         _, count, size = x.shape
         mean, each = x.mean(axis=1, keepdims=True), np.arange(size)
         covariance = np.swapaxes(x - mean, 1, 2) @ (x - mean) / count
@@ -76,13 +76,13 @@ class Normals:
             slopes=np.asarray(np.linalg.solve(theta, both)),
         )
 
-    def near(self, normal: Array) -> Array:
-        """What standard normal draws, shape (g, n, d), are around each peak, (p, g, n, d)."""
+    def coloured(self, normal: Array) -> Array:
+        """Standard normal draws, shape (g, n, d), as draws around each peak, (p, g, n, d)."""
         points = self.mean[:, :, None] + normal[:, None] @ np.swapaxes(self.root, 2, 3)
         return np.swapaxes(points, 0, 1)
 
-    def away(self, x: Array) -> Array:
-        """Of which draws points of shape (g, n, d) are made around each peak, (p, g, n, d)."""
+    def whitened(self, x: Array) -> Array:
+        """The inverse: points as standard normal draws by each peak, (p, g, n, d)."""
         draws = (x[:, None] - self.mean[:, :, None]) @ np.swapaxes(self.inverse, 2, 3)
         return np.swapaxes(draws, 0, 1)
 
@@ -90,7 +90,7 @@ class Normals:
         """Of points of some sets, shape (groups, n, d), by each peak, shape (p, groups, n)."""
         some = Normals(**{name: array[groups] for name, array in vars(self).items()})
         log_root = np.log(np.diagonal(some.root, axis1=2, axis2=3)).sum(axis=2)
-        log_densities: Array = log_normal(some.away(x)) - log_root.T[..., None]
+        log_densities: Array = log_normal(some.whitened(x)) - log_root.T[..., None]
         return log_densities
 
 

@@ -1,11 +1,12 @@
-"""What independent populations of chains have found: whether they agree, and whether it can be all.
+"""Agreement of independent populations of chains, and their exploration of many attachments.
 
-They are independent, so what both have found tells how much neither has (capture and recapture).
+Populations are independent, so what both have found tells how much neither has (capture and
+recapture).
 
-While the readings do not inform about all parts (``explored``) the chains themselves stand for the
-posterior. Where much is open nearly every sample has attachments of its own, and to find and weigh
-them one by one is no use. What the readings do determine, of a limb or two, most samples have in
-common: with it the next program is chosen, and from there the chains go on.
+While the readings do not inform about all parts of many, the chains themselves are the samples of
+the posterior (``explored``). Nearly every sample then has attachments of its own, and it would be
+of no use to weigh them one by one. Most samples agree on the limb or two that the readings do
+determine: by them the next program is chosen, and from them the chains go on.
 """
 
 from __future__ import annotations
@@ -29,17 +30,19 @@ from estimator.posterior.sampling.evidence import EvidenceEstimator
 from estimator.storage.posteriors import OUTLIERS
 
 CONSIDERED: Final = 16.0
-"""Nats below the best fit, which may be a mere spike."""
+"""Nats below the best fit within which sets of attachments are considered."""
 
 ENOUGH_TO_ERR: Final = 5
-"""Interactions, of which one may be left unexplained."""
+"""Interactions from which on one may be left unexplained."""
 
-_BUILT: Final = 14.0  # more where no robot explains the readings that is as it was taken to be
-_FITTED: Final = 120  # sets of attachments of which it is seen what robots as built explain
-_AS_GOOD: Final = 3.0  # nats that the lengths which a population found may fit worse
-_AS_PROBABLE: Final = 3.0  # nats
-_BAD: Final = 2.33  # excess, as one right body of a hundred has
-_FEW: Final = 50  # sets of attachments that all populations can have found
+_BUILT: Final = (
+    14.0  # nats beyond ``CONSIDERED`` where fixed deviations explain the readings poorly
+)
+_FITTED: Final = 120  # sets of attachments, at most, whose narrow components are fitted then
+_AS_GOOD: Final = 3.0  # nats that a population's fit may lie below the best one of the same set
+_AS_PROBABLE: Final = 3.0  # nats below the leader within which sets are about as probable
+_BAD: Final = 2.33  # excess of a fit that one right body of a hundred has
+_FEW: Final = 50  # effective number of sets up to which every population can have found all
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,9 +53,8 @@ class Agreement:
         points: The best of each set of attachments that may matter, best first, shape (n, size).
         keys: Their attachments.
         guesses: Of their evidences, shape (n,).
-        found: Which of their attachments each population has found, and explained as well.
-        fit: How well the leader, which is the most probable by those guesses, explains the
-            readings.
+        found: Of each population the attachments that it has found, with a fit about as good.
+        fit: How well the leader, the most probable set by those guesses, explains the readings.
         may_err: Whether there are so many readings that one may be left unexplained.
     """
 
@@ -64,30 +66,34 @@ class Agreement:
     may_err: bool
 
     @classmethod
-    def of(cls, bodies: Sequence[BestPoints], away: Array, estimator: EvidenceEstimator) -> Self:
+    def of(
+        cls, bodies: Sequence[BestPoints], deviations: Array, estimator: EvidenceEstimator
+    ) -> Self:
         """Compares what the populations have found.
 
         Args:
-            bodies: What each population has found.
-            away: How far their robots are from what is stated, shape (rows,).
+            bodies: The best points of each population.
+            deviations: Of all these bodies from what is stated, shape (rows,).
             estimator: Guesses evidences.
         """
         predictor, likelihood = estimator.predictor, estimator.likelihood
         unknowns = predictor.unknowns
         together = BestPoints.joined(bodies, unknowns)
         best = float(together.fits[0])
-        everyone = unknowns.otherwise(together.values, away)
-        stated = everyone[together.fits > best - CONSIDERED]
-        points, guesses = stated, estimator.guess(stated)
+        values = unknowns.with_deviations(together.values, deviations)
+        considered = values[together.fits > best - CONSIDERED]
+        points, guesses = considered, estimator.guess(considered)
         fit = fit_of(points[int(np.argmax(guesses))], predictor, likelihood)
         if unknowns.table and fit.is_improvable:
-            stated = everyone[together.fits > best - CONSIDERED - _BUILT]
-            points, guesses = stated.copy(), estimator.guess(stated)
+            considered = values[together.fits > best - CONSIDERED - _BUILT]
+            points, guesses = considered.copy(), estimator.guess(considered)
             first = np.argsort(-guesses, kind="stable")[:_FITTED]
-            points[first], guesses[first] = estimator.as_built(stated[first])
+            points[first], guesses[first] = estimator.as_built(considered[first])
             fit = fit_of(points[int(np.argmax(guesses))], predictor, likelihood)
         found = [
-            attachments_found(unknowns.otherwise(one.values, away), stated, estimator)
+            attachments_found(
+                unknowns.with_deviations(one.values, deviations), considered, estimator
+            )
             for one in bodies
         ]
         return cls(
@@ -100,7 +106,7 @@ class Agreement:
         )
 
     def with_fit(self, fit: Fit) -> Self:
-        """With the fit of a robot that is not just as stated, if that is better."""
+        """With the fit of a body with deviations, if that is better."""
         return replace(self, fit=min(self.fit, fit, key=lambda one: (one.unexplained, one.excess)))
 
     @property
@@ -121,12 +127,12 @@ class Agreement:
 
     @property
     def explained(self) -> bool:
-        """Whether the leader leaves no more unexplained than outliers are."""
+        """Whether the leader leaves no more interactions unexplained than outliers may be."""
         return self.fit.unexplained <= OUTLIERS
 
     @property
     def explains_too_little(self) -> bool:
-        """Whether the leader leaves more unexplained than a right body may, of so few or many."""
+        """Whether the leader leaves more interactions unexplained than a right body may."""
         return self.fit.unexplained > (OUTLIERS if self.may_err else 0)
 
     @property
@@ -136,11 +142,11 @@ class Agreement:
 
     @property
     def adequate_fit(self) -> bool:
-        """Whether the readings are explained so well that something can be certain.
+        """Whether the readings are explained so well that a body can be probable.
 
-        One interaction may be an outlier, but not where the others are explained poorly too: two
-        outliers lead to a body that explains all of them, none well. Where attachments are known
-        no other body can explain them better, and what is explained badly alone counts.
+        One interaction may be an outlier, but not where the others are explained poorly, too: two
+        outliers lead to a body that explains all interactions, none of them well. Where attachments
+        are known no other body can explain the readings better, so only a bad fit is inadequate.
         """
         any_other = bool(self.leader)
         outlier = self.fit.unexplained > 0
@@ -166,12 +172,12 @@ class Agreement:
 def attachments_found(
     values: Array, points: Array, estimator: EvidenceEstimator
 ) -> set[Attachments]:
-    """Which sets of attachments a population has found with lengths about as good as are known.
+    """Sets of attachments that a population has found with a fit about as good as the best known.
 
     Args:
-        values: The points that it found, shape (n, size).
-        points: The best of each set that may matter, by any population, shape (m, size).
-        estimator: Knows how well points fit.
+        values: Its points, shape (n, size).
+        points: The best point of each set that is considered, of any population, shape (m, size).
+        estimator: Computes fits.
     """
     unknowns = estimator.predictor.unknowns
     keys = unknowns.keys(values)
@@ -185,25 +191,25 @@ def attachments_found(
     }
 
 
-_LOST: Final = 12.0  # nats below the best
-_STRAGGLERS: Final = 0.5  # of the chains, that may be lost in the end
-_LONGER: Final = 3  # times as many steps, where it is not known which part sits on which
-_ANEW: Final = 100  # steps with each number of interactions, where chains begin anew
+_BEHIND: Final = 12.0  # nats below the best fit beyond which a chain is a straggler
+_STRAGGLERS: Final = 0.5  # share of the coldest chains that may be stragglers in the end
+_LONGER: Final = 3  # factor on the steps where it is not known which part sits on which
+_RESTARTED: Final = 100  # steps with each number of interactions after a restart
 
 
 def explored(
     searches: Sequence[Discovery], workers: Executor, *, steps: int, rounds: int
 ) -> tuple[list[Discovery], Posterior, float]:
-    """The posterior after the interactions so far.
+    """The posterior after the interactions so far, with the chains as its samples.
 
     Args:
-        searches: With each population.
+        searches: One for each population.
         workers: Move the chains.
-        steps: Of each round where limbs are known, and of sampling after them.
-        rounds: At most, until all readings are explained; each but the first begins anew.
+        steps: Of each round where limbs are known, and of sampling after the last one.
+        rounds: At most, until all readings are explained; before each but the first chains restart.
 
     Returns:
-        The searches as they go on, the posterior, and how much of it both have found.
+        The searches afterwards, the posterior, and its coverage by the populations.
     """
     moved = list(workers.map(partial(_explore, steps, rounds), searches))
     by_population = [drawn for _, drawn in moved]
@@ -221,13 +227,8 @@ def explored(
         ),
         key=lambda mode: -mode.probability,
     )
-    posterior = Posterior(
-        values=values,
-        scales=scales,
-        weights=np.full(len(values), 1 / len(values)),
-        modes=tuple(modes),
-        adequate_fit=True,
-    )
+    samples = Posterior.equally_likely(values, scales)
+    posterior = replace(samples, modes=tuple(modes), adequate_fit=True)
     share = coverage(
         np.array([mode.probability for mode in modes]), np.array([mode.found for mode in modes])
     )
@@ -239,19 +240,19 @@ def _explore(
 ) -> tuple[Discovery, tuple[Array, Array, Array]]:
     """Moves the chains of one population; its samples, their noise factors and their fits.
 
-    They begin anew where the best body leaves something unexplained: what an interaction has led
-    them to may be far from the truth.
+    They restart where the best body leaves something unexplained: an interaction may have led them
+    far from the truth.
     """
     population, unknowns = search.population, search.predictor.unknowns
     longer = steps * (_LONGER if unknowns.parents.any() else 1)
     explained = True
     for _ in range(rounds):
         if not explained:
-            search.start_anew(_ANEW)
+            search.restart(_RESTARTED)
         bodies = search.search(longer)
         explained = search.explains()
-        lost = _lost_ones_moved(population, bodies, search.rng)
-        if explained and lost <= _STRAGGLERS:
+        stragglers = _stragglers_moved(population, bodies, search.rng)
+        if explained and stragglers <= _STRAGGLERS:
             break
     chains, drawn = population.coldest(), []
     for step in range(steps):
@@ -264,18 +265,20 @@ def _explore(
     return search, (values, scales, fits)
 
 
-def _lost_ones_moved(population: Population, bodies: BestPoints, rng: np.random.Generator) -> float:
-    """Share of the coldest chains that were lost; they go on from bodies that fit.
+def _stragglers_moved(
+    population: Population, bodies: BestPoints, rng: np.random.Generator
+) -> float:
+    """Share of the coldest chains that lag far behind; they are moved to bodies that fit.
 
     Args:
         population: Its coldest chains are moved.
-        bodies: That were found, best first.
+        bodies: The best points, best first.
         rng: Draws among them.
     """
     cold = slice(0, population.chains_per_level)
     values, scales = population.values[cold].copy(), population.scales[cold].copy()
-    lost = np.flatnonzero(population.posterior_fits(1) < bodies.fits[0] - _LOST)
-    values[lost] = bodies.values[rng.choice(len(bodies.fits), lost.size, p=softmax(bodies.fits))]
-    scales[lost] = 0.0
+    rows = np.flatnonzero(population.posterior_fits(1) < bodies.fits[0] - _BEHIND)
+    values[rows] = bodies.values[rng.choice(len(bodies.fits), rows.size, p=softmax(bodies.fits))]
+    scales[rows] = 0.0
     population.replace_coldest(values, scales)
-    return lost.size / population.chains_per_level
+    return rows.size / population.chains_per_level

@@ -29,13 +29,13 @@ from estimator.posterior.sampling.weighing import Weigher
 
 ALGORITHM: Final = "evolutionary Monte Carlo"
 
-_AGREED: Final = 0.8  # share of the posterior that both have found
-_EXPLORED: Final = 0.4  # share that both populations have found while they only explore
-_BITS_LEARNT: Final = 6.0  # bits about attachments, by one interaction that moves few limbs
-_TELLING: Final = 4  # interactions at least, until the populations ought to agree
-_MORE: Final = 4  # rounds, once they turned out not to
-_FEW_ROUNDS: Final = 3  # where much is open, and each of them is long
-_NEGLIGIBLE: Final = 0.05  # share of the posterior that a round adds
+_AGREED: Final = 0.8  # coverage by both populations at which they agree
+_EXPLORED: Final = 0.4  # coverage from which attachments are weighed while populations explore
+_BITS_LEARNT: Final = 6.0  # about attachments, by one interaction that moves few limbs
+_TELLING: Final = 4  # interactions from which the populations should agree
+_MORE: Final = 4  # additional rounds where they do not
+_FEW_ROUNDS: Final = 3  # at most, where many attachments are open and a round is long
+_NEGLIGIBLE: Final = 0.05  # share of the posterior that the last round may have added
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,15 +65,14 @@ class Sampler:
     """Samples the posterior of one problem, interaction after interaction.
 
     Args:
-        unknowns: What the posterior is over. What may be otherwise than stated is open once bodies
-            are weighed: searches look for bodies that have it as it was found to be up to then; as
-            stated where much is to be found, since with wrong bodies it would be wrong, too.
+        unknowns: What the posterior is over. Deviations from what is stated are open when bodies
+            are weighed. Searches take the last posterior's mean deviations as fixed; none where
+            many attachments are open, since a wrong body's deviations are wrong, too.
         make_physics: Makes a back-end for each population.
         effort: How much to do.
-        seeds: One for each population and one for what is done in common.
+        seeds: One for each population, and one more for the sampler itself.
         workers: Move the populations' chains; results do not depend on how many there are.
-        physics: Computes what is done in common, when workers rest; by default one more of
-            ``make_physics``.
+        physics: Computes readings in this process; by default one more of ``make_physics``.
 
     Attributes:
         predictor: Predicts readings.
@@ -94,11 +93,11 @@ class Sampler:
         self._explores = unknowns.many
         self._telling = math.ceil(unknowns.bits / _BITS_LEARNT) if self._explores else _TELLING
         self.predictor = Predictor(unknowns, physics or make_physics())
-        self._away = np.zeros(len(unknowns.table))
+        self._deviations = np.zeros(len(unknowns.table))
         *own, common = seeds
         self._searches = []
         for _, seed in zip(range(effort.populations), own, strict=True):
-            predictor = Predictor(unknowns.searched(self._away), make_physics())
+            predictor = Predictor(unknowns.with_fixed_deviations(self._deviations), make_physics())
             of_chains, of_search = map(np.random.default_rng, seed.spawn(2))
             population = Population.of_prior(
                 predictor, of_chains, levels=effort.levels, chains_per_level=effort.chains_per_level
@@ -108,7 +107,7 @@ class Sampler:
             )
         self._rng = np.random.default_rng(common)
         self._known: set[Attachments] = set()
-        self._cleared: set[Attachments] = set()  # nothing better was found
+        self._cleared: set[Attachments] = set()  # of which many rounds have found nothing better
 
     def state(self) -> dict[str, Any]:
         """All that ``restore`` needs, for JSON."""
@@ -117,12 +116,12 @@ class Sampler:
             "populations": [search.population.state() for search in self._searches],
             "searching": [search.rng.bit_generator.state for search in self._searches],
             "random": self._rng.bit_generator.state,
-            "met": [search.found.tolist() for search in self._searches],
-            "drawn": [search.drawn.tolist() for search in self._searches],
-            "agreed_on": sorted(self._searches[0].converged),
+            "best_points": [search.best_points.tolist() for search in self._searches],
+            "posterior_points": [search.posterior_points.tolist() for search in self._searches],
+            "converged": sorted(self._searches[0].converged),
             "known": sorted(self._known),
             "cleared": sorted(self._cleared),
-            "away": self._away.tolist(),
+            "deviations": self._deviations.tolist(),
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -140,19 +139,20 @@ class Sampler:
             raise SearchStateError(
                 "the run was made with another version of the sampler: start a new run"
             )
-        kept = (state[name] for name in ("populations", "searching", "met", "drawn"))
-        for search, population, rng, found, drawn in zip(self._searches, *kept, strict=True):
-            search.found, search.drawn = (
+        names = ("populations", "searching", "best_points", "posterior_points")
+        by_search = zip(self._searches, *(state[name] for name in names), strict=True)
+        for search, population, rng, *points in by_search:
+            search.best_points, search.posterior_points = (
                 np.array(some, dtype=float).reshape(-1, self.predictor.unknowns.genes_size)
-                for some in (found, drawn)
+                for some in points
             )
             search.population = Population.from_state(population, search.predictor)
             search.rng.bit_generator.state = rng
-            search.converged = frozenset(map(tuple, state["agreed_on"]))
+            search.converged = frozenset(map(tuple, state["converged"]))
         self._rng.bit_generator.state = state["random"]
         self._known = {tuple(key) for key in state["known"]}
         self._cleared = {tuple(key) for key in state["cleared"]}
-        self._search_robots(np.array(state["away"], dtype=float))
+        self._search_with(np.array(state["deviations"], dtype=float))
 
     @property
     def cost(self) -> Cost:
@@ -167,17 +167,17 @@ class Sampler:
         scales = np.concatenate([one.scales for one in populations])
         return Posterior.equally_likely(self.predictor.unknowns.as_stated(values), scales)
 
-    def _search_robots(self, away: Array) -> None:
-        """Has searches look for bodies that are so far from what is stated, shape (rows,)."""
-        self._away = away
+    def _search_with(self, deviations: Array) -> None:
+        """Has searches look for bodies with these deviations, shape (rows,)."""
+        self._deviations = deviations
         for search in self._searches:
-            search.predictor.unknowns = self.predictor.unknowns.searched(away)
+            search.predictor.unknowns = self.predictor.unknowns.with_fixed_deviations(deviations)
 
     def learn(self, likelihood: Likelihood) -> Posterior:
         """The posterior after the interactions so far.
 
-        As long as they do not inform about all limbs, no attachments are weighed (see
-        ``explored``), unless the populations agree before.
+        While the readings do not inform about all limbs no attachments are weighed (see
+        ``explored``), unless the populations agree earlier.
 
         Args:
             likelihood: Of all of them.
@@ -203,17 +203,15 @@ class Sampler:
     def _discovered(
         self, likelihood: Likelihood, known: set[Attachments], *, searched: bool
     ) -> Agreement:
-        """Searches in rounds.
+        """Searches in rounds, until the populations have converged.
 
-        They end when the readings are explained, the populations agree, and a round has found
-        nothing that matters and was not known before.
-        The rounds that it may take grow with the interactions, since few readings leave many
-        bodies, and the next one tells more than another round; but for chains that have explored
-        before. So few do not make the populations agree.
-        Where populations that ought to agree do not, or the readings are not explained well, all
-        chains start anew: what one pose that ended elsewhere has led them to may be far from the
-        truth. A population that has found what explains them best rests until others have, too.
-        For the sake of one body this is done once.
+        They have when the readings are explained, the populations agree, and the last round has
+        added next to nothing to the posterior. The more interactions, the more rounds are allowed:
+        few readings leave many bodies, and the next reading tells more than another round.
+        Where populations that should agree do not, or the readings are explained poorly, all
+        chains restart: one pose that ended on another branch may have led them far from the truth.
+        A population that has found the best body rests until the others have found it. Once that
+        has been done at length for one body, it is not done for it again.
 
         Args:
             likelihood: Of all observations.
@@ -222,17 +220,17 @@ class Sampler:
         """
         effort, late = self._effort, len(likelihood) >= self._telling
         estimator = EvidenceEstimator(self.predictor, likelihood)
-        number, anew = 0, 0
+        number, restarts = 0, 0
         going = [not searched] * len(self._searches)
         while True:
-            search = partial(_searched, effort.steps, anew > 0)
+            search = partial(_searched, effort.steps, restarts > 0)
             moved = iter(self._workers.map(search, compress(self._searches, going)))
             self._searches = [
                 next(moved) if goes else one
                 for one, goes in zip(self._searches, going, strict=True)
             ]
             bodies = [search.best() for search in self._searches]
-            agreement = Agreement.of(bodies, self._away, estimator)
+            agreement = Agreement.of(bodies, self._deviations, estimator)
             fresh = agreement.share_beyond(known)
             known.update(agreement.keys)
             number += 1
@@ -240,11 +238,11 @@ class Sampler:
             improvable = agreement.improvable and agreement.leader not in self._cleared
             apart = late and number > 1 and not agreed
             restart = agreement.few and (improvable or apart)
-            # That many fit as badly is no excuse.
+            # also where many sets of attachments fit as badly
             restart |= agreement.explains_too_little and improvable
-            restart &= bool(self.predictor.unknowns.choices.size)  # else there is nothing to find
+            restart &= bool(self.predictor.unknowns.choices.size)
             if restart and not self._explores:
-                anew += 1
+                restarts += 1
                 lacking = [improvable or agreement.leader not in own for own in agreement.found]
                 going = [lacks or not any(lacking) for lacks in lacking]
             converged = agreement.adequate_fit and agreed and fresh <= _NEGLIGIBLE
@@ -253,11 +251,11 @@ class Sampler:
                 converged |= agreement.explained and not late
                 rounds = _FEW_ROUNDS
             else:
-                converged &= not (0 < anew <= _MORE and improvable)
+                converged &= not (0 < restarts <= _MORE and improvable)
                 rounds = min(effort.rounds, max(1, len(likelihood) - 1))
-                rounds += _MORE if anew and (late or improvable) else 0
+                rounds += _MORE if restarts and (late or improvable) else 0
             if converged or number >= rounds:
-                if anew > _MORE:
+                if restarts > _MORE:
                     self._cleared.update(agreement.leaders)
                 for one in self._searches:
                     one.converged = self._converged(agreement) if agreed else frozenset()
@@ -266,9 +264,9 @@ class Sampler:
     def _converged(self, agreement: Agreement) -> frozenset[Attachments]:
         """Attachments not searched again while they explain the readings: one set, if it leads.
 
-        Where much was to be found, all that is left, also where that leaves one interaction
-        unexplained, as an outlier does: to begin anew after each later one is too dear. Two end
-        the agreement.
+        Where many attachments are open: all sets that are left, also where they leave one
+        interaction unexplained, as an outlier does, since restarts are too dear there. Two
+        unexplained interactions end it.
         """
         if self._explores:
             return frozenset(agreement.keys)
@@ -276,7 +274,7 @@ class Sampler:
         return frozenset({agreement.leader} if sure else ())
 
     def _completed(self, posterior: Posterior) -> Posterior:
-        """A posterior over what searches look for, as one over all that is open."""
+        """A posterior over genomes as one over all unknowns, without deviations."""
         complete = self.predictor.unknowns.as_stated
         modes = (replace(mode, point=complete(mode.point[None])[0]) for mode in posterior.modes)
         return replace(posterior, values=complete(posterior.values), modes=tuple(modes))
@@ -307,13 +305,13 @@ class Sampler:
                 rows = self._rng.choice(own, effort.chains_per_level)
                 search.population.replace_coldest(unknowns.cube(values[rows]), scales[rows])
             rows_found = [row for row, key in enumerate(keys) if key in found]
-            search.drawn = unknowns.cube(modes.drawn_of(rows_found))
+            search.posterior_points = unknowns.cube(modes.drawn_of(rows_found))
         self._known = set(keys)
         if unknowns.table:
             best = modes.points[int(np.argmax(modes.shares))]
             agreement = agreement.with_fit(fit_of(best, predictor, likelihood))
             if not self._explores:
-                self._search_robots(unknowns.typical(values))
+                self._search_with(unknowns.mean_deviations(values))
         found_by = found_by_each(keys, agreement.found).tolist()
         posterior = replace(
             Posterior.equally_likely(values, scales),
@@ -330,29 +328,30 @@ class Sampler:
         return renormalised(posterior, predictor, likelihood)
 
 
-def _searched(steps: int, anew: bool, search: Discovery) -> Discovery:
-    """The search after one more round, for which all chains may begin anew."""
-    if anew:
-        search.start_anew(steps)
+def _searched(steps: int, restarts: bool, search: Discovery) -> Discovery:
+    """The search after one more round, before which all chains may restart."""
+    if restarts:
+        search.restart(steps)
     search.search(steps)
     return search
 
 
 def renormalised(posterior: Posterior, predictor: Predictor, likelihood: Likelihood) -> Posterior:
-    """The posterior under densities that add up to 1, also where bodies may fall to several sides.
+    """The posterior under a normalised likelihood, also where bodies may fall to several sides.
 
     Args:
-        posterior: Equally likely samples, and modes, under a likelihood that adds up to more there.
+        posterior: Equally likely samples, and modes, under ``likelihood``, whose densities add up
+            to more than 1 there.
         predictor: Computes readings.
-        likelihood: That one.
+        likelihood: Of all observations.
 
     Returns:
         Equally likely samples, and modes, the most probable first.
     """
 
     def ratios(values: Array, scales: Array) -> Array:
-        as_found = likelihood.of(likelihood.misfits_of(predictor, values), scales=scales)
-        ratios: Array = (likelihood.normalised(predictor, values, scales) - as_found).sum(axis=1)
+        as_it_is = likelihood.of(likelihood.misfits_of(predictor, values), scales=scales)
+        ratios: Array = (likelihood.normalised(predictor, values, scales) - as_it_is).sum(axis=1)
         return ratios
 
     modes, keys = posterior.modes, predictor.unknowns.keys(posterior.values)

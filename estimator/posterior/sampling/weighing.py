@@ -1,11 +1,10 @@
-"""Sets of attachments weighed, with all that may be otherwise than stated, and samples by weight.
+"""Evidences of sets of attachments and of deviations from what is stated, and samples by weight.
 
-What is weighed are *hypotheses*: a set of attachments on a robot as people build them (the narrow
-components of the table of parameters), or with one wide component, which makes it otherwise than
-stated. Each has an evidence (``tempering``); those of one set of attachments add up, times their
-priors. Where few readings leave many sets of attachments, these are weighed with few particles
-each, as people build robots: wide components are not open, unless no such robot explains the
-readings.
+What is weighed are *hypotheses*: a set of attachments with small deviations alone (the narrow
+components of the table of parameters), or with one large one besides (a wide component). Each has
+an evidence (``tempering``); those of one set of attachments add up, times their priors. Where few
+readings leave many sets of attachments, these are weighed with few particles each and without wide
+components, unless no set explains the readings without one.
 """
 
 from __future__ import annotations
@@ -29,29 +28,29 @@ from estimator.posterior.posterior import CauseShare, systematic
 from estimator.posterior.sampling.integrals import Hypothesis, Integrals
 from estimator.posterior.sampling.tempering import Particles
 
-_MOST: Final = 64  # sets of attachments that are weighed, drawn if there are more
-_AT_ONCE: Final = 32  # of them, before it is seen whether more are needed
-_TOGETHER: Final = 1024  # readings by particles of several, by one worker
-_ROWS: Final = 12  # of the table, that one worker fits
-_WEIGHED: Final = 9.0  # nats below the best evidence
-_FEWEST: Final = 48  # particles of each at first,
-_FIRST: Final = 4  # or this part of all at most,
-_SHARED: Final = 2  # where so many times as many as one may have are shared among them
-_CLOSE: Final = 5.0  # nats below the best, sets that are weighed again,
-_FEW: Final = 6  # if no more are so close
-_STRAYS: Final = 3.0  # nats that a fit lacks beyond what noise takes
-_LEADERS: Final = 3  # sets that are looked at with wide components where the best lacks so much
-_GUESSED: Final = 25.0  # nats below the best guess, wide components that are weighed roughly
-_RIVALS: Final = 12.0  # where the readings are explained without any:
-_WIDE: Final = 6  # so many switches of a set, and others;
-_OTHERS: Final = 24  # sets that are weighed with what leads on those that were looked at
-_WORTH: Final = 5.0  # below the best weight, those that are weighed like the narrow ones
-_COMPETES: Final = 2.0  # below the best weight, those that are weighed once more if one is wide,
-_CAREFULLY: Final = 3  # with so many times the moves
-_SETTLES: Final = 16  # samples of one hypothesis,
-_SETTLE_TOGETHER: Final = 128  # by one worker; even
-_DRAWN: Final = 32  # points of a set, for the next interaction,
-_DRAWN_OF: Final = 32  # of so many sets
+_MOST: Final = 64  # sets of attachments that are weighed; drawn at random if there are more
+_AT_ONCE: Final = 32  # sets weighed before it is decided whether more are needed
+_TOGETHER: Final = 1024  # readings times particles of the hypotheses in one task
+_ROWS: Final = 12  # of the table, whose wide components are fitted in one task
+_WEIGHED: Final = 9.0  # nats that a guess may lie below the best evidence for the set to be weighed
+_FEWEST: Final = 48  # particles of one hypothesis, at least
+_FIRST: Final = 4  # a first weight has at most all particles divided by this,
+_SHARED: Final = 2  # and all first weights together this many times all particles
+_CLOSE: Final = 5.0  # nats below the best within which sets are weighed again
+_FEW: Final = 6  # sets that are weighed again; if more are so close, none is
+_STRAYS: Final = 3.0  # nats that a fit lacks beyond the expected loss by noise
+_LEADERS: Final = 3  # sets that are screened for wide components where the best fit strays
+_GUESSED: Final = 25.0  # nats below the best guess within which wide components are weighed
+_RIVALS: Final = 12.0  # the same where the best fit does not stray
+_WIDE: Final = 6  # switches, and as many other wide components, of a set that are weighed at most
+_OTHERS: Final = 24  # sets not screened that are weighed with the leading wide component
+_WORTH: Final = 5.0  # nats below the best weight within which rough weights are made finer
+_COMPETES: Final = 2.0  # nats below the best weight within which wide components are rivals
+_CAREFULLY: Final = 3  # factor on the moves with which rivals are weighed
+_EQUILIBRATED: Final = 16  # samples of one hypothesis from which on they are equilibrated
+_IN_ONE_TASK: Final = 128  # samples in one task; even
+_DRAWN: Final = 32  # points of a set, with which the next search begins
+_DRAWN_OF: Final = 32  # sets at most, of which such points are kept
 _INTERVAL: Final = (0.05, 0.5, 0.95)
 
 
@@ -63,16 +62,16 @@ class _Weight(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class WeighedModes:
-    """Sets of attachments that stand for all that were discovered.
+    """The posterior over sets of attachments, deviations and lengths.
 
     Attributes:
-        points: The point of each that fits best, shape (n, size).
-        shares: Of the posterior, shape (n,); one that was drawn among several stands for them.
-        ess: Effective number of particles of each, shape (n,).
+        points: The best point of each of n sets, shape (n, size).
+        shares: Of the posterior, shape (n,); a set drawn at random among several has theirs, too.
+        ess: Effective sample size of each, shape (n,).
         values: Equally likely points of the posterior, shape (samples, size).
         causes: Wide components by their share of the posterior, the most probable first.
-        as_stated: Points of the first set if the robot is just as stated, shape (m, size);
-            ``None``: not known, or all are.
+        as_stated: Points of the best set without any deviations, shape (m, size); ``None``: not
+            computed, or no deviations are open.
         draws: Points of each set, more spread out than its posterior.
     """
 
@@ -94,10 +93,10 @@ class Weigher:
     """Weighs sets of attachments by all observations.
 
     Args:
-        predictor: Computes readings, also of robots that are not as stated.
+        predictor: Computes readings, also under deviations.
         likelihood: Of the observations.
-        rng: Draws.
-        workers: Do the work of some hypotheses each; how many there are changes no result.
+        rng: Seeds the tasks, and draws sets and samples.
+        workers: Do a task for some hypotheses each; how many there are changes no result.
         particles: Of one hypothesis, at most; even.
     """
 
@@ -115,12 +114,12 @@ class Weigher:
         self._integrals = Integrals(predictor, likelihood)
 
     def weighed(self, points: Array, guesses: Array, samples: int) -> WeighedModes:
-        """The posterior over sets of attachments, and over what else is open.
+        """The posterior over sets of attachments, deviations and lengths.
 
         Args:
-            points: The best of each set, shape (n, size).
-            guesses: Of their evidences, shape (n,).
-            samples: How many points are drawn of the posterior.
+            points: The best point of each set, shape (n, size).
+            guesses: Of the sets' evidences, shape (n,).
+            samples: How many points of the posterior are drawn.
         """
         rows, log_chances = drawn(guesses, self._rng)
         points = self._predictor.unknowns.as_built(points[rows])
@@ -141,13 +140,13 @@ class Weigher:
     def _weighed_again(
         self, weights: list[_Weight], close: Sequence[int], log_chances: Array
     ) -> _Weight | None:
-        """Replaces weights of the best sets by better ones, and adds those of wide components.
+        """Replaces weights of the best sets by finer ones, and adds those of wide components.
 
-        Where many sets are as good nothing is done, but for what no robot as people build them
-        explains.
+        Where many sets are close to the best only wide components are added, and only where no set
+        explains the readings without one.
 
         Returns:
-            That of the first one if the robot is just as stated, where it may be otherwise.
+            The weight of the best set without any deviations; ``None``: not computed.
         """
         few, unknowns = len(close) <= _FEW, self._predictor.unknowns
         table = unknowns.table
@@ -188,9 +187,9 @@ class Weigher:
         return stated
 
     def _weigh_causes_carefully(self, weights: list[_Weight], log_chances: Array) -> None:
-        """Replaces the best weights, if wide components compete with others, by less noisy ones.
+        """Replaces the best weights by less noisy ones if wide components are among them.
 
-        Of many that are weighed some come out high by chance.
+        The more hypotheses are weighed, the higher the largest error of an evidence.
         """
         best = max(one.log for one in weights)
         rows = [row for row, one in enumerate(weights) if one.log > best - _COMPETES]
@@ -201,9 +200,9 @@ class Weigher:
                 weights[row] = one
 
     def _others_with(self, rough: Sequence[_Weight], narrow: Sequence[_Weight]) -> list[Hypothesis]:
-        """Sets that were not looked at, with the wide component that leads, if one does.
+        """Hypotheses of sets that were not screened, with the leading wide component, if one leads.
 
-        A robot that is otherwise may leave more of them open than one as stated.
+        Under that deviation other sets may explain the readings than without it.
         """
         leader = max(rough, key=lambda one: one.log, default=None)
         if leader is None or leader.log <= max(one.log for one in narrow):
@@ -222,7 +221,7 @@ class Weigher:
         return others
 
     def _strays(self, weights: Sequence[_Weight]) -> bool:
-        """Whether the best fit of these lacks more than noise takes."""
+        """Whether the best fit of these lies farther from the readings than noise explains."""
         read = sum(self._likelihood.data.observed[name].count.sum() for name in SCALED)
         best = float(self._likelihood.best().sum())
         fit = max(float(one.particles.fits.max()) for one in weights)
@@ -231,7 +230,7 @@ class Weigher:
     def _screened(
         self, narrow: Sequence[_Weight]
     ) -> tuple[float, Sequence[tuple[float, Hypothesis]]]:
-        """Guessed evidences of a set: of its narrow components, and of the best with wide ones."""
+        """Guessed evidences of a set: without wide components, and with each of the best ones."""
         leader = max(narrow, key=lambda one: one.log)
         mode, point, *_ = leader.hypothesis
         known = leader.particles.values[int(np.argmax(leader.particles.fits))]
@@ -266,10 +265,10 @@ class Weigher:
         *,
         thoroughness: int = 1,
     ) -> list[_Weight]:
-        """Weights of hypotheses, which begin at better points than they had.
+        """Weights of hypotheses, with their points replaced by better ones.
 
-        Robots that are as stated, of whom less is open, have half as many particles. Thoroughness
-        is that of ``Integrals.with_cost``.
+        Hypotheses without deviations, which have fewer dimensions, have half as many particles.
+        ``thoroughness``: see ``Integrals.with_cost``.
         """
         groups: dict[int, list[int]] = {}
         for number, one in enumerate(hypotheses):
@@ -306,7 +305,7 @@ class Weigher:
         counted = [pair for pair in zip(weights, counts, strict=True) if pair[1]]
         if stated:
             counted.append((stated, len(stated.particles.own)))
-        values = self._settled(counted)
+        values = self._equilibrated(counted)
         as_stated = values.pop() if stated else None
         draws, points = [], points.copy()
         for row in range(len(points)):
@@ -325,27 +324,27 @@ class Weigher:
             draws=draws,
         )
 
-    def _settled(self, drawn: Sequence[tuple[_Weight, int]]) -> list[Array]:
-        """So many points of each, shape (count, size), which settle where they are many."""
+    def _equilibrated(self, drawn: Sequence[tuple[_Weight, int]]) -> list[Array]:
+        """So many points of each, shape (count, size), equilibrated where they are many."""
         values, tasks, places = [], [], []
         for number, (one, count) in enumerate(drawn):
             rows = np.resize(self._rng.permutation(len(one.particles.own)), _even(count + 1))
             values.append(one.particles.values[rows])
-            for start in range(0, len(rows) if count >= _SETTLES else 0, _SETTLE_TOGETHER):
-                some = rows[start : start + _SETTLE_TOGETHER]
+            for start in range(0, len(rows) if count >= _EQUILIBRATED else 0, _IN_ONE_TASK):
+                some = rows[start : start + _IN_ONE_TASK]
                 seed = int(self._rng.integers(2**32))
                 tasks.append((one.hypothesis, one.particles.own[some], seed))
                 places.append((number, slice(start, start + len(some))))
-        done = self._workers.map(self._integrals.settled_with_cost, tasks)
-        for (number, place), (settled, cost) in zip(places, done, strict=True):
-            values[number][place] = settled
+        done = self._workers.map(self._integrals.equilibrated_with_cost, tasks)
+        for (number, place), (equilibrated, cost) in zip(places, done, strict=True):
+            values[number][place] = equilibrated
             self._predictor.add_cost(cost)
         return [some[:count] for some, (_, count) in zip(values, drawn, strict=True)]
 
     def _spread_out(self, values: Array) -> Array:
-        """Some particles, half of them with the least known length anywhere.
+        """Some particles, in half of which the least known length is drawn from its prior.
 
-        The next reading may make probable what hardly is by now.
+        The next reading may make lengths probable that hardly are so far.
         """
         drawn = values[self._rng.integers(len(values), size=_DRAWN)].copy()
         lengths = self._predictor.unknowns.continuous
@@ -367,7 +366,7 @@ class Weigher:
 
 
 def _close(weights: Sequence[_Weight]) -> list[int]:
-    """Rows of the sets of attachments that are about as probable as the best, best first."""
+    """Indices of the weights within ``_CLOSE`` of the best, best first."""
     best = max(one.log for one in weights)
     rows = sorted(range(len(weights)), key=lambda row: -weights[row].log)
     return [row for row in rows if weights[row].log > best - _CLOSE]
@@ -378,13 +377,13 @@ def _even(count: int) -> int:
 
 
 def drawn(guesses: Array, rng: np.random.Generator) -> tuple[Columns, Array]:
-    """Some of the modes, by their guessed shares: ``_MOST`` at most, which stand for all.
+    """Some of the modes, ``_MOST`` at most, drawn by their guessed shares.
 
-    Those with a large share are taken for sure, of the others each by its chance (systematic
-    sampling); so no evidence is lost on average.
+    Modes with a large share are always taken, the others by systematic sampling. Evidences divided
+    by the chances are unbiased.
 
     Returns:
-        Their indices, best guess first, and the logarithms of their chances.
+        Indices of the modes, best guess first, and the logarithms of their chances.
     """
     order = np.argsort(-guesses, kind="stable")
     if len(order) <= _MOST:

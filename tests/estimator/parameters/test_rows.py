@@ -71,8 +71,8 @@ def test_every_row_can_be_felt_and_by_no_amount_is_nothing(predictor: Predictor,
     before = predictor.read(bodies, *EVERYWHERE)
     if not row.name.endswith("about the leftward direction"):  # there hinges are turned about it
         assert any(
-            not same(before, predictor.read(row.applied(bodies, away), *EVERYWHERE))
-            for away in row.amounts(row.wide or row.narrow, np.array([-2.0, 2.0]))
+            not same(before, predictor.read(row.applied(bodies, deviations), *EVERYWHERE))
+            for deviations in row.amounts(row.wide or row.narrow, np.array([-2.0, 2.0]))
         )
     assert same(before, predictor.read(bodies, *EVERYWHERE))  # the bodies are left as they were
     stated = row.applied(bodies, 1.0 if row.factor else 0.0)
@@ -174,14 +174,14 @@ def test_distances(predictor: Predictor) -> None:
 
 def test_many_bodies_each_by_its_own_columns(predictor: Predictor) -> None:
     rows = tuple(TABLE.values())
-    away = np.zeros((len(rows), len(rows)))
-    np.fill_diagonal(away, [1.0 if one.switch else one.wide or one.narrow for one in rows])
+    deviations = np.zeros((len(rows), len(rows)))
+    np.fill_diagonal(deviations, [1.0 if one.switch else one.wide or one.narrow for one in rows])
     bodies = predictor.unknowns.bodies(np.repeat(LENGTHS, len(rows), axis=0))
     together = predictor.read(
-        applied(rows, bodies, away), np.arange(len(rows)), np.tile(MOVED[7], (len(rows), 1))
+        applied(rows, bodies, deviations), np.arange(len(rows)), np.tile(MOVED[7], (len(rows), 1))
     )
     for number, row in enumerate(rows):
-        amount = row.amounts(1.0, away[[number], [number]])
+        amount = row.amounts(1.0, deviations[[number], [number]])
         alone = predictor.read(
             row.applied(bodies[number : number + 1], amount), np.zeros(1, int), MOVED[[7]]
         )
@@ -196,10 +196,10 @@ def test_what_a_search_takes_for_granted_is_as_if_each_point_had_it(name: str) -
     unknowns = Unknowns(Genome(problem, Base(size=(0.14, 0.14, 0.085), mass=1.0)), problem.table)
     genes = np.random.default_rng(7).uniform(0, 1, (5, unknowns.genes_size))
     for number, row in enumerate(problem.table):
-        away = np.zeros(len(problem.table))
-        away[number] = 1.0 if row.switch else row.wide or row.narrow
-        taken = unknowns.searched(away).bodies(genes)
-        each = unknowns.bodies(unknowns.otherwise(genes, away))
+        deviations = np.zeros(len(problem.table))
+        deviations[number] = 1.0 if row.switch else row.wide or row.narrow
+        taken = unknowns.with_fixed_deviations(deviations).bodies(genes)
+        each = unknowns.bodies(unknowns.with_deviations(genes, deviations))
         for item in fields(Bodies):
             assert np.array_equal(getattr(taken, item.name), getattr(each, item.name)), row.name
 
@@ -241,12 +241,12 @@ def test_of_alike_parts_that_sit_anywhere_and_turn_with_others_gauges_are_not_ex
 
 def test_what_strays_farther_than_robots_as_people_build_them_deviates() -> None:
     rows = tuple(TABLE.values())
-    away = np.zeros((4, len(rows)))
+    deviations = np.zeros((4, len(rows)))
     at = {name: place for place, name in enumerate(TABLE)}
     reversed_, zero = at["servo of left upper reversed"], at["zero of left upper"]
-    away[1, reversed_] = 1.0
-    away[2:, zero] = rows[zero].narrow * np.array([2.0, 10.0])
-    assert deviating(rows, away).tolist() == [-1, reversed_, -1, zero]
+    deviations[1, reversed_] = 1.0
+    deviations[2:, zero] = rows[zero].narrow * np.array([2.0, 10.0])
+    assert deviating(rows, deviations).tolist() == [-1, reversed_, -1, zero]
     assert deviating((), np.empty((2, 0))).tolist() == [-1, -1]
 
 

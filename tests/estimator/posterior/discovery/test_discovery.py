@@ -28,15 +28,15 @@ def test_who_begins_anew_keeps_what_was_met(predictor: Predictor, data: SensorDa
     search.observe(Likelihood(data, NOISE))
     before = search.search(10)
     places = population.values.copy()
-    search.start_anew(5)
+    search.restart(5)
     assert not np.array_equal(population.values, places)
     assert np.array_equal(search.best().values, before.values)
     after = search.search(10)
     assert after.fits[0] >= before.fits[0]
     assert set(predictor.unknowns.keys(before.values)) <= set(predictor.unknowns.keys(after.values))
-    assert np.array_equal(search.found[0], after.values[0])
+    assert np.array_equal(search.best_points[0], after.values[0])
     search.observe(Likelihood(data, NOISE))  # once more
-    assert set(predictor.unknowns.keys(search.found)) == set(
+    assert set(predictor.unknowns.keys(search.best_points)) == set(
         predictor.unknowns.keys(search.best().values)
     )
 
@@ -48,11 +48,11 @@ def test_a_search_for_much_begins_with_lengths_to_which_any_of_its_best_starts_l
     population = Population.of_prior(predictor, rng, levels=4, chains_per_level=8)
     search = Discovery(population, predictor, rng, explores=True)
     lengths = predictor.unknowns.continuous
-    search.drawn = np.repeat(POINT[None], 20, axis=0)
-    search.drawn[:, lengths] = rng.random((20, lengths.size))
+    search.posterior_points = np.repeat(POINT[None], 20, axis=0)
+    search.posterior_points[:, lengths] = rng.random((20, lengths.size))
     search.observe(Likelihood(data, NOISE))
     solver = GaussNewton(predictor, Likelihood(data, NOISE))
-    _, led = solver.polished(search.drawn)
+    _, led = solver.polished(search.posterior_points)
     assert led.min() < led.max() - 10  # not all do
     assert search.best().fits[0] == led.max()
 
@@ -80,9 +80,9 @@ def test_what_all_searches_agreed_on_is_only_watched_while_it_explains_all(
     rng = np.random.default_rng(1)
     population = Population.of_prior(predictor, rng, levels=4, chains_per_level=8)
     search = Discovery(population, predictor, rng, explores=False)
-    search.found = POINT[None]
+    search.best_points = POINT[None]
     if agreed:
-        search.converged = frozenset(predictor.unknowns.keys(search.found))
+        search.converged = frozenset(predictor.unknowns.keys(search.best_points))
     search.observe(Likelihood(data, NOISE))
     search.search(8)
     assert search.explains()

@@ -144,7 +144,7 @@ def test_chains_begin_anew_where_no_body_explains_readings_that_ought_to_tell(
     begun: list[Discovery] = []
     bits = "estimator.posterior.sampling.sampler._BITS_LEARNT"
     monkeypatch.setattr(bits, many_legs.unknowns.bits / (2 if enough_were_read else 3))
-    monkeypatch.setattr(Discovery, "start_anew", lambda search, steps: begun.append(search))
+    monkeypatch.setattr(Discovery, "restart", lambda search, steps: begun.append(search))
     monkeypatch.setattr(Discovery, "explains", lambda search: explains)
     sampler(many_legs).learn(Likelihood(data, NOISE))
     assert len(begun) == rounds * SMALL.populations
@@ -160,7 +160,7 @@ def test_chains_wander_no_more_once_the_searches_agree(
     one = sampler(many_legs)
     assert one.learn(Likelihood(data, NOISE)).modes
     agreed = many_legs.unknowns.keys(np.full((1, many_legs.unknowns.size), 0.5))
-    one.restore({**one.state(), "agreed_on": agreed})
+    one.restore({**one.state(), "converged": agreed})
     with pytest.raises(RuntimeError, match="searched for"):
         one.learn(Likelihood(data, NOISE))
 
@@ -182,7 +182,7 @@ def test_what_the_searches_agree_on_is_doubted_no_more_but_where_it_explains_too
     monkeypatch.setattr(Sampler, "_weighed", lambda sampler, agreed, data: agreed)
     one = sampler(many_legs)
     agreed: Any = one.learn(Likelihood(data, NOISE))
-    assert one.state()["agreed_on"] == ([] if alternatives else sorted(agreed.keys))
+    assert one.state()["converged"] == ([] if alternatives else sorted(agreed.keys))
 
 
 def test_a_sampler_goes_on_from_its_state(many_legs: Predictor, data: SensorData) -> None:

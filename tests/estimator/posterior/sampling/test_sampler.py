@@ -204,7 +204,7 @@ def test_nothing_is_certain_of_four_interactions_that_are_explained_poorly(
     predictor: Predictor, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     data = draw(predictor, POINT, programs(5, seed=4), np.random.default_rng(2))
-    monkeypatch.setattr(Discovery, "start_anew", lambda search, steps: None)
+    monkeypatch.setattr(Discovery, "restart", lambda search, steps: None)
     monkeypatch.setattr(populations, "fit_of", lambda *body: Fit(unexplained=0, excess=1.5))
     believing = make_sampler(predictor, effort=QUICK)
     assert not believing.learn(Likelihood(data[:4], NOISE)).adequate_fit
@@ -217,7 +217,7 @@ def test_a_body_that_fits_poorly_is_searched_for_anew_once(
 ) -> None:
     data = draw(predictor, POINT, programs(6), np.random.default_rng(2))
     begun: list[Discovery] = []
-    monkeypatch.setattr(Discovery, "start_anew", lambda search, steps: begun.append(search))
+    monkeypatch.setattr(Discovery, "restart", lambda search, steps: begun.append(search))
     monkeypatch.setattr(populations, "fit_of", lambda *body: Fit(unexplained=0, excess=1.5))
     sampler = make_sampler(predictor, effort=QUICK)
     sampler.learn(Likelihood(data, NOISE))
@@ -239,7 +239,7 @@ def test_what_explains_too_little_is_searched_for_anew_though_much_explains_as_l
     data = draw(predictor, POINT, programs(6), np.random.default_rng(2))
     begun: list[Discovery] = []
     fit = Fit(unexplained=unexplained, excess=excess)
-    monkeypatch.setattr(Discovery, "start_anew", lambda search, steps: begun.append(search))
+    monkeypatch.setattr(Discovery, "restart", lambda search, steps: begun.append(search))
     monkeypatch.setattr(populations, "fit_of", lambda *body: fit)
     monkeypatch.setattr(populations.Agreement, "few", False)
     make_sampler(predictor, effort=QUICK).learn(Likelihood(data, NOISE))

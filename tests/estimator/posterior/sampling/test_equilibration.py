@@ -28,13 +28,13 @@ def test_lengths_of_many_limbs_stray_as_far_as_they_should() -> None:
         likelihood = Likelihood(draw(predictor, point, programs, rng), NOISE)
         integrals = Integrals(predictor, likelihood)
         ((one, particles),), _ = integrals.with_cost(([Hypothesis(0, point)], 32, 1, 1))
-        settled, cost = integrals.settled_with_cost((one, particles.own, 2))
-        assert settled.shape == particles.values.shape
+        equilibrated, cost = integrals.equilibrated_with_cost((one, particles.own, 2))
+        assert equilibrated.shape == particles.values.shape
         assert cost.simulations > 0
         true = point[unknowns.continuous]
         ends = (
             np.quantile(values[:, unknowns.continuous], (0.05, 0.95), axis=0)
-            for values in (particles.values, settled)
+            for values in (particles.values, equilibrated)
         )
         inside.append([np.mean((low <= true) & (true <= high)) for low, high in ends])
     before, after = np.mean(inside, axis=0)
