@@ -1,7 +1,7 @@
 """Our search beside those of others, on readings that are recorded first.
 
-All look for the same: attachments and lengths of a robot that is just as stated. What else may be
-otherwise, which ours weighs too, is no business of theirs.
+The others look for attachments and lengths of a robot that is just as stated. Ours also weighs what
+may deviate from that, and once more does as they do.
 """
 
 from __future__ import annotations
@@ -23,12 +23,13 @@ from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.fitted import FittedPosterior
 from estimator.posterior.model.gauss_newton import GaussNewton
 from estimator.posterior.model.likelihood import Likelihood
-from estimator.posterior.model.unknowns import Attachments, Predictor
+from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
 from estimator.posterior.sampling.sampler import Effort, Sampler
 from estimator.storage.store import RunStore
 
 WHOLE: Final = "ours, whole run"
 REFIT: Final = "ours, all at once"
+AS_STATED: Final = "ours, all at once, of a robot as stated"
 UNIT: Final = "CatCMA with margin"
 """By whose CPU time the others' is divided."""
 
@@ -113,7 +114,7 @@ class Row:
         worst_mm: Largest error of a leg.
         nats: Log-likelihood of the best point, of ours of any set of attachments that it holds
             possible and of the first one's samples as stated, its lengths polished for a robot as
-            stated, less that of our refit.
+            stated, less that of ours, all at once.
         stated: Probability stated of the attachments, if any.
         finished: Whether its own rule ended it, and not the CPU time.
         million: Simulations, millions.
@@ -190,19 +191,19 @@ def _rows(
             cpu_seconds=seconds,
         )
 
-    effort = Effort()
-    seeds = np.random.SeedSequence(seed).spawn(effort.populations + 1)
-    started = time.process_time()
-    ours = Sampler(unknowns, make_physics, effort, seeds, workers=ThisProcess())
-    posterior = ours.learn(likelihood)
-    modes = posterior.modes
-    points = unknowns.cube(np.array([mode.point for mode in modes]))
-    if posterior.as_stated is not None:
-        samples = unknowns.cube(posterior.as_stated)
-        best = np.argsort(-solver.fits(samples), kind="stable")[:_STATED]
-        points = np.vstack([points, samples[best]])
-    answer = Answer(point=points[0], stated=modes[0].probability, finished=True)
-    yield row(REFIT, answer, ours.cost.simulations, time.process_time() - started, beside=points)
+    for who, searched in {REFIT: unknowns, AS_STATED: Unknowns(fitted.genome)}.items():
+        effort, started = Effort(), time.process_time()
+        seeds = np.random.SeedSequence(seed).spawn(effort.populations + 1)
+        ours = Sampler(searched, make_physics, effort, seeds, workers=ThisProcess())
+        posterior = ours.learn(likelihood)
+        seconds = time.process_time() - started
+        points = unknowns.cube(np.array([mode.point for mode in posterior.modes]))
+        if posterior.as_stated is not None:
+            samples = unknowns.cube(posterior.as_stated)
+            best = np.argsort(-solver.fits(samples), kind="stable")[:_STATED]
+            points = np.vstack([points, samples[best]])
+        answer = Answer(point=points[0], stated=posterior.modes[0].probability, finished=True)
+        yield row(who, answer, ours.cost.simulations, seconds, beside=points)
     stated = figures.steps[-1].probability
     answer = Answer(point=fitted.best, stated=stated, finished=True)
     yield row(WHOLE, answer, figures.simulations, figures.cpu_seconds)
