@@ -212,6 +212,8 @@ class Sampler:
         chains restart: one pose that ended on another branch may have led them far from the truth.
         A population that has found the best body rests until the others have found it. Once that
         has been done at length for one body, it is not done for it again.
+        Before attachments converge that had not converged before, one population restarts: what
+        all of them have kept from interaction to interaction may not be all that there is.
 
         Args:
             likelihood: Of all observations.
@@ -255,10 +257,15 @@ class Sampler:
                 rounds = min(effort.rounds, max(1, len(likelihood) - 1))
                 rounds += _MORE if restarts and (late or improvable) else 0
             if converged or number >= rounds:
+                last = self._converged(agreement) if agreed else frozenset()
+                if not (self._explores or restarts or last <= self._searches[0].converged):
+                    restarts += 1
+                    going = [row == number % len(going) for row in range(len(going))]
+                    continue
                 if restarts > _MORE:
                     self._cleared.update(agreement.leaders)
                 for one in self._searches:
-                    one.converged = self._converged(agreement) if agreed else frozenset()
+                    one.converged = last
                 return agreement
 
     def _converged(self, agreement: Agreement) -> frozenset[Attachments]:
