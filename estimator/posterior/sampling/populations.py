@@ -35,9 +35,7 @@ CONSIDERED: Final = 16.0
 ENOUGH_TO_ERR: Final = 5
 """Interactions from which on one may be left unexplained."""
 
-_BUILT: Final = (
-    14.0  # nats beyond ``CONSIDERED`` where fixed deviations explain the readings poorly
-)
+_BUILT: Final = 14.0  # nats beyond ``CONSIDERED`` where no such body explains the readings
 _FITTED: Final = 120  # sets of attachments, at most, whose narrow components are fitted then
 _AS_GOOD: Final = 3.0  # nats that a population's fit may lie below the best one of the same set
 _AS_PROBABLE: Final = 3.0  # nats below the leader within which sets are about as probable
@@ -251,7 +249,7 @@ def _explore(
             search.restart(_RESTARTED)
         bodies = search.search(longer)
         explained = search.explains()
-        stragglers = _stragglers_moved(population, bodies, search.rng)
+        stragglers = _straggling(population, bodies, search.rng)
         if explained and stragglers <= _STRAGGLERS:
             break
     chains, drawn = population.coldest(), []
@@ -265,9 +263,7 @@ def _explore(
     return search, (values, scales, fits)
 
 
-def _stragglers_moved(
-    population: Population, bodies: BestPoints, rng: np.random.Generator
-) -> float:
+def _straggling(population: Population, bodies: BestPoints, rng: np.random.Generator) -> float:
     """Share of the coldest chains that lag far behind; they are moved to bodies that fit.
 
     Args:

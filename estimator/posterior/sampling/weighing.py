@@ -284,7 +284,7 @@ class Weigher:
         for batch, seed in zip(batches, seeds, strict=True):
             several = [hypotheses[number] for number in batch]
             each = particles // 2 if several[0].as_stated else particles
-            tasks.append((several, _even(each), thoroughness, seed))
+            tasks.append((several, each // 2 * 2, thoroughness, seed))
         weights: dict[int, _Weight] = {}
         done = self._workers.map(self._integrals.with_cost, tasks)
         for batch, (results, cost) in zip(batches, done, strict=True):
@@ -328,7 +328,7 @@ class Weigher:
         """So many points of each, shape (count, size), equilibrated where they are many."""
         values, tasks, places = [], [], []
         for number, (one, count) in enumerate(drawn):
-            rows = np.resize(self._rng.permutation(len(one.particles.own)), _even(count + 1))
+            rows = np.resize(self._rng.permutation(len(one.particles.own)), (count + 1) // 2 * 2)
             values.append(one.particles.values[rows])
             for start in range(0, len(rows) if count >= _EQUILIBRATED else 0, _IN_ONE_TASK):
                 some = rows[start : start + _IN_ONE_TASK]
@@ -370,10 +370,6 @@ def _close(weights: Sequence[_Weight]) -> list[int]:
     best = max(one.log for one in weights)
     rows = sorted(range(len(weights)), key=lambda row: -weights[row].log)
     return [row for row in rows if weights[row].log > best - _CLOSE]
-
-
-def _even(count: int) -> int:
-    return 2 * (count // 2)
 
 
 def drawn(guesses: Array, rng: np.random.Generator) -> tuple[Columns, Array]:

@@ -244,3 +244,18 @@ def test_what_explains_too_little_is_searched_for_anew_though_much_explains_as_l
     monkeypatch.setattr(populations.Agreement, "few", False)
     make_sampler(predictor, effort=QUICK).learn(Likelihood(data, NOISE))
     assert bool(begun) == anew
+
+
+@pytest.mark.usefixtures("little")
+def test_before_attachments_converge_one_population_begins_anew_and_no_more_for_the_same(
+    predictor: Predictor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    data = draw(predictor, POINT, programs(6), np.random.default_rng(2))
+    begun: list[Discovery] = []
+    monkeypatch.setattr(Discovery, "restart", lambda search, steps: begun.append(search))
+    sampler = make_sampler(predictor, effort=QUICK)
+    sampler.learn(Likelihood(data, NOISE))
+    assert sampler.state()["converged"] == [predictor.unknowns.keys(POINT[None])[0]]
+    assert len(begun) == 1
+    sampler.learn(Likelihood(data, NOISE))
+    assert len(begun) == 1
