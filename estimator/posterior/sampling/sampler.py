@@ -221,6 +221,7 @@ class Sampler:
             searched: Whether the searches have just explored: that was a round.
         """
         effort, late = self._effort, len(likelihood) >= self._telling
+        restartable = bool(self.predictor.unknowns.choices.size) and not self._explores
         estimator = EvidenceEstimator(self.predictor, likelihood)
         number, restarts = 0, 0
         going = [not searched] * len(self._searches)
@@ -242,8 +243,7 @@ class Sampler:
             restart = agreement.few and (improvable or apart)
             # also where many sets of attachments fit as badly
             restart |= agreement.explains_too_little and improvable
-            restart &= bool(self.predictor.unknowns.choices.size)
-            if restart and not self._explores:
+            if restart and restartable:
                 restarts += 1
                 lacking = [improvable or agreement.leader not in own for own in agreement.found]
                 going = [lacks or not any(lacking) for lacks in lacking]
@@ -258,7 +258,7 @@ class Sampler:
                 rounds += _MORE if restarts and (late or improvable) else 0
             if converged or number >= rounds:
                 last = self._converged(agreement) if agreed else frozenset()
-                if not (self._explores or restarts or last <= self._searches[0].converged):
+                if restartable and not (restarts or last <= self._searches[0].converged):
                     restarts += 1
                     going = [row == number % len(going) for row in range(len(going))]
                     continue
