@@ -113,9 +113,9 @@ class Agreement:
         return self.keys[int(np.argmax(self.guesses))]
 
     @property
-    def leads(self) -> bool:
-        """Whether the leader's attachments are more probable than all others together."""
-        return bool(softmax(self.guesses).max() > 0.5)
+    def lead(self) -> float:
+        """Guessed share of the posterior that the leader's attachments have."""
+        return float(softmax(self.guesses).max())
 
     @property
     def leaders(self) -> list[Attachments]:
@@ -132,11 +132,6 @@ class Agreement:
     def explains_too_little(self) -> bool:
         """Whether the leader leaves more interactions unexplained than a right body may."""
         return self.fit.unexplained > (OUTLIERS if self.may_err else 0)
-
-    @property
-    def improvable(self) -> bool:
-        """Whether the fit is so poor that a better body may exist."""
-        return self.fit.is_improvable
 
     @property
     def adequate_fit(self) -> bool:

@@ -36,6 +36,7 @@ _TELLING: Final = 4  # interactions from which the populations should agree
 _MORE: Final = 4  # additional rounds where they do not
 _FEW_ROUNDS: Final = 3  # at most, where many attachments are open and a round is long
 _NEGLIGIBLE: Final = 0.05  # share of the posterior that the last round may have added
+_SURE: Final = 0.9  # guessed share of attachments from which no further restart verifies them
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,6 +109,7 @@ class Sampler:
         self._rng = np.random.default_rng(common)
         self._known: set[Attachments] = set()
         self._cleared: set[Attachments] = set()  # of which many rounds have found nothing better
+        self._verified: set[Attachments] = set()  # beside which a restart has found little
 
     def state(self) -> dict[str, Any]:
         """All that ``restore`` needs, for JSON."""
@@ -121,6 +123,7 @@ class Sampler:
             "converged": sorted(self._searches[0].converged),
             "known": sorted(self._known),
             "cleared": sorted(self._cleared),
+            "verified": sorted(self._verified),
             "deviations": self._deviations.tolist(),
         }
 
@@ -150,8 +153,9 @@ class Sampler:
             search.rng.bit_generator.state = rng
             search.converged = frozenset(map(tuple, state["converged"]))
         self._rng.bit_generator.state = state["random"]
-        self._known = {tuple(key) for key in state["known"]}
-        self._cleared = {tuple(key) for key in state["cleared"]}
+        self._known, self._cleared, self._verified = (
+            set(map(tuple, state[name])) for name in ("known", "cleared", "verified")
+        )
         self._search_with(np.array(state["deviations"], dtype=float))
 
     @property
@@ -212,8 +216,8 @@ class Sampler:
         chains restart: one pose that ended on another branch may have led them far from the truth.
         A population that has found the best body rests until the others have found it. Once that
         has been done at length for one body, it is not done for it again.
-        Before attachments converge that had not converged before, one population restarts: what
-        all of them have kept from interaction to interaction may not be all that there is.
+        Before attachments converge one population restarts, until they have been probable once:
+        what all have kept from interaction to interaction may not be all that there is.
 
         Args:
             likelihood: Of all observations.
@@ -238,7 +242,7 @@ class Sampler:
             known.update(agreement.keys)
             number += 1
             agreed = agreement.explained and agreement.coverage >= _AGREED
-            improvable = agreement.improvable and agreement.leader not in self._cleared
+            improvable = agreement.fit.is_improvable and agreement.leader not in self._cleared
             apart = late and number > 1 and not agreed
             restart = agreement.few and (improvable or apart)
             # also where many sets of attachments fit as badly
@@ -258,10 +262,11 @@ class Sampler:
                 rounds += _MORE if restarts and (late or improvable) else 0
             if converged or number >= rounds:
                 last = self._converged(agreement) if agreed else frozenset()
-                if restartable and not (restarts or last <= self._searches[0].converged):
+                if restartable and not (restarts or last <= self._verified):
                     restarts += 1
                     going = [row == number % len(going) for row in range(len(going))]
                     continue
+                self._verified |= last if agreement.lead > _SURE else frozenset()
                 if restarts > _MORE:
                     self._cleared.update(agreement.leaders)
                 for one in self._searches:
@@ -277,7 +282,7 @@ class Sampler:
         """
         if self._explores:
             return frozenset(agreement.keys)
-        sure = agreement.adequate_fit and not agreement.improvable and agreement.leads
+        sure = agreement.adequate_fit and not agreement.fit.is_improvable and agreement.lead > 0.5
         return frozenset({agreement.leader} if sure else ())
 
     def _completed(self, posterior: Posterior) -> Posterior:
