@@ -54,11 +54,13 @@ ABLATIONS: Final[Mapping[str, Ablation]] = {
     "random movements": Ablation(explore="random"),
     "movements by disagreement": Ablation(explore="disagreement"),
     "no levels of wider noise": Ablation(replaced={(population, "HOTTEST"): 1.0}),
-    "other rows are not tried": Ablation(replaced={(discovery, "_SWEPT"): ()}),
+    "other attachments are not tried": Ablation(replaced={(discovery, "_SWEPT"): ()}),
     "falls to no other side": Ablation(
         replaced={(likelihood, "_LOG_LIKELY"): np.log([1.0, *[1e-12] * (len(GRAVITY_TILTS) - 1)])}
     ),
-    "samples of what was met alone": Ablation(replaced={(sampler, "mixed"): _as_weighed}),
+    "no chains to bodies that no search has found": Ablation(
+        replaced={(sampler, "mixed"): _as_weighed}
+    ),
     "one population": Ablation(
         replaced={(posterior_method, "Effort"): partial(Effort, populations=1)}
     ),
