@@ -162,7 +162,7 @@ def _rows(
     assert fitted is not None
     assert fitted.best is not None
     seed, likelihood, unknowns = figures.seed, fitted.likelihood, fitted.unknowns
-    as_stated = unknowns.with_fixed_deviations(np.zeros(len(unknowns.table)))
+    as_stated = Unknowns(fitted.genome)
     make_physics = partial(open_arrays, "statics", store.world)
     predictor = Predictor(as_stated, make_physics())
     solver = GaussNewton(predictor, likelihood)
@@ -191,7 +191,7 @@ def _rows(
             cpu_seconds=seconds,
         )
 
-    for who, searched in {REFIT: unknowns, AS_STATED: Unknowns(fitted.genome)}.items():
+    for who, searched in {REFIT: unknowns, AS_STATED: as_stated}.items():
         effort, started = Effort(), time.process_time()
         seeds = np.random.SeedSequence(seed).spawn(effort.populations + 1)
         ours = Sampler(searched, make_physics, effort, seeds, workers=ThisProcess())

@@ -244,7 +244,7 @@ def _explore(
             search.restart(_RESTARTED)
         bodies = search.search(longer)
         explained = search.explains()
-        stragglers = _straggling(population, bodies, search.rng)
+        stragglers = _move_stragglers(population, bodies, search.rng)
         if explained and stragglers <= _STRAGGLERS:
             break
     chains, drawn = population.coldest(), []
@@ -258,7 +258,7 @@ def _explore(
     return search, (values, scales, fits)
 
 
-def _straggling(population: Population, bodies: BestPoints, rng: np.random.Generator) -> float:
+def _move_stragglers(population: Population, bodies: BestPoints, rng: np.random.Generator) -> float:
     """Share of the coldest chains that lag far behind; they are moved to bodies that fit.
 
     Args:

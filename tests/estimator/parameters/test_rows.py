@@ -71,8 +71,8 @@ def test_every_row_can_be_felt_and_by_no_amount_is_nothing(predictor: Predictor,
     before = predictor.read(bodies, *EVERYWHERE)
     if not row.name.endswith("about the leftward direction"):  # there hinges are turned about it
         assert any(
-            not same(before, predictor.read(row.applied(bodies, deviations), *EVERYWHERE))
-            for deviations in row.amounts(row.wide or row.narrow, np.array([-2.0, 2.0]))
+            not same(before, predictor.read(row.applied(bodies, amount), *EVERYWHERE))
+            for amount in row.amounts(row.wide or row.narrow, np.array([-2.0, 2.0]))
         )
     assert same(before, predictor.read(bodies, *EVERYWHERE))  # the bodies are left as they were
     stated = row.applied(bodies, 1.0 if row.factor else 0.0)

@@ -199,12 +199,19 @@ def test_the_state_of_another_version_is_refused_in_words(predictor: Predictor) 
         make_sampler(predictor).restore(state)
 
 
-@pytest.mark.usefixtures("little")
+@pytest.fixture
+def begun(monkeypatch: pytest.MonkeyPatch) -> list[Discovery]:
+    """Searches that would have restarted, and go on instead."""
+    searches: list[Discovery] = []
+    monkeypatch.setattr(Discovery, "restart", lambda search, steps: searches.append(search))
+    return searches
+
+
+@pytest.mark.usefixtures("little", "begun")
 def test_nothing_is_certain_of_four_interactions_that_are_explained_poorly(
     predictor: Predictor, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     data = draw(predictor, POINT, programs(5, seed=4), np.random.default_rng(2))
-    monkeypatch.setattr(Discovery, "restart", lambda search, steps: None)
     monkeypatch.setattr(populations, "fit_of", lambda *body: Fit(unexplained=0, excess=1.5))
     believing = make_sampler(predictor, effort=QUICK)
     assert not believing.learn(Likelihood(data[:4], NOISE)).adequate_fit
@@ -213,11 +220,9 @@ def test_nothing_is_certain_of_four_interactions_that_are_explained_poorly(
 
 @pytest.mark.usefixtures("little")
 def test_a_body_that_fits_poorly_is_searched_for_anew_once(
-    predictor: Predictor, monkeypatch: pytest.MonkeyPatch
+    predictor: Predictor, begun: list[Discovery], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     data = draw(predictor, POINT, programs(6), np.random.default_rng(2))
-    begun: list[Discovery] = []
-    monkeypatch.setattr(Discovery, "restart", lambda search, steps: begun.append(search))
     monkeypatch.setattr(populations, "fit_of", lambda *body: Fit(unexplained=0, excess=1.5))
     sampler = make_sampler(predictor, effort=QUICK)
     sampler.learn(Likelihood(data, NOISE))
@@ -228,18 +233,18 @@ def test_a_body_that_fits_poorly_is_searched_for_anew_once(
 
 
 @pytest.mark.usefixtures("little")
-@pytest.mark.parametrize(("unexplained", "excess", "anew"), [(2, 0.0, True), (1, 1.5, False)])
+@pytest.mark.parametrize(
+    ("fit", "anew"),
+    [(Fit(unexplained=2, excess=0.0), True), (Fit(unexplained=1, excess=1.5), False)],
+)
 def test_what_explains_too_little_is_searched_for_anew_though_much_explains_as_little(
     predictor: Predictor,
+    begun: list[Discovery],
     monkeypatch: pytest.MonkeyPatch,
-    unexplained: int,
-    excess: float,
+    fit: Fit,
     anew: bool,
 ) -> None:
     data = draw(predictor, POINT, programs(6), np.random.default_rng(2))
-    begun: list[Discovery] = []
-    fit = Fit(unexplained=unexplained, excess=excess)
-    monkeypatch.setattr(Discovery, "restart", lambda search, steps: begun.append(search))
     monkeypatch.setattr(populations, "fit_of", lambda *body: fit)
     monkeypatch.setattr(populations.Agreement, "few", False)
     make_sampler(predictor, effort=QUICK).learn(Likelihood(data, NOISE))
@@ -248,11 +253,9 @@ def test_what_explains_too_little_is_searched_for_anew_though_much_explains_as_l
 
 @pytest.mark.usefixtures("little")
 def test_before_attachments_converge_one_population_begins_anew_and_no_more_for_the_same(
-    predictor: Predictor, monkeypatch: pytest.MonkeyPatch
+    predictor: Predictor, begun: list[Discovery]
 ) -> None:
     data = draw(predictor, POINT, programs(6), np.random.default_rng(2))
-    begun: list[Discovery] = []
-    monkeypatch.setattr(Discovery, "restart", lambda search, steps: begun.append(search))
     sampler = make_sampler(predictor, effort=QUICK)
     sampler.learn(Likelihood(data, NOISE))
     assert sampler.state()["converged"] == [predictor.unknowns.keys(POINT[None])[0]]
