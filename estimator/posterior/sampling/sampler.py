@@ -36,7 +36,7 @@ _TELLING: Final = 4  # interactions from which the populations should agree
 _MORE: Final = 4  # additional rounds where they do not
 _FEW_ROUNDS: Final = 3  # at most, where many attachments are open and a round is long
 _NEGLIGIBLE: Final = 0.05  # share of the posterior that the last round may have added
-_SURE: Final = 0.9  # guessed share of attachments from which no further restart verifies them
+_SURE: Final = 0.9  # share of one set of attachments from which no others are looked for
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -299,7 +299,7 @@ class Sampler:
         )
         modes = weigher.weighed(agreement.points, agreement.guesses, effort.samples)
         scales = likelihood.drawn_scales(likelihood.misfits_of(predictor, modes.values), self._rng)
-        if unknowns.choices.size:
+        if unknowns.choices.size and modes.shares.max() < _SURE:
             modes, scales = mixed(
                 modes,
                 scales,

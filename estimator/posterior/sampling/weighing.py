@@ -30,7 +30,7 @@ from estimator.posterior.sampling.tempering import Particles
 
 _MOST: Final = 64  # sets of attachments that are weighed; drawn at random if there are more
 _AT_ONCE: Final = 32  # sets weighed before it is decided whether more are needed
-_TOGETHER: Final = 1024  # readings times particles of the hypotheses in one task
+_TOGETHER: Final = 2048  # readings times particles of the hypotheses in one task
 _ROWS: Final = 12  # of the table, whose wide components are fitted in one task
 _WEIGHED: Final = 9.0  # nats that a guess may lie below the best evidence for the set to be weighed
 _FEWEST: Final = 48  # particles of one hypothesis, at least
