@@ -19,7 +19,7 @@ from estimator.posterior.model.gauss_newton import Free, GaussNewton
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.noise import Noise
 from estimator.posterior.model.unknowns import Predictor, Unknowns
-from estimator.posterior.sampling import populations
+from estimator.posterior.sampling import populations, sampler
 from estimator.posterior.sampling.sampler import Effort
 from estimator.posterior.sampling.tempering import Target, tempered
 from estimator.posterior.sampling.weighing import drawn
@@ -78,6 +78,24 @@ def test_who_moves_the_chains_makes_no_difference(predictor: Predictor) -> None:
     assert np.array_equal(posterior.values, expected.values)
     assert there.cost == here.cost
     assert json.dumps(there.state()) == json.dumps(here.state())
+
+
+@pytest.mark.usefixtures("little")
+@pytest.mark.parametrize(("interactions", "leads"), [(1, False), (6, True)])
+def test_chains_go_on_to_other_attachments_until_one_set_leads(
+    predictor: Predictor, monkeypatch: pytest.MonkeyPatch, interactions: int, leads: bool
+) -> None:
+    called, mixed = [], sampler.mixed
+
+    def noted(*args: Any, **kwargs: Any) -> Any:
+        called.append(True)
+        return mixed(*args, **kwargs)
+
+    monkeypatch.setattr(sampler, "mixed", noted)
+    data = draw(predictor, POINT, programs(6), np.random.default_rng(2))[:interactions]
+    posterior = make_sampler(predictor, effort=QUICK).learn(Likelihood(data, NOISE))
+    assert (posterior.modes[0].probability > 0.9) == leads
+    assert bool(called) != leads
 
 
 def test_evidence_is_the_integral_over_the_lengths(narrow: Predictor) -> None:
