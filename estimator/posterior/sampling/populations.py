@@ -113,11 +113,6 @@ class Agreement:
         return self.keys[int(np.argmax(self.guesses))]
 
     @property
-    def lead(self) -> float:
-        """Guessed share of the posterior that the leader's attachments have."""
-        return float(softmax(self.guesses).max())
-
-    @property
     def leaders(self) -> list[Attachments]:
         """Attachments about as probable as the leader's, such as indistinguishable ones."""
         rows = np.flatnonzero(self.guesses > self.guesses.max() - _AS_PROBABLE)
@@ -156,10 +151,10 @@ class Agreement:
         """Share of the posterior that the populations have found."""
         return coverage(softmax(self.guesses), found_by_each(self.keys, self.found))
 
-    def share_beyond(self, known: Collection[Attachments]) -> float:
-        """The share of the posterior that attachments have which were not known before."""
+    def share_of(self, some: Collection[Attachments]) -> float:
+        """Guessed share of the posterior that some attachments have."""
         shares = softmax(self.guesses)
-        return float(sum(shares[row] for row, key in enumerate(self.keys) if key not in known))
+        return float(sum(shares[row] for row, key in enumerate(self.keys) if key in some))
 
 
 def attachments_found(

@@ -216,8 +216,9 @@ class Sampler:
         chains restart: one pose that ended on another branch may have led them far from the truth.
         A population that has found the best body rests until the others have found it. Once that
         has been done at length for one body, it is not done for it again.
-        Before attachments converge one population restarts, until they have been probable once:
-        what all have kept from interaction to interaction may not be all that there is.
+        Before attachments converge, or some that no reading discriminates between lead together,
+        one population restarts, until they have been probable once: what all have kept from
+        interaction to interaction may not be all that there is.
 
         Args:
             likelihood: Of all observations.
@@ -238,7 +239,7 @@ class Sampler:
             ]
             bodies = [search.best() for search in self._searches]
             agreement = Agreement.of(bodies, self._deviations, estimator)
-            fresh = agreement.share_beyond(known)
+            fresh = 1 - agreement.share_of(known)
             known.update(agreement.keys)
             number += 1
             agreed = agreement.explained and agreement.coverage >= _AGREED
@@ -261,12 +262,14 @@ class Sampler:
                 rounds = min(effort.rounds, max(1, len(likelihood) - 1))
                 rounds += _MORE if restarts and (late or improvable) else 0
             if converged or number >= rounds:
-                last = self._converged(agreement) if agreed else frozenset()
-                if restartable and not (restarts or last <= self._verified):
+                last = probable = self._converged(agreement) if agreed else frozenset()
+                if agreed and late and agreement.few:
+                    probable |= frozenset(agreement.leaders)
+                if restartable and not (restarts or probable <= self._verified):
                     restarts += 1
                     going = [row == number % len(going) for row in range(len(going))]
                     continue
-                self._verified |= last if agreement.lead > _SURE else frozenset()
+                self._verified |= probable if agreement.share_of(probable) > _SURE else frozenset()
                 if restarts > _MORE:
                     self._cleared.update(agreement.leaders)
                 for one in self._searches:
@@ -282,8 +285,9 @@ class Sampler:
         """
         if self._explores:
             return frozenset(agreement.keys)
-        sure = agreement.adequate_fit and not agreement.fit.is_improvable and agreement.lead > 0.5
-        return frozenset({agreement.leader} if sure else ())
+        sure = agreement.adequate_fit and not agreement.fit.is_improvable
+        leads = sure and agreement.share_of({agreement.leader}) > 0.5
+        return frozenset({agreement.leader} if leads else ())
 
     def _completed(self, posterior: Posterior) -> Posterior:
         """A posterior over genomes as one over all unknowns, without deviations."""

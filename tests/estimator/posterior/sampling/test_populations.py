@@ -50,7 +50,7 @@ def test_attachments_about_as_probable_as_the_leaders_lead_too() -> None:
     )
     assert agreement.leader == (1,)
     assert agreement.leaders == [(0,), (1,)]
-    assert agreement.share_beyond({(1,)}) == pytest.approx(0.28, abs=0.01)
+    assert agreement.share_of({(1,)}) == pytest.approx(0.72, abs=0.01)
 
 
 OPEN, KNOWN = (0,), ()

@@ -20,6 +20,7 @@ from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.noise import Noise
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.sampling import populations, sampler
+from estimator.posterior.sampling.mixing import mixed
 from estimator.posterior.sampling.sampler import Effort
 from estimator.posterior.sampling.tempering import Target, tempered
 from estimator.posterior.sampling.weighing import drawn
@@ -85,7 +86,7 @@ def test_who_moves_the_chains_makes_no_difference(predictor: Predictor) -> None:
 def test_chains_go_on_to_other_attachments_until_one_set_leads(
     predictor: Predictor, monkeypatch: pytest.MonkeyPatch, interactions: int, leads: bool
 ) -> None:
-    called, mixed = [], sampler.mixed
+    called = []
 
     def noted(*args: Any, **kwargs: Any) -> Any:
         called.append(True)
@@ -279,4 +280,18 @@ def test_before_attachments_converge_one_population_begins_anew_and_no_more_for_
     assert sampler.state()["converged"] == [predictor.unknowns.keys(POINT[None])[0]]
     assert len(begun) == 1
     sampler.learn(Likelihood(data, NOISE))
+    assert len(begun) == 1
+
+
+@pytest.mark.usefixtures("little")
+def test_one_population_begins_anew_also_for_attachments_of_which_none_leads_alone(
+    predictor: Predictor, begun: list[Discovery], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sampler.Sampler, "_converged", lambda *_: frozenset())
+    data = draw(predictor, POINT, programs(6), np.random.default_rng(2))
+    undecided = make_sampler(predictor, effort=QUICK)
+    undecided.learn(Likelihood(data, NOISE))
+    assert undecided.state()["converged"] == []
+    assert len(begun) == 1
+    undecided.learn(Likelihood(data, NOISE))
     assert len(begun) == 1
