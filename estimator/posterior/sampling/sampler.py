@@ -36,7 +36,7 @@ _TELLING: Final = 4  # interactions from which the populations should agree
 _MORE: Final = 4  # additional rounds where they do not
 _FEW_ROUNDS: Final = 3  # at most, where many attachments are open and a round is long
 _NEGLIGIBLE: Final = 0.05  # share of the posterior that the last round may have added
-_SURE: Final = 0.9  # share of one set of attachments from which no others are looked for
+_SURE: Final = 0.9  # share of some attachments from which no others are looked for
 
 
 @dataclass(frozen=True, kw_only=True)
