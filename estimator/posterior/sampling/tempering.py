@@ -129,7 +129,7 @@ def equilibrated(target: Target, own: Array) -> Array:
 
     Args:
         target: The posterior of that set.
-        own: Some of its particles, shape (n, d), n even.
+        own: Some of its particles, shape (n, d).
     """
     return _Run(target, len(own), own[None]).equilibrated()
 
@@ -184,15 +184,16 @@ class _Run:
                 break
             self._go_on(going)
             for _ in range(moves):
-                self._move(going)
+                self._move_halves(going)
         return [self._particles(group) for group in groups.tolist()]
 
     def equilibrated(self) -> Array:
         """Points of the posterior of the only set after further moves, shape (count, size)."""
         only = np.zeros(1, dtype=np.intp)
         around = Normals.around(self._peaks, self._precision, self._normal, np.ones(1))
+        others = self._x.copy()
         for _ in range(_EQUILIBRATING * self._x.shape[2]):
-            self._move(only, around)
+            self._move(only, slice(None), others, around)
         return self._values(only.repeat(self._count), self._x[0])
 
     def _particles(self, group: int) -> Particles:
@@ -256,39 +257,34 @@ class _Run:
             for array in (self._x, self._fits, self._base):
                 array[group] = array[group, rows]
 
-    def _move(self, groups: Columns, known: Normals | None = None) -> None:
-        """Moves both halves, each by proposals that the other half shapes.
-
-        Args:
-            groups: Sets whose particles are moved.
-            known: Normal distributions for proposals; by default with the other's covariance.
-        """
+    def _move_halves(self, groups: Columns) -> None:
+        """Moves both halves, each by proposals that the other half shapes."""
         half = self._count // 2
         halves = slice(None, half), slice(half, None)
         for own, other in (halves, halves[::-1]):
-            x, others = self._x[groups, own], self._x[groups, other]
-            around = known or Normals.with_covariance_of(others, self._lengths)
-            peak = self._rng.integers(around.mean.shape[1], size=x.shape[:2])
-            shares = np.array(_KINDS if self._lengths < x.shape[2] else _KINDS[:-1])
-            kind = self._rng.choice(shares.size, size=x.shape[:2], p=shares / shares.sum())
-            proposed = np.choose(
-                kind[..., None],
-                [
-                    self._along_differences(x, others),
-                    self._towards(x, around, peak),
-                    self._theta_alone(x, around, peak),
-                ],
-            )
-            kept = np.choose(
-                kind,
-                [
-                    0.0,
-                    np.choose(peak, around.log_densities(x))
-                    - np.choose(peak, around.log_densities(proposed)),
-                    self._log_prior(x) - self._log_prior(proposed),
-                ],
-            )
-            self._accept(groups, own, proposed, kept)
+            others = self._x[groups, other]
+            self._move(groups, own, others, Normals.with_covariance_of(others, self._lengths))
+
+    def _move(self, groups: Columns, own: slice, others: Array, around: Normals) -> None:
+        """Moves some particles by proposals of all kinds, a share by each.
+
+        Args:
+            groups: Sets whose particles are moved.
+            own: Which of their particles.
+            others: Points that are not moved, whose differences are proposed, shape (g, n, d).
+            around: Normal distributions that proposals leave invariant.
+        """
+        x = self._x[groups, own]
+        proposed, kept = x.copy(), np.zeros(x.shape[:2])
+        kinds = [self._along_differences, self._towards, self._theta_alone]
+        ends = np.cumsum(_KINDS[: 3 if self._lengths < x.shape[2] else 2])
+        places = (self._rng.permutation(x.shape[1]) + self._rng.random()) / x.shape[1]
+        kind = np.searchsorted(ends, places * ends[-1], side="right")
+        for number, propose in enumerate(kinds):
+            rows = np.flatnonzero(kind == number)
+            if rows.size:
+                proposed[:, rows], kept[:, rows] = propose(x[:, rows], others, around)
+        self._accept(groups, own, proposed, kept)
 
     def _accept(self, groups: Columns, own: slice, proposed: Array, kept: Array) -> None:
         """Metropolis-Hastings; ``kept``: log-ratios of densities that proposals leave invariant."""
@@ -305,7 +301,7 @@ class _Run:
             part[taken] = new[taken]
             array[groups, own] = part
 
-    def _along_differences(self, x: Array, others: Array) -> Array:
+    def _along_differences(self, x: Array, others: Array, around: Normals) -> tuple[Array, Array]:
         """Differential evolution; a tenth of the steps are whole differences, from peak to peak."""
         groups, count, size = x.shape
         pairs = self._rng.integers(others.shape[1], size=(2, groups, count))
@@ -317,26 +313,30 @@ class _Run:
         pace = np.where(self._rng.random((groups, count, 1)) < 0.1, 1.0, pace)
         spread = _JITTER * self._rng.standard_normal((groups, count, size))
         step = pace * difference + spread * others.std(axis=1)[:, None]
-        moved: Array = x + np.where(chosen, step, 0.0)
-        return moved
+        return x + np.where(chosen, step, 0.0), np.zeros((groups, count))
 
-    def _towards(self, x: Array, around: Normals, peak: Columns) -> Array:
+    def _towards(self, x: Array, others: Array, around: Normals) -> tuple[Array, Array]:
         """Leaves a normal distribution invariant, along some of its axes (Crank-Nicolson)."""
-        white = np.choose(peak[..., None], around.whitened(x))
+        peak = self._peak_of_each(x, around)
+        white = np.choose(peak, around.whitened(x))
         some = self._rng.random(x.shape) < self._rng.random((*x.shape[:2], 1))
         pace = np.where(some, self._pace(x), 0.0)
         moved = np.sqrt(1 - pace**2) * white + pace * self._rng.standard_normal(x.shape)
-        return np.choose(peak[..., None], around.coloured(moved))
+        proposed = np.choose(peak, around.coloured(moved))
+        return proposed, log_normal(white) - log_normal(moved)
 
-    def _theta_alone(self, x: Array, around: Normals, peak: Columns) -> Array:
+    def _theta_alone(self, x: Array, others: Array, around: Normals) -> tuple[Array, Array]:
         """Leaves the prior of θ invariant; lengths follow (Crank-Nicolson)."""
         theta, pace = x[..., self._lengths :], self._pace(x)
         chosen = self._rng.random(theta.shape) < self._rng.random((*x.shape[:2], 1))
         drawn = np.sqrt(1 - pace**2) * theta + pace * self._rng.standard_normal(theta.shape)
         moved = np.where(chosen, drawn, theta)
         follow = np.swapaxes((moved - theta)[:, None] @ around.slopes, 0, 1)
-        lengths = x[..., : self._lengths] + np.choose(peak[..., None], follow)
-        return np.concatenate([lengths, moved], axis=2)
+        lengths = x[..., : self._lengths] + np.choose(self._peak_of_each(x, around), follow)
+        return np.concatenate([lengths, moved], axis=2), log_normal(theta) - log_normal(moved)
+
+    def _peak_of_each(self, x: Array, around: Normals) -> Columns:
+        return self._rng.integers(around.mean.shape[1], size=(*x.shape[:2], 1))
 
     def _pace(self, x: Array) -> Array:
         pace: Array = np.exp(self._rng.uniform(math.log(_SHORTEST), 0.0, (*x.shape[:2], 1)))

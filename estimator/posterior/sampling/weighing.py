@@ -48,7 +48,7 @@ _WORTH: Final = 5.0  # nats below the best weight within which rough weights are
 _COMPETES: Final = 2.0  # nats below the best weight within which wide components are rivals
 _CAREFULLY: Final = 3  # factor on the moves with which rivals are weighed
 _EQUILIBRATED: Final = 16  # samples of one hypothesis from which on they are equilibrated
-_IN_ONE_TASK: Final = 128  # samples in one task; even
+_IN_ONE_TASK: Final = 128  # samples in one task
 _DRAWN: Final = 32  # points of a set, with which the next search begins
 _DRAWN_OF: Final = 32  # sets at most, of which such points are kept
 _INTERVAL: Final = (0.05, 0.5, 0.95)
@@ -328,7 +328,7 @@ class Weigher:
         """So many points of each, shape (count, size), equilibrated where they are many."""
         values, tasks, places = [], [], []
         for number, (one, count) in enumerate(drawn):
-            rows = np.resize(self._rng.permutation(len(one.particles.own)), (count + 1) // 2 * 2)
+            rows = np.resize(self._rng.permutation(len(one.particles.own)), count)
             values.append(one.particles.values[rows])
             for start in range(0, len(rows) if count >= _EQUILIBRATED else 0, _IN_ONE_TASK):
                 some = rows[start : start + _IN_ONE_TASK]
@@ -339,7 +339,7 @@ class Weigher:
         for (number, place), (equilibrated, cost) in zip(places, done, strict=True):
             values[number][place] = equilibrated
             self._predictor.add_cost(cost)
-        return [some[:count] for some, (_, count) in zip(values, drawn, strict=True)]
+        return values
 
     def _spread_out(self, values: Array) -> Array:
         """Some particles, in half of which the least known length is drawn from its prior.
