@@ -123,15 +123,18 @@ class Weigher:
         """
         rows, log_chances = drawn(guesses, self._rng)
         points = self._predictor.unknowns.as_built(points[rows])
+        wide = sum(map(math.exp, log_priors(self._predictor.unknowns.table).values()))
+        sets = [Hypothesis(row, own, log_prior=math.log1p(-wide)) for row, own in enumerate(points)]
         hoped = guesses[rows] - log_chances
         near = int(np.count_nonzero(hoped >= hoped.max() - _WEIGHED))
-        each = min(_SHARED * self._particles // near, self._particles // _FIRST)
+        each = max(min(_SHARED * self._particles // near, self._particles // _FIRST), _FEWEST)
+        alone = len(sets) == 1  # is not weighed again
+        each = self._particles if alone else each
         weights: list[_Weight] = []
         best = -math.inf
-        while len(weights) < len(rows) and hoped[len(weights)] >= best - _WEIGHED:
-            few = range(len(weights), min(len(weights) + _AT_ONCE, len(rows)))
-            first = [Hypothesis(row, points[row]) for row in few]
-            weights += self._of(first, max(each, _FEWEST), log_chances, thoroughness=0)
+        while len(weights) < len(sets) and hoped[len(weights)] >= best - _WEIGHED:
+            some = sets[len(weights) : len(weights) + _AT_ONCE]
+            weights += self._of(some, each, log_chances, thoroughness=int(alone))
             best = max(one.log for one in weights)
         points = np.array([one.hypothesis.point for one in weights])
         stated = self._weighed_again(weights, _close(weights), log_chances)
@@ -149,42 +152,36 @@ class Weigher:
             The weight of the best set without any deviations; ``None``: not computed.
         """
         few, unknowns = len(close) <= _FEW, self._predictor.unknowns
-        table = unknowns.table
-        if not few and not (table and self._strays([weights[row] for row in close])):
+        if not few and not (unknowns.table and self._strays([weights[row] for row in close])):
             return None
-        mode, point, *_ = weights[close[0]].hypothesis
-        exact = Hypothesis(mode, unknowns.as_stated(unknowns.cube(point[None]))[0], as_stated=True)
-        narrow: list[Hypothesis] = []
-        if few:
-            as_built = math.log1p(-sum(map(math.exp, log_priors(table).values())))
-            narrow = [weights[row].hypothesis._replace(log_prior=as_built) for row in close]
-            for row in close:
-                weights[row] = weights[row]._replace(log=-math.inf)
-        if not table:
-            weights += self._of(narrow, self._particles, log_chances)
+        again = close if few and len(weights) > 1 else []
+        hypotheses = [weights[row].hypothesis for row in again]
+        if unknowns.table:
+            mode, point, *_ = weights[close[0]].hypothesis
+            stated = unknowns.as_stated(unknowns.cube(point[None]))[0]
+            hypotheses.append(Hypothesis(mode, stated, as_stated=True))
+        finer = self._of(hypotheses, self._particles, log_chances)
+        for row, one in zip(again, finer, strict=False):
+            weights[row] = one
+        if not unknowns.table:
             return None
-        *again, stated = self._of([*narrow, exact], self._particles, log_chances)
         first = [close[0], 0]  # the best, also as first guessed
-        strays = self._strays(again or weights)
+        strays = self._strays([weights[row] for row in again] or weights)
         if strays:
             first += [*close[:_LEADERS], *range(min(_LEADERS, len(weights)))]
-        screened = [
-            self._screened([one for one in again if one.hypothesis.mode == row] or [weights[row]])
-            for row in dict.fromkeys(first)
-        ]
+        screened = [self._screened(weights[row]) for row in dict.fromkeys(first)]
         least = max(guess for guess, _ in screened) - (_GUESSED if strays else _RIVALS)
         wide = [one for _, several in screened for guess, one in several if guess > least]
         rough = self._of(wide, _FEWEST, log_chances, thoroughness=0)
-        rough += self._of(
-            self._others_with(rough, [*weights, *again]), _FEWEST, log_chances, thoroughness=0
-        )
+        others = self._others_with(rough, weights)
+        rough += self._of(others, _FEWEST, log_chances, thoroughness=0)
         rough.sort(key=lambda one: -one.log)
-        least = max(one.log for one in [*again, *rough, *weights]) - _WORTH
+        least = max(one.log for one in [*rough, *weights]) - _WORTH
         rough = [one for one in rough if one.log > least]
         wide = [one.hypothesis for one in rough[:_FEW]]
-        weights += [*again, *self._of(wide, self._particles, log_chances), *rough[len(wide) :]]
+        weights += [*self._of(wide, self._particles, log_chances), *rough[len(wide) :]]
         self._weigh_causes_carefully(weights, log_chances)
-        return stated
+        return finer[-1]
 
     def _weigh_causes_carefully(self, weights: list[_Weight], log_chances: Array) -> None:
         """Replaces the best weights by less noisy ones if wide components are among them.
@@ -227,13 +224,10 @@ class Weigher:
         fit = max(float(one.particles.fits.max()) for one in weights)
         return best - fit - MEAN_LOSS * float(read) >= _STRAYS
 
-    def _screened(
-        self, narrow: Sequence[_Weight]
-    ) -> tuple[float, Sequence[tuple[float, Hypothesis]]]:
+    def _screened(self, narrow: _Weight) -> tuple[float, Sequence[tuple[float, Hypothesis]]]:
         """Guessed evidences of a set: without wide components, and with each of the best ones."""
-        leader = max(narrow, key=lambda one: one.log)
-        mode, point, *_ = leader.hypothesis
-        known = leader.particles.values[int(np.argmax(leader.particles.fits))]
+        mode, point, *_ = narrow.hypothesis
+        known = narrow.particles.values[int(np.argmax(narrow.particles.fits))]
         table = self._predictor.unknowns.table
         priors = log_priors(table)
         kinds = [[-1]]

@@ -25,15 +25,18 @@ CAUSE = "travel of all servos"
 
 
 class Heard(ThisProcess):
-    """Notes how thoroughly hypotheses were weighed."""
+    """Notes how thoroughly hypotheses were weighed, and each set without a wide component."""
 
     def __init__(self) -> None:
         super().__init__()
         self.thoroughness: list[int] = []
+        self.as_built: list[int] = []
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         if fn.__name__ == Integrals.with_cost.__name__:
-            self.thoroughness.append(args[0][2])
+            hypotheses, _, thoroughness, _ = args[0]
+            self.thoroughness.append(thoroughness)
+            self.as_built += [one.mode for one in hypotheses if one.wide < 0 and not one.as_stated]
         return super().submit(fn, *args, **kwargs)
 
 
@@ -68,3 +71,13 @@ def test_causes_that_compete_are_weighed_with_more_moves(
     }
     assert (causes.get(CAUSE, 0.0) > 0.5) == named
     assert (max(workers.thoroughness) > 1) == named
+
+
+@pytest.mark.parametrize("sets", [1, 2])
+def test_one_set_alone_is_weighed_once_and_several_twice(predictor: Predictor, sets: int) -> None:
+    point, likelihood = observed(predictor, 1.0)
+    rng, workers = np.random.default_rng(1), Heard()
+    weigher = Weigher(predictor, likelihood, rng, workers=workers, particles=96)
+    modes = weigher.weighed(point[None].repeat(sets, axis=0), np.zeros(sets), 16)
+    assert sorted(workers.as_built) == ([0] if sets == 1 else [0, 0, 1, 1])
+    assert modes.shares.sum() == pytest.approx(1.0)
