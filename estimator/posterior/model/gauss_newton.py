@@ -167,38 +167,19 @@ class GaussNewton:
     ) -> tuple[Array, Array]:
         """Points that fit better, and their log-likelihoods, with the prior of parameters.
 
+        Each is optimised twice, from the result under wide noise and from where it was: wide noise
+        may lead away from a point that fits already.
+
         Args:
             values: Shape (n, size).
             most: So many at most, those that fit best while the noise is wide, best first; by
                 default all, in their order.
             free: What is fitted; lengths by default.
         """
-        one = np.zeros(len(values), dtype=np.intp)
-        _, points, fits = self.polished_of(values, None if most is None else one, most or 0, free)
-        return points, fits
-
-    def polished_of(
-        self, values: Array, groups: Columns | None, most: int, free: Free | None = None
-    ) -> tuple[Columns, Array, Array]:
-        """Better points of groups, from the most promising ones of each.
-
-        Each is optimised twice, from the result under wide noise and from where it was: wide noise
-        may lead away from a point that fits already.
-
-        Args:
-            values: Shape (n, size).
-            groups: Of each, shape (n,); ``None``: all are polished, in their order.
-            most: So many of each group, those that fit best while the noise is wide.
-            free: What is fitted; lengths by default.
-
-        Returns:
-            Which points these are, best first, and what became of them: shapes (m,), (m, size),
-            and (m,), log-likelihoods with the prior of parameters.
-        """
         led, free = values, self._all(values, free)
         for noise_scale in _WIDE:
             led, fits = self._narrower(led, free, noise_scale)
-        kept = np.arange(len(fits)) if groups is None else best_of_each(groups, fits, most)
+        kept = np.arange(len(fits)) if most is None else np.argsort(-fits, kind="stable")[:most]
         both, free = np.concatenate([led[kept], values[kept]]), free[np.tile(kept, 2)]
         going_on = np.arange(len(both))  # what one step does not improve, the next will not
         for noise_scale in _NARROW:
@@ -211,7 +192,7 @@ class GaussNewton:
         fits = self.fits(both) + free.log_prior(both)
         points, fits = both.reshape(2, len(kept), -1), fits.reshape(2, -1)
         better = np.argmax(fits, axis=0), np.arange(len(kept))
-        return kept, points[better], fits[better]
+        return points[better], fits[better]
 
     def _narrower(self, values: Array, free: Free, noise_scale: float) -> tuple[Array, Array]:
         """One step, where it leads to something better; and its log-likelihood under that noise."""

@@ -20,10 +20,9 @@ from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.unknowns import Columns, Cost, Predictor
 from estimator.posterior.sampling.tempering import Particles, Target, equilibrated, tempered
 
-_ANYWHERE: Final = 300  # points with random lengths that are tried with each wide component
-_STARTS: Final = 4  # of these points, and of those drawn from the prior, from which fits start
-_PROMISING: Final = 3  # fits of each wide component that are finished
+_ANYWHERE: Final = 100  # points with random lengths, the best of which a fit starts from
 _DRAWN: Final = 1000  # points drawn from the prior of lengths and narrow components
+_STARTS: Final = 4  # of these, from which fits start
 _OFF: Final = 1.5  # deviation of starting points, in standard deviations
 _PEAKS: Final = 3  # of a hypothesis, at most, around which particles start
 _LOWER: Final = 10.0  # nats below the best peak beyond which a peak does not count
@@ -208,18 +207,16 @@ class Integrals:
         anywhere[:, self._lengths] = rng.random((_ANYWHERE, self._lengths.size))
         offs = rng.standard_normal(_ANYWHERE) if amounts else np.ones(_ANYWHERE)
         points, which = self._with_wide(anywhere, rows, offs[:, None] * sizes)
-        fits = self._solver.rough_fits(points).sum(axis=1)
-        first = np.argsort(-fits.reshape(_ANYWHERE, -1), axis=0, kind="stable")[:_STARTS]
-        points = points.reshape(_ANYWHERE, len(rows), -1)[first, np.arange(len(rows))]
-        several = [(points.reshape(-1, starts.shape[1]), np.tile(rows, _STARTS))]
+        fits = self._solver.rough_fits(points).sum(axis=1).reshape(_ANYWHERE, -1)
+        first = np.arange(len(rows)) + len(rows) * np.argmax(fits, axis=0)
+        several = [(points[first], which[first])]
         for sign in (-_OFF, _OFF) if amounts else (1.0,):
             signs = np.full((len(starts), 1), sign)
             several.append(self._with_wide(starts, rows, signs * sizes))
         points, which = (np.concatenate(arrays) for arrays in zip(*several, strict=True))
         wide = [{row: table[row].wide} if amounts else {} for row in which.tolist()]
         free = Free.with_parameters(self._predictor.unknowns, wide)
-        kept, polished, fits = self._solver.polished_of(points, which, _PROMISING, free)
-        free, which = free[kept], which[kept]
+        polished, fits = self._solver.polished(points, free=free)
         fits += self._predictor.unknowns.log_narrow(polished, which)
         fitted = []
         for row in rows:

@@ -32,7 +32,7 @@ _MOST: Final = 64  # sets of attachments that are weighed; drawn at random if th
 _AT_ONCE: Final = 32  # sets weighed before it is decided whether more are needed
 _TOGETHER: Final = 2048  # readings times particles of the hypotheses in one task
 _ROWS: Final = 12  # of the table, whose wide components are fitted in one task
-_WEIGHED: Final = 9.0  # nats that a guess may lie below the best evidence for the set to be weighed
+_WEIGHED: Final = 10.0  # nats that a guess may lie below the best for a hypothesis to be weighed
 _FEWEST: Final = 48  # particles of one hypothesis, at least
 _FIRST: Final = 4  # a first weight has at most all particles divided by this,
 _SHARED: Final = 2  # and all first weights together this many times all particles
@@ -40,8 +40,6 @@ _CLOSE: Final = 5.0  # nats below the best within which sets are weighed again
 _FEW: Final = 6  # sets that are weighed again; if more are so close, none is
 _STRAYS: Final = 3.0  # nats that a fit lacks beyond the expected loss by noise
 _LEADERS: Final = 3  # sets that are screened for wide components where the best fit strays
-_GUESSED: Final = 25.0  # nats below the best guess within which wide components are weighed
-_RIVALS: Final = 12.0  # the same where the best fit does not stray
 _WIDE: Final = 6  # switches, and as many other wide components, of a set that are weighed at most
 _OTHERS: Final = 24  # sets not screened that are weighed with the leading wide component
 _WORTH: Final = 5.0  # nats below the best weight within which rough weights are made finer
@@ -166,11 +164,10 @@ class Weigher:
         if not unknowns.table:
             return None
         first = [close[0], 0]  # the best, also as first guessed
-        strays = self._strays([weights[row] for row in again] or weights)
-        if strays:
+        if self._strays([weights[row] for row in again] or weights):
             first += [*close[:_LEADERS], *range(min(_LEADERS, len(weights)))]
         screened = [self._screened(weights[row]) for row in dict.fromkeys(first)]
-        least = max(guess for guess, _ in screened) - (_GUESSED if strays else _RIVALS)
+        least = max(guess for guess, _ in screened) - _WEIGHED
         wide = [one for _, several in screened for guess, one in several if guess > least]
         rough = self._of(wide, _FEWEST, log_chances, thoroughness=0)
         others = self._others_with(rough, weights)

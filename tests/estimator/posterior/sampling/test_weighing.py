@@ -13,6 +13,7 @@ import pytest
 from estimator.body.morphology import Array, Base
 from estimator.executors import ThisProcess
 from estimator.physics.statics import StaticsPhysics
+from estimator.posterior.model.gauss_newton import Free, GaussNewton
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.sampling.integrals import Integrals
@@ -81,3 +82,26 @@ def test_one_set_alone_is_weighed_once_and_several_twice(predictor: Predictor, s
     modes = weigher.weighed(point[None].repeat(sets, axis=0), np.zeros(sets), 16)
     assert sorted(workers.as_built) == ([0] if sets == 1 else [0, 0, 1, 1])
     assert modes.shares.sum() == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("travel", [1.0, 1.2])
+def test_what_may_be_otherwise_is_fitted_as_well_as_from_each_known_point(
+    predictor: Predictor, travel: float
+) -> None:
+    """Wide noise does not tell from which of several starts a fit ends best."""
+    point, likelihood = observed(predictor, travel)
+    unknowns, solver = predictor.unknowns, GaussNewton(predictor, likelihood)
+    narrow = np.array([row.narrow for row in unknowns.table])
+    rows = [number for number, row in enumerate(unknowns.table) if row.wide and not row.switch]
+    starts, first = point[None].repeat(2, axis=0), unknowns.genes_size
+    starts[:, first:] += narrow * np.random.default_rng(5).standard_normal((2, len(narrow)))
+    found, _ = Integrals(predictor, likelihood).fitted_with_cost((rows[:12], starts, 4))
+    for _, row, fitted in found:
+        several = np.vstack([fitted, starts.repeat(2, axis=0)])
+        wide, which = unknowns.table[row].wide, np.full(len(several), row)
+        several[1:, first + row] = wide * np.tile([-1.5, 1.5], 2)
+        free = Free.with_parameters(unknowns, [{row: wide}] * len(several))
+        polished, fits = solver.polished(several, free=free)
+        polished[0], fits[0] = fitted, (solver.fits(several) + free.log_prior(several))[0]
+        fits += unknowns.log_narrow(polished, which)
+        assert fits[0] >= fits.max() - 1e-6
