@@ -216,9 +216,8 @@ class Sampler:
         chains restart: one pose that ended on another branch may have led them far from the truth.
         A population that has found the best body rests until the others have found it. Once that
         has been done at length for one body, it is not done for it again.
-        Before attachments converge, or some that no reading discriminates between lead together,
-        one population restarts, until they have been probable once: what all have kept from
-        interaction to interaction may not be all that there is.
+        Before attachments converge one population restarts, until they have been probable once:
+        what all have kept from interaction to interaction may not be all that there is.
 
         Args:
             likelihood: Of all observations.
@@ -262,14 +261,12 @@ class Sampler:
                 rounds = min(effort.rounds, max(1, len(likelihood) - 1))
                 rounds += _MORE if restarts and (late or improvable) else 0
             if converged or number >= rounds:
-                last = probable = self._converged(agreement) if agreed else frozenset()
-                if agreed and late and agreement.few:
-                    probable |= frozenset(agreement.leaders)
-                if restartable and not (restarts or probable <= self._verified):
+                last = self._converged(agreement) if agreed else frozenset()
+                if restartable and not (restarts or last <= self._verified):
                     restarts += 1
                     going = [row == number % len(going) for row in range(len(going))]
                     continue
-                self._verified |= probable if agreement.share_of(probable) > _SURE else frozenset()
+                self._verified |= last if agreement.share_of(last) > _SURE else frozenset()
                 if restarts > _MORE:
                     self._cleared.update(agreement.leaders)
                 for one in self._searches:

@@ -281,17 +281,3 @@ def test_before_attachments_converge_one_population_begins_anew_and_no_more_for_
     assert len(begun) == 1
     sampler.learn(Likelihood(data, NOISE))
     assert len(begun) == 1
-
-
-@pytest.mark.usefixtures("little")
-def test_one_population_begins_anew_also_for_attachments_of_which_none_leads_alone(
-    predictor: Predictor, begun: list[Discovery], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(sampler.Sampler, "_converged", lambda *_: frozenset())
-    data = draw(predictor, POINT, programs(6), np.random.default_rng(2))
-    undecided = make_sampler(predictor, effort=QUICK)
-    undecided.learn(Likelihood(data, NOISE))
-    assert undecided.state()["converged"] == []
-    assert len(begun) == 1
-    undecided.learn(Likelihood(data, NOISE))
-    assert len(begun) == 1
