@@ -230,12 +230,7 @@ class Sampler:
         number, restarts = 0, 0
         going = [not searched] * len(self._searches)
         while True:
-            search = partial(_searched, effort.steps, restarts > 0)
-            moved = iter(self._workers.map(search, compress(self._searches, going)))
-            self._searches = [
-                next(moved) if goes else one
-                for one, goes in zip(self._searches, going, strict=True)
-            ]
+            self._search(going, restarts=restarts > 0)
             bodies = [search.best() for search in self._searches]
             agreement = Agreement.of(bodies, self._deviations, estimator)
             fresh = 1 - agreement.share_of(known)
@@ -272,6 +267,14 @@ class Sampler:
                 for one in self._searches:
                     one.converged = last
                 return agreement
+
+    def _search(self, going: Sequence[bool], *, restarts: bool) -> None:
+        """One more round of those searches that are going."""
+        search = partial(_searched, self._effort.steps, restarts)
+        moved = iter(self._workers.map(search, compress(self._searches, going)))
+        self._searches = [
+            next(moved) if goes else one for one, goes in zip(self._searches, going, strict=True)
+        ]
 
     def _converged(self, agreement: Agreement) -> frozenset[Attachments]:
         """Attachments not searched again while they explain the readings: one set, if it leads.

@@ -243,11 +243,11 @@ def test_a_body_that_fits_poorly_is_searched_for_anew_once(
 ) -> None:
     data = draw(predictor, POINT, programs(6), np.random.default_rng(2))
     monkeypatch.setattr(populations, "fit_of", lambda *body: Fit(unexplained=0, excess=1.5))
-    sampler = make_sampler(predictor, effort=QUICK)
-    sampler.learn(Likelihood(data, NOISE))
+    poor = make_sampler(predictor, effort=QUICK)
+    poor.learn(Likelihood(data, NOISE))
     assert begun
     begun.clear()
-    sampler.learn(Likelihood(data, NOISE))
+    poor.learn(Likelihood(data, NOISE))
     assert not begun
 
 
@@ -275,9 +275,9 @@ def test_before_attachments_converge_one_population_begins_anew_and_no_more_for_
     predictor: Predictor, begun: list[Discovery]
 ) -> None:
     data = draw(predictor, POINT, programs(6), np.random.default_rng(2))
-    sampler = make_sampler(predictor, effort=QUICK)
-    sampler.learn(Likelihood(data, NOISE))
-    assert sampler.state()["converged"] == [predictor.unknowns.keys(POINT[None])[0]]
+    certain = make_sampler(predictor, effort=QUICK)
+    certain.learn(Likelihood(data, NOISE))
+    assert certain.state()["converged"] == [predictor.unknowns.keys(POINT[None])[0]]
     assert len(begun) == 1
-    sampler.learn(Likelihood(data, NOISE))
+    certain.learn(Likelihood(data, NOISE))
     assert len(begun) == 1
