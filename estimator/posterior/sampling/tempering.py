@@ -21,8 +21,9 @@ attachments are computed side by side, each with powers of its own. Noise factor
 a grid.
 
 So few moves are enough for the evidence, but particles with common ancestors stay correlated: those
-that become samples of the posterior are moved for longer, by steps that leave the normal
-distribution at the peak invariant, which does not depend on the particles (``equilibrated``).
+that become samples of the posterior are moved for longer, all at once, by proposals that none of
+the moving shapes: by the normal distribution at the peak, and by differences of the points that
+they began with (``equilibrated``).
 
 How carefully a robot was built is unknown: the spreads that care decides have a factor in common,
 whose logarithm is one more θ. The others are in units of the spreads times that factor, so that

@@ -125,9 +125,9 @@ class Weigher:
         sets = [Hypothesis(row, own, log_prior=math.log1p(-wide)) for row, own in enumerate(points)]
         hoped = guesses[rows] - log_chances
         near = int(np.count_nonzero(hoped >= hoped.max() - _WEIGHED))
-        each = max(min(_SHARED * self._particles // near, self._particles // _FIRST), _FEWEST)
-        alone = len(sets) == 1  # is not weighed again
-        each = self._particles if alone else each
+        alone = len(sets) == 1  # weighed with all particles at once, and not again
+        each = min(_SHARED * self._particles // near, self._particles // _FIRST)
+        each = self._particles if alone else max(each, _FEWEST)
         weights: list[_Weight] = []
         best = -math.inf
         while len(weights) < len(sets) and hoped[len(weights)] >= best - _WEIGHED:
@@ -159,7 +159,7 @@ class Weigher:
             stated = unknowns.as_stated(unknowns.cube(point[None]))[0]
             hypotheses.append(Hypothesis(mode, stated, as_stated=True))
         finer = self._of(hypotheses, self._particles, log_chances)
-        for row, one in zip(again, finer, strict=False):
+        for row, one in zip(again, finer[: len(again)], strict=True):
             weights[row] = one
         if not unknowns.table:
             return None
