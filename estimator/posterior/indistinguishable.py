@@ -1,7 +1,8 @@
 """Which samples are observationally equivalent to the attachments of the best body.
 
 A sample is held against the body that has the first mode's attachments and is like it in all else:
-a leg that is too short to reach the ground feels the same on any hinge, a longer one does not.
+a leg that is too short to reach the ground feels the same on any hinge, a longer one does not. Both
+are compared as if no servo were dead and no sensor stuck: what such a fault hides is not known.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ _COMPARED: Final = 0.002  # probability of a mode that is compared
 def indistinguishable_points(
     predictor: Predictor, movements: Array, modalities: Sequence[str], ones: Array, others: Array
 ) -> Flags:
-    """Whether bodies are indistinguishable, pair by pair; see ``physics.equivalence``.
+    """Whether bodies without faults are indistinguishable, pair by pair (``physics.equivalence``).
 
     Args:
         predictor: Computes readings.
@@ -38,7 +39,8 @@ def indistinguishable_points(
     Returns:
         Shape (n,).
     """
-    first, second = (predictor.unknowns.bodies(points) for points in (ones, others))
+    unknowns = predictor.unknowns
+    first, second = (unknowns.bodies(unknowns.as_built(points)) for points in (ones, others))
     return indistinguishable(
         lambda rows, programs: predictor.read(first, rows, movements[programs]),
         lambda rows, programs: predictor.read(second, rows, movements[programs]),

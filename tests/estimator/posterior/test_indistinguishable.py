@@ -117,3 +117,20 @@ def test_what_is_otherwise_than_stated_is_otherwise_of_both() -> None:
     alike = partial(indistinguishable_points, built, MOVEMENTS, MODALITIES)
     assert indistinguishable_shares(modes, posterior, built, alike).tolist() == [1.0, 1.0]
     assert probability_of(values[0], posterior, built, alike) == pytest.approx(1.0)
+
+
+def test_attachments_that_a_dead_servo_hides_are_not_taken_for_the_same() -> None:
+    problem = Problem.parse(TWO_UNKNOWN_ROWS, "two rows")
+    unknowns = Unknowns(Genome(problem, BODY), problem.table)
+    built = Predictor(unknowns, StaticsPhysics())
+    names = [row.name for row in problem.table]
+    dead = unknowns.as_stated(np.tile(POINT, (4, 1)))
+    dead[:, unknowns.genes_size + names.index("servo of leg 1 dead")] = 1.0
+    others = turned(dead)
+    readings = [built.read_all(points[:1], MOVEMENTS) for points in (dead, others)]
+    np.testing.assert_allclose(readings[0].tilt, readings[1].tilt, atol=1e-9)
+    alike = partial(indistinguishable_points, built, MOVEMENTS, MODALITIES)
+    assert alike(dead, dead).all()
+    assert not alike(dead, others).any()
+    half = equally_likely(np.vstack([dead, others]), dead[0])
+    assert probability_of(dead[0], half, built, alike) == pytest.approx(0.5)
