@@ -254,7 +254,7 @@ class Sampler:
             else:
                 converged &= not (0 < restarts <= _MORE and improvable)
                 rounds = min(effort.rounds, max(1, len(likelihood) - 1))
-                rounds += _MORE if restarts and (late or improvable) else 0
+                rounds += _MORE if restarts and late else 0
             if converged or number >= rounds:
                 last = self._converged(agreement) if agreed else frozenset()
                 if restartable and not (restarts or last <= self._verified):
