@@ -107,7 +107,7 @@ class Sampler:
                 Discovery(population, predictor, of_search, explores=self._explores)
             )
         self._rng = np.random.default_rng(common)
-        self._known: set[Attachments] = set()
+        self._known: set[Attachments] = set() if unknowns.choices.size else {()}
         self._cleared: set[Attachments] = set()  # of which many rounds have found nothing better
         self._verified: set[Attachments] = set()  # beside which a restart has found little
 

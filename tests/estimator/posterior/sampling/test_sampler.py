@@ -3,6 +3,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,7 @@ from estimator.posterior.sampling.tempering import Target, tempered
 from estimator.posterior.sampling.weighing import drawn
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
+from tests.estimator.conftest import BODY
 from tests.estimator.little_effort import little_search
 from tests.estimator.posterior.sampling.enumeration import NODES, WEIGHTS, distance, enumerated
 from tests.estimator.two_unknown_rows import (
@@ -281,3 +283,24 @@ def test_before_attachments_converge_one_population_begins_anew_and_no_more_for_
     assert len(begun) == 1
     certain.learn(Likelihood(data, NOISE))
     assert len(begun) == 1
+
+
+def test_given_attachments_are_searched_once_by_each_population(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    genome = Genome(Problem.load("parametric"), BODY)
+    given = Predictor(Unknowns(genome), StaticsPhysics())
+    searched: list[Discovery] = []
+    search = Discovery.search
+
+    def noted(own: Discovery, steps: int) -> Any:
+        searched.append(own)
+        return search(own, steps)
+
+    monkeypatch.setattr(Discovery, "search", noted)
+    point = np.full(given.unknowns.size, 0.5)
+    data = draw(given, point, programs(4), np.random.default_rng(2))
+    posterior = make_sampler(given, effort=replace(QUICK, rounds=6)).learn(Likelihood(data, NOISE))
+    assert len(searched) == QUICK.populations
+    low, high = np.quantile(posterior.values, (0.005, 0.995), axis=0)
+    assert np.all((low < 0.5) & (high > 0.5))
