@@ -33,18 +33,18 @@ class Hypothesis(NamedTuple):
     """A set of attachments, and what is open beside its lengths.
 
     Attributes:
-        mode: Number of the set.
-        point: With its attachments, from which fits start, shape (size,).
+        point: With these attachments, from which fits start, shape (size,).
         wide: Row of the table whose wide component is open; −1: none is.
         as_stated: Whether there are no deviations, and only lengths are open.
         log_prior: Logarithm of its prior probability, given the set.
+        log_chance: Logarithm of the chance with which the set was drawn, among many.
     """
 
-    mode: int
     point: Array
     wide: int = -1
     as_stated: bool = False
     log_prior: float = 0.0
+    log_chance: float = 0.0
 
 
 class Integrals:

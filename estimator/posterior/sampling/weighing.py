@@ -23,7 +23,7 @@ from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.noise import MEAN_LOSS
 from estimator.posterior.model.sensor_data import SCALED
 from estimator.posterior.model.special import softmax
-from estimator.posterior.model.unknowns import Columns, Predictor
+from estimator.posterior.model.unknowns import Attachments, Columns, Predictor
 from estimator.posterior.posterior import CauseShare, systematic
 from estimator.posterior.sampling.integrals import Hypothesis, Integrals
 from estimator.posterior.sampling.tempering import Particles
@@ -122,7 +122,10 @@ class Weigher:
         rows, log_chances = drawn(guesses, self._rng)
         points = self._predictor.unknowns.as_built(points[rows])
         wide = sum(map(math.exp, log_priors(self._predictor.unknowns.table).values()))
-        sets = [Hypothesis(row, own, log_prior=math.log1p(-wide)) for row, own in enumerate(points)]
+        sets = [
+            Hypothesis(point, log_prior=math.log1p(-wide), log_chance=chance)
+            for point, chance in zip(points, log_chances.tolist(), strict=True)
+        ]
         hoped = guesses[rows] - log_chances
         near = int(np.count_nonzero(hoped >= hoped.max() - _WEIGHED))
         alone = len(sets) == 1  # weighed with all particles at once, and not again
@@ -132,15 +135,12 @@ class Weigher:
         best = -math.inf
         while len(weights) < len(sets) and hoped[len(weights)] >= best - _WEIGHED:
             some = sets[len(weights) : len(weights) + _AT_ONCE]
-            weights += self._of(some, each, log_chances, thoroughness=int(alone))
+            weights += self._of(some, each, thoroughness=int(alone))
             best = max(one.log for one in weights)
-        points = np.array([one.hypothesis.point for one in weights])
-        stated = self._weighed_again(weights, _close(weights), log_chances)
-        return self._summed(points, weights, stated, samples)
+        stated = self._weighed_again(weights, _close(weights))
+        return self._summed(weights, stated, samples)
 
-    def _weighed_again(
-        self, weights: list[_Weight], close: Sequence[int], log_chances: Array
-    ) -> _Weight | None:
+    def _weighed_again(self, weights: list[_Weight], close: Sequence[int]) -> _Weight | None:
         """Replaces weights of the best sets by finer ones, and adds those of wide components.
 
         Where many sets are close to the best only wide components are added, and only where no set
@@ -155,10 +155,10 @@ class Weigher:
         again = close if few and len(weights) > 1 else []
         hypotheses = [weights[row].hypothesis for row in again]
         if unknowns.table:
-            mode, point, *_ = weights[close[0]].hypothesis
-            stated = unknowns.as_stated(unknowns.cube(point[None]))[0]
-            hypotheses.append(Hypothesis(mode, stated, as_stated=True))
-        finer = self._of(hypotheses, self._particles, log_chances)
+            best = weights[close[0]].hypothesis.point
+            stated = unknowns.as_stated(unknowns.cube(best[None]))[0]
+            hypotheses.append(Hypothesis(stated, as_stated=True))
+        finer = self._of(hypotheses, self._particles)
         for row, one in zip(again, finer[: len(again)], strict=True):
             weights[row] = one
         if not unknowns.table:
@@ -169,18 +169,18 @@ class Weigher:
         screened = [self._screened(weights[row]) for row in dict.fromkeys(first)]
         least = max(guess for guess, _ in screened) - _WEIGHED
         wide = [one for _, several in screened for guess, one in several if guess > least]
-        rough = self._of(wide, _FEWEST, log_chances, thoroughness=0)
+        rough = self._of(wide, _FEWEST, thoroughness=0)
         others = self._others_with(rough, weights)
-        rough += self._of(others, _FEWEST, log_chances, thoroughness=0)
+        rough += self._of(others, _FEWEST, thoroughness=0)
         rough.sort(key=lambda one: -one.log)
         least = max(one.log for one in [*rough, *weights]) - _WORTH
         rough = [one for one in rough if one.log > least]
         wide = [one.hypothesis for one in rough[:_FEW]]
-        weights += [*self._of(wide, self._particles, log_chances), *rough[len(wide) :]]
-        self._weigh_causes_carefully(weights, log_chances)
+        weights += [*self._of(wide, self._particles), *rough[len(wide) :]]
+        self._weigh_causes_carefully(weights)
         return finer[-1]
 
-    def _weigh_causes_carefully(self, weights: list[_Weight], log_chances: Array) -> None:
+    def _weigh_causes_carefully(self, weights: list[_Weight]) -> None:
         """Replaces the best weights by less noisy ones if wide components are among them.
 
         The more hypotheses are weighed, the higher the largest error of an evidence.
@@ -189,7 +189,7 @@ class Weigher:
         rows = [row for row, one in enumerate(weights) if one.log > best - _COMPETES]
         rivals = [weights[row].hypothesis for row in rows]
         if any(one.wide >= 0 for one in rivals):
-            careful = self._of(rivals, self._particles, log_chances, thoroughness=_CAREFULLY)
+            careful = self._of(rivals, self._particles, thoroughness=_CAREFULLY)
             for row, one in zip(rows, careful, strict=True):
                 weights[row] = one
 
@@ -201,18 +201,24 @@ class Weigher:
         leader = max(rough, key=lambda one: one.log, default=None)
         if leader is None or leader.log <= max(one.log for one in narrow):
             return []
-        known = {
-            one.hypothesis.mode for one in rough if one.hypothesis.wide == leader.hypothesis.wide
-        }
+        known = set(
+            self._sets([one for one in rough if one.hypothesis.wide == leader.hypothesis.wide])
+        )
+        narrow = sorted(narrow, key=lambda one: -one.log)
         choices = self._predictor.unknowns.choices
         others: list[Hypothesis] = []
-        for one in sorted(narrow, key=lambda one: -one.log):
-            if one.hypothesis.mode not in known and len(others) < _OTHERS:
-                known.add(one.hypothesis.mode)
+        for key, (one, *_) in zip(self._sets(narrow), narrow, strict=True):
+            if key not in known and len(others) < _OTHERS:
+                known.add(key)
                 point = leader.hypothesis.point.copy()
-                point[choices] = one.hypothesis.point[choices]
-                others.append(leader.hypothesis._replace(mode=one.hypothesis.mode, point=point))
+                point[choices] = one.point[choices]
+                others.append(leader.hypothesis._replace(point=point, log_chance=one.log_chance))
         return others
+
+    def _sets(self, weights: Sequence[_Weight]) -> list[Attachments]:
+        """The set of attachments of each."""
+        points = [one.hypothesis.point for one in weights]
+        return self._predictor.unknowns.keys(np.array(points)) if points else []
 
     def _strays(self, weights: Sequence[_Weight]) -> bool:
         """Whether the best fit of these lies farther from the readings than noise explains."""
@@ -223,7 +229,6 @@ class Weigher:
 
     def _screened(self, narrow: _Weight) -> tuple[float, Sequence[tuple[float, Hypothesis]]]:
         """Guessed evidences of a set: without wide components, and with each of the best ones."""
-        mode, point, *_ = narrow.hypothesis
         known = narrow.particles.values[int(np.argmax(narrow.particles.fits))]
         table = self._predictor.unknowns.table
         priors = log_priors(table)
@@ -232,7 +237,7 @@ class Weigher:
             rows = [n for n, one in enumerate(table) if one.switch == switch and one.name in priors]
             kinds += [rows[start : start + _ROWS] for start in range(0, len(rows), _ROWS)]
         seeds = self._rng.integers(2**32, size=len(kinds)).tolist()
-        starts = np.vstack([known, point])
+        starts = np.vstack([known, narrow.hypothesis.point])
         tasks = [(rows, starts, seed) for rows, seed in zip(kinds, seeds, strict=True)]
         fitted = []
         for found, cost in self._workers.map(self._integrals.fitted_with_cost, tasks):
@@ -242,7 +247,8 @@ class Weigher:
         wide = []
         for of_row, row, stated in fitted:
             prior = priors[table[row].name]
-            wide.append((of_row + prior, Hypothesis(mode, stated, wide=row, log_prior=prior)))
+            one = narrow.hypothesis._replace(point=stated, wide=row, log_prior=prior)
+            wide.append((of_row + prior, one))
         wide.sort(key=lambda one: -one[0])
         switches = [one for one in wide if table[one[1].wide].switch]
         others = [one for one in wide if not table[one[1].wide].switch]
@@ -252,7 +258,6 @@ class Weigher:
         self,
         hypotheses: Sequence[Hypothesis],
         particles: int,
-        log_chances: Array,
         *,
         thoroughness: int = 1,
     ) -> list[_Weight]:
@@ -281,15 +286,17 @@ class Weigher:
         for batch, (results, cost) in zip(batches, done, strict=True):
             self._predictor.add_cost(cost)
             for number, (one, result) in zip(batch, results, strict=True):
-                log = result.log_evidence + one.log_prior - float(log_chances[one.mode])
+                log = result.log_evidence + one.log_prior - one.log_chance
                 log += float(self._predictor.unknowns.log_prior(one.point[None])[0])
                 weights[number] = _Weight(one, result, log)
         return [weights[number] for number in range(len(hypotheses))]
 
     def _summed(
-        self, points: Array, weights: Sequence[_Weight], stated: _Weight | None, samples: int
+        self, weights: Sequence[_Weight], stated: _Weight | None, samples: int
     ) -> WeighedModes:
-        mode = np.array([one.hypothesis.mode for one in weights])
+        keys = self._sets(weights)
+        sets = {key: number for number, key in enumerate(dict.fromkeys(keys))}
+        mode = np.array([sets[key] for key in keys])
         shares = softmax(np.array([one.log for one in weights]))
         rows = systematic(shares, samples, float(self._rng.random()))
         counts = np.bincount(rows, minlength=len(weights)).tolist()
@@ -298,17 +305,17 @@ class Weigher:
             counted.append((stated, len(stated.particles.own)))
         values = self._equilibrated(counted)
         as_stated = values.pop() if stated else None
-        draws, points = [], points.copy()
-        for row in range(len(points)):
+        draws, points = [], []
+        for row in range(len(sets)):
             own = max(np.flatnonzero(mode == row).tolist(), key=lambda number: shares[number])
             particles = weights[own].particles
             draws.append(self._spread_out(particles.values))
-            points[row] = particles.values[int(np.argmax(particles.fits))]
+            points.append(particles.values[int(np.argmax(particles.fits))])
         behind = np.array([one.particles.ess for one in weights])
         return WeighedModes(
-            points=points,
-            shares=np.bincount(mode, shares, len(points)).astype(float),
-            ess=np.bincount(mode, np.where(shares > 0, behind, 0.0), len(points)).astype(float),
+            points=np.array(points),
+            shares=np.bincount(mode, shares).astype(float),
+            ess=np.bincount(mode, np.where(shares > 0, behind, 0.0)).astype(float),
             values=np.concatenate(values),
             causes=self._causes(weights, shares),
             as_stated=as_stated,

@@ -26,18 +26,18 @@ CAUSE = "travel of all servos"
 
 
 class Heard(ThisProcess):
-    """Notes how thoroughly hypotheses were weighed, and each set without a wide component."""
+    """Notes how thoroughly hypotheses were weighed, and how many without a wide component."""
 
     def __init__(self) -> None:
         super().__init__()
         self.thoroughness: list[int] = []
-        self.as_built: list[int] = []
+        self.as_built = 0
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         if fn.__name__ == Integrals.with_cost.__name__:
             hypotheses, _, thoroughness, _ = args[0]
             self.thoroughness.append(thoroughness)
-            self.as_built += [one.mode for one in hypotheses if one.wide < 0 and not one.as_stated]
+            self.as_built += sum(one.wide < 0 and not one.as_stated for one in hypotheses)
         return super().submit(fn, *args, **kwargs)
 
 
@@ -80,7 +80,7 @@ def test_one_set_alone_is_weighed_once_and_several_twice(predictor: Predictor, s
     rng, workers = np.random.default_rng(1), Heard()
     weigher = Weigher(predictor, likelihood, rng, workers=workers, particles=96)
     modes = weigher.weighed(point[None].repeat(sets, axis=0), np.zeros(sets), 16)
-    assert sorted(workers.as_built) == ([0] if sets == 1 else [0, 0, 1, 1])
+    assert workers.as_built == (1 if sets == 1 else 4)
     assert modes.shares.sum() == pytest.approx(1.0)
 
 
