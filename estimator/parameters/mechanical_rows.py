@@ -264,6 +264,7 @@ def of_servos(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]
             unit=DEGREES,
             wide=math.radians(20.0),
             limit=math.radians(90.0),
+            stops=index,
         )
 
 

@@ -127,6 +127,8 @@ class Parameter:
         wide: Standard deviation of a robot that is not as stated; 0: there is none.
         limit: No amount goes farther.
         motor: Of the joint whose calibration says how narrow it is; ``None``: no joint's does.
+        stops: The part that no longer turns on its hinge under it, if any: on another hinge it
+            would stand still elsewhere.
     """
 
     name: str
@@ -142,6 +144,7 @@ class Parameter:
     wide: float = 0.0
     limit: float = math.inf
     motor: int | None = None
+    stops: int | None = None
 
     @property
     def by_care(self) -> bool:

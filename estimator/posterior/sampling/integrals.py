@@ -15,7 +15,7 @@ import numpy as np
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.parameters.table import MEDIAN_CARE
-from estimator.posterior.model.gauss_newton import Free, GaussNewton
+from estimator.posterior.model.gauss_newton import Free, GaussNewton, best_of_each
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.unknowns import Columns, Cost, Predictor
 from estimator.posterior.sampling.tempering import Particles, Target, equilibrated, tempered
@@ -65,6 +65,11 @@ class Integrals:
             row: one.narrow * (MEDIAN_CARE if one.by_care else 1.0)
             for row, one in enumerate(table)
             if one.narrow
+        }
+        self._hinges: dict[int | None, int] = {
+            gene.part: column
+            for column, gene in enumerate(predictor.unknowns.genes)
+            if gene.trait == "hinge" and gene.is_choice
         }
         self._by_care = self._first + np.flatnonzero([one.by_care for one in table])
 
@@ -188,15 +193,17 @@ class Integrals:
     ) -> tuple[list[tuple[float, int, Array]], Cost]:
         """The best points with each of some wide components, and the cost of finding them.
 
-        Lengths alone are fitted with it.
+        Lengths alone are fitted with it. Where a part no longer turns on its hinge under it, each
+        hinge is tried: as stated, the readings speak for one about which it need not turn.
 
         Args:
             task: Rows of the table, all of which have amounts or none; −1: no wide component.
                 Points of one set of attachments from which fits start, shape (n, size), and a
-                seed, which draws random lengths as further starts.
+                seed, which draws other lengths of the last of them as further starts.
 
         Returns:
-            Laplace's approximation of the evidence, the row, and the point, for each row.
+            Laplace's approximation of the evidence, the row, and the point, for each row and set of
+            attachments.
         """
         rows, starts, seed = task
         before, rng = self._predictor.cost, np.random.default_rng(seed)
@@ -213,19 +220,64 @@ class Integrals:
         for sign in (-_OFF, _OFF) if amounts else (1.0,):
             signs = np.full((len(starts), 1), sign)
             several.append(self._with_wide(starts, rows, signs * sizes))
+        stopping = [row for row in rows if row >= 0 and table[row].stops is not None]
+        for row in stopping:
+            still = self._standing_still(starts[-1], row, rng)
+            several.append((still, np.full(len(still), row)))
         points, which = (np.concatenate(arrays) for arrays in zip(*several, strict=True))
-        wide = [{row: table[row].wide} if amounts else {} for row in which.tolist()]
-        free = Free.with_parameters(self._predictor.unknowns, wide)
-        polished, fits = self._solver.polished(points, free=free)
-        fits += self._predictor.unknowns.log_narrow(polished, which)
-        fitted = []
-        for row in rows:
+        points, fits = self._polished_with(points, which)
+        for row in stopping:
             own = np.flatnonzero(which == row)
-            fitted.append(int(own[np.argmax(fits[own])]))
-        chosen = np.array(fitted, dtype=np.intp)
-        guesses = fits[chosen] + self._solver.half_volumes(polished[chosen], free[chosen])
-        found = list(zip(guesses.tolist(), rows, polished[chosen], strict=True))
+            alike = self._on_each_hinge(points[own[np.argmax(fits[own])]], row)
+            more, better = self._polished_with(alike, np.full(len(alike), row))
+            points, fits = np.concatenate([points, more]), np.concatenate([fits, better])
+            which = np.concatenate([which, np.full(len(alike), row)])
+        keys = zip(which.tolist(), self._predictor.unknowns.keys(points), strict=True)
+        chosen = best_of_each([(row, *key) for row, key in keys], fits)
+        points, which = points[chosen], which[chosen]
+        guesses = fits[chosen] + self._solver.half_volumes(points, self._with_amounts(which))
+        found = list(zip(guesses.tolist(), which.tolist(), points, strict=True))
         return found, self._predictor.cost.since(before)
+
+    def _polished_with(self, points: Array, which: Columns) -> tuple[Array, Array]:
+        """Points that fit better, each with its wide component, and their fits with all priors."""
+        polished, fits = self._solver.polished(points, free=self._with_amounts(which))
+        return polished, fits + self._predictor.unknowns.log_narrow(polished, which)
+
+    def _with_amounts(self, which: Columns) -> Free:
+        """Lengths and the amounts of wide components, which all have one or none."""
+        unknowns = self._predictor.unknowns
+        amounts = which[0] >= 0 and not unknowns.table[which[0]].switch
+        wide = [{row: unknowns.table[row].wide} if amounts else {} for row in which.tolist()]
+        return Free.with_parameters(unknowns, wide)
+
+    def _standing_still(self, known: Array, row: int, rng: np.random.Generator) -> Array:
+        """A known point with each hinge of a part that stands still, by a row of the table.
+
+        Each with the best of many angles, and lengths of that part.
+        """
+        unknowns, angle = self._predictor.unknowns, self._first + row
+        part = unknowns.table[row].stops
+        own = [column for column in self._lengths if unknowns.genes[column].part == part]
+        points = known.copy()
+        points[angle] = unknowns.table[row].wide
+        points = self._on_each_hinge(points, row).repeat(_ANYWHERE // 2, axis=0)
+        points[:, own] = rng.random((len(points), len(own)))
+        points[:, angle] *= np.abs(rng.standard_normal(len(points)))
+        fits = self._solver.rough_fits(points).sum(axis=1).reshape(-1, _ANYWHERE)
+        best: Array = points[np.argmax(fits, axis=1) + _ANYWHERE * np.arange(len(fits))]
+        return best
+
+    def _on_each_hinge(self, point: Array, row: int) -> Array:
+        """A point with each hinge of the part that a row stops, at its angle to either side."""
+        unknowns = self._predictor.unknowns
+        hinge = self._hinges.get(unknowns.table[row].stops)
+        count = unknowns.genes[hinge].choices if hinge is not None else 1
+        points = point[None].repeat(2 * count, axis=0)
+        points[1::2, self._first + row] *= -1
+        if hinge is not None:
+            points[:, hinge] = np.repeat((np.arange(count) + 0.5) / count, 2)
+        return points
 
     def _with_wide(
         self, points: Array, rows: Sequence[int], amounts: Array

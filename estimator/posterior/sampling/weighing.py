@@ -155,8 +155,8 @@ class Weigher:
         again = close if few and len(weights) > 1 else []
         hypotheses = [weights[row].hypothesis for row in again]
         if unknowns.table:
-            best = weights[close[0]].hypothesis.point
-            stated = unknowns.as_stated(unknowns.cube(best[None]))[0]
+            own = weights[close[0]].hypothesis.point
+            stated = unknowns.as_stated(unknowns.cube(own[None]))[0]
             hypotheses.append(Hypothesis(stated, as_stated=True))
         finer = self._of(hypotheses, self._particles)
         for row, one in zip(again, finer[: len(again)], strict=True):
@@ -170,11 +170,18 @@ class Weigher:
         least = max(guess for guess, _ in screened) - _WEIGHED
         wide = [one for _, several in screened for guess, one in several if guess > least]
         rough = self._of(wide, _FEWEST, thoroughness=0)
-        others = self._others_with(rough, weights)
-        rough += self._of(others, _FEWEST, thoroughness=0)
+        leader = max([*weights, *rough], key=lambda one: one.log).hypothesis
+        if leader.wide >= 0:
+            others = self._others_with(leader, rough, weights)
+            rough += self._of(others, _FEWEST, thoroughness=0)
         rough.sort(key=lambda one: -one.log)
-        least = max(one.log for one in [*rough, *weights]) - _WORTH
-        rough = [one for one in rough if one.log > least]
+        best = max(one.log for one in [*rough, *weights])
+        rough = [
+            one
+            for one in rough
+            # Sets with the leading cause may be as probable, and a rough weight be far too low.
+            if one.log > best - (_WEIGHED if one.hypothesis.wide == leader.wide else _WORTH)
+        ]
         wide = [one.hypothesis for one in rough[:_FEW]]
         weights += [*self._of(wide, self._particles), *rough[len(wide) :]]
         self._weigh_causes_carefully(weights)
@@ -193,32 +200,28 @@ class Weigher:
             for row, one in zip(rows, careful, strict=True):
                 weights[row] = one
 
-    def _others_with(self, rough: Sequence[_Weight], narrow: Sequence[_Weight]) -> list[Hypothesis]:
-        """Hypotheses of sets that were not screened, with the leading wide component, if one leads.
+    def _others_with(
+        self, leader: Hypothesis, rough: Sequence[_Weight], narrow: Sequence[_Weight]
+    ) -> list[Hypothesis]:
+        """Hypotheses of sets that were not screened, with the wide component of the leading one.
 
         Under that deviation other sets may explain the readings than without it.
         """
-        leader = max(rough, key=lambda one: one.log, default=None)
-        if leader is None or leader.log <= max(one.log for one in narrow):
-            return []
-        known = set(
-            self._sets([one for one in rough if one.hypothesis.wide == leader.hypothesis.wide])
-        )
+        known = set(self._sets([one for one in rough if one.hypothesis.wide == leader.wide]))
         narrow = sorted(narrow, key=lambda one: -one.log)
         choices = self._predictor.unknowns.choices
         others: list[Hypothesis] = []
         for key, (one, *_) in zip(self._sets(narrow), narrow, strict=True):
             if key not in known and len(others) < _OTHERS:
                 known.add(key)
-                point = leader.hypothesis.point.copy()
+                point = leader.point.copy()
                 point[choices] = one.point[choices]
-                others.append(leader.hypothesis._replace(point=point, log_chance=one.log_chance))
+                others.append(leader._replace(point=point, log_chance=one.log_chance))
         return others
 
     def _sets(self, weights: Sequence[_Weight]) -> list[Attachments]:
         """The set of attachments of each."""
-        points = [one.hypothesis.point for one in weights]
-        return self._predictor.unknowns.keys(np.array(points)) if points else []
+        return self._predictor.unknowns.keys(np.array([one.hypothesis.point for one in weights]))
 
     def _strays(self, weights: Sequence[_Weight]) -> bool:
         """Whether the best fit of these lies farther from the readings than noise explains."""
@@ -229,15 +232,17 @@ class Weigher:
 
     def _screened(self, narrow: _Weight) -> tuple[float, Sequence[tuple[float, Hypothesis]]]:
         """Guessed evidences of a set: without wide components, and with each of the best ones."""
-        known = narrow.particles.values[int(np.argmax(narrow.particles.fits))]
-        table = self._predictor.unknowns.table
+        unknowns, table = self._predictor.unknowns, self._predictor.unknowns.table
         priors = log_priors(table)
+        best = narrow.particles.values[int(np.argmax(narrow.particles.fits))]
+        # Also as stated: small deviations may stand in for a large one.
+        stated = unknowns.as_stated(unknowns.cube(narrow.hypothesis.point[None]))
         kinds = [[-1]]
         for switch in (True, False):
             rows = [n for n, one in enumerate(table) if one.switch == switch and one.name in priors]
             kinds += [rows[start : start + _ROWS] for start in range(0, len(rows), _ROWS)]
         seeds = self._rng.integers(2**32, size=len(kinds)).tolist()
-        starts = np.vstack([known, narrow.hypothesis.point])
+        starts = np.vstack([best, stated])
         tasks = [(rows, starts, seed) for rows, seed in zip(kinds, seeds, strict=True)]
         fitted = []
         for found, cost in self._workers.map(self._integrals.fitted_with_cost, tasks):
@@ -245,14 +250,15 @@ class Weigher:
             fitted += found
         (guess, _, _), *fitted = fitted
         wide = []
-        for of_row, row, stated in fitted:
+        for of_row, row, point in fitted:
             prior = priors[table[row].name]
-            one = narrow.hypothesis._replace(point=stated, wide=row, log_prior=prior)
+            one = narrow.hypothesis._replace(point=point, wide=row, log_prior=prior)
             wide.append((of_row + prior, one))
         wide.sort(key=lambda one: -one[0])
-        switches = [one for one in wide if table[one[1].wide].switch]
-        others = [one for one in wide if not table[one[1].wide].switch]
-        return guess, [*switches[:_WIDE], *others[:_WIDE]]
+        rows = list(dict.fromkeys(one.wide for _, one in wide))
+        switches = [row for row in rows if table[row].switch][:_WIDE]
+        others = [row for row in rows if not table[row].switch][:_WIDE]
+        return guess, [one for one in wide if one[1].wide in {*switches, *others}]
 
     def _of(
         self,

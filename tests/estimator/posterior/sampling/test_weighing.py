@@ -20,7 +20,7 @@ from estimator.posterior.sampling.integrals import Integrals
 from estimator.posterior.sampling.weighing import Weigher
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
-from tests.estimator.two_unknown_rows import NOISE, draw, programs
+from tests.estimator.two_unknown_rows import NOISE, TWO_UNKNOWN_ROWS, draw, programs
 
 CAUSE = "travel of all servos"
 
@@ -32,12 +32,15 @@ class Heard(ThisProcess):
         super().__init__()
         self.thoroughness: list[int] = []
         self.as_built = 0
+        self.starts: list[Array] = []
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         if fn.__name__ == Integrals.with_cost.__name__:
             hypotheses, _, thoroughness, _ = args[0]
             self.thoroughness.append(thoroughness)
             self.as_built += sum(one.wide < 0 and not one.as_stated for one in hypotheses)
+        if fn.__name__ == Integrals.fitted_with_cost.__name__:
+            self.starts.append(args[0][1])
         return super().submit(fn, *args, **kwargs)
 
 
@@ -72,6 +75,9 @@ def test_causes_that_compete_are_weighed_with_more_moves(
     }
     assert (causes.get(CAUSE, 0.0) > 0.5) == named
     assert (max(workers.thoroughness) > 1) == named
+    deviations = np.array(workers.starts)[..., predictor.unknowns.genes_size :]
+    assert np.any(deviations[:, 0] != 0)  # the best particle
+    assert np.all(deviations[:, 1:] == 0)  # small deviations may stand in for a large one
 
 
 @pytest.mark.parametrize("sets", [1, 2])
@@ -105,3 +111,28 @@ def test_what_may_be_otherwise_is_fitted_as_well_as_from_each_known_point(
         polished[0], fits[0] = fitted, (solver.fits(several) + free.log_prior(several))[0]
         fits += unknowns.log_narrow(polished, which)
         assert fits[0] >= fits.max() - 1e-6
+
+
+def test_a_leg_that_stands_still_is_tried_on_every_hinge() -> None:
+    """As stated, readings speak for a hinge about which it need not turn."""
+    problem = Problem.parse(TWO_UNKNOWN_ROWS, "two rows")
+    genome = Genome(problem, Base(size=(0.14, 0.14, 0.085), mass=1.0))
+    unknowns = Unknowns(genome, problem.table)
+    predictor, jammed = Predictor(unknowns, StaticsPhysics()), "servo of leg 1 jammed"
+    (hinge,) = (at for at, gene in enumerate(genome.genes) if gene.name == "hinge of leg 1")
+    genes = np.full((1, unknowns.genes_size), 0.5)
+    genes[0, [0, hinge]] = 0.1, 0.75  # another mount than leg 2 has
+    (true,) = unknowns.points(genes, {jammed: np.array([-0.2])})
+    data = draw(predictor, true, programs(6, seed=3), np.random.default_rng(3), outlier=0.0)
+    likelihood = Likelihood(data, NOISE)
+    row = [one.name for one in problem.table].index(jammed)
+    start = true.copy()
+    start[hinge] = 0.1
+    start[unknowns.genes_size + row] = 0.0
+    found, _ = Integrals(predictor, likelihood).fitted_with_cost(([row], start[None], 4))
+    points = np.array([point for _, _, point in found])
+    assert len(set(unknowns.keys(points))) == len(points) == genome.genes[hinge].choices
+    fits = GaussNewton(predictor, likelihood).fits(np.vstack([points, true]))
+    assert fits[:-1].max() > fits[-1] - 1.0
+    best = points[np.argmax(fits[:-1])]
+    assert abs(best[unknowns.genes_size + row]) == pytest.approx(0.2, abs=0.03)
