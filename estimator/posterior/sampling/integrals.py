@@ -26,7 +26,6 @@ _STARTS: Final = 4  # of these, from which fits start
 _OFF: Final = 1.5  # deviation of starting points, in standard deviations
 _PEAKS: Final = 3  # of a hypothesis, at most, around which particles start
 _LOWER: Final = 10.0  # nats below the best peak beyond which a peak does not count
-_STRETCHED: Final = ("thickness", "mass")  # groups of parameters with such a deviation at starts
 
 
 class Hypothesis(NamedTuple):
@@ -153,20 +152,7 @@ class Integrals:
             free: What is open.
             rng: Draws further starts; ``None``: fits start from ``points`` alone.
         """
-        starts = [points]
-        rows = [
-            row
-            for row, parameter in enumerate(self._predictor.unknowns.table)
-            if parameter.group in _STRETCHED and self._first + row in free.columns[0]
-        ]
-        for row in rows if rng else ():
-            spreads = free.spreads[free.columns == self._first + row]
-            for sign in (-_OFF, _OFF):
-                moved = points.copy()
-                moved[:, self._first + row] = sign * spreads
-                starts.append(moved)
-        if rng:
-            starts += self._drawn(points, free, rng)
+        starts = [points, *(self._drawn(points, free, rng) if rng else [])]
         each = np.arange(len(points))
         polished, fits = self._solver.polished(
             np.vstack(starts), free=free[np.tile(each, len(starts))]
