@@ -222,8 +222,8 @@ class Integrals:
         chosen = best_of_each([(row, *key) for row, key in keys], fits)
         points, which = points[chosen], which[chosen]
         guesses = fits[chosen] + self._solver.half_volumes(points, self._with_amounts(which))
-        found = list(zip(guesses.tolist(), which.tolist(), points, strict=True))
-        return found, self._predictor.cost.since(before)
+        fitted = list(zip(guesses.tolist(), which.tolist(), points, strict=True))
+        return fitted, self._predictor.cost.since(before)
 
     def _polished_with(self, points: Array, which: Columns) -> tuple[Array, Array]:
         """Points that fit better, each with its wide component, and their fits with all priors."""

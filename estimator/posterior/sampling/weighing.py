@@ -176,12 +176,8 @@ class Weigher:
             rough += self._of(others, _FEWEST, thoroughness=0)
         rough.sort(key=lambda one: -one.log)
         best = max(one.log for one in [*rough, *weights])
-        rough = [
-            one
-            for one in rough
-            # Sets with the leading cause may be as probable, and a rough weight be far too low.
-            if one.log > best - (_WEIGHED if one.hypothesis.wide == leader.wide else _WORTH)
-        ]
+        worth = {leader.wide: _WEIGHED}  # other sets may be as probable with it
+        rough = [one for one in rough if one.log > best - worth.get(one.hypothesis.wide, _WORTH)]
         wide = [one.hypothesis for one in rough[:_FEW]]
         weights += [*self._of(wide, self._particles), *rough[len(wide) :]]
         self._weigh_causes_carefully(weights)
