@@ -35,8 +35,8 @@ SUBJECTS: Final[Mapping[str, str]] = {
     "faults": "Robots that are not as their problem says. *Certain and wrong*: the run finds that "
     "a body explains the\nreadings, states at least 0.95, and an attachment is wrong, or a length "
     "by more than 10 mm and outside\nits own 90 % interval. Where no sensor can tell a fault from "
-    "another body (a reversed tilt, or\nexchanged tilts, from a mirrored body, a servo that is "
-    "jammed at 0 from a roll hinge, swapped\nservos from swapped legs), that body counts as right.",
+    "another body, as with sides unknown (a\nreversed tilt, or exchanged tilts, from a mirrored "
+    "body, swapped servos from swapped legs), that body counts as\nright.",
     BUILT: "Robots that are built otherwise than their problem says, by what the estimator has a "
     "table of parameters\nfor. *Owned*: the run stands by its body. *Half-width*: mean, of 90 % "
     "intervals of lengths: as robots are\nbuilt; if just as stated. *Named*: the cause is said "
