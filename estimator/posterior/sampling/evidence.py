@@ -40,10 +40,8 @@ class EvidenceEstimator:
         Args:
             values: The best point of each set, shape (n, size).
         """
-        half_volumes = self._solver.half_volumes(values)
-        guesses: Array = (
-            self.fits(values) + half_volumes + self.predictor.unknowns.log_prior(values)
-        )
+        fits, half_volumes = self.fits(values), self._solver.half_volumes(values)
+        guesses: Array = fits + half_volumes + self.predictor.unknowns.log_prior(values)
         return guesses
 
     def as_built(self, values: Array) -> tuple[Array, Array]:

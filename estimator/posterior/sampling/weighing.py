@@ -168,8 +168,10 @@ class Weigher:
             first += [*close[:_LEADERS], *range(min(_LEADERS, len(weights)))]
         screened = [self._screened(weights[row]) for row in dict.fromkeys(first)]
         least = max(guess for guess, _ in screened) - _WEIGHED
-        wide = [one for _, several in screened for guess, one in several if guess > least]
-        rough = self._of(wide, _FEWEST, thoroughness=0)
+        several = sorted((one for _, some in screened for one in some), key=lambda one: one[0])
+        keys = [(one.wide, *unknowns.keys(one.point[None])) for _, one in several]
+        once = {key: one for key, (guess, one) in zip(keys, several, strict=True) if guess > least}
+        rough = self._of(list(once.values()), _FEWEST, thoroughness=0)
         leader = max([*weights, *rough], key=lambda one: one.log).hypothesis
         if leader.wide >= 0:
             others = self._others_with(leader, rough, weights)

@@ -16,7 +16,7 @@ from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.model.gauss_newton import Free, GaussNewton
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.unknowns import Predictor, Unknowns
-from estimator.posterior.sampling.integrals import Integrals
+from estimator.posterior.sampling.integrals import Hypothesis, Integrals
 from estimator.posterior.sampling.weighing import Weigher
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
@@ -33,12 +33,15 @@ class Heard(ThisProcess):
         self.thoroughness: list[int] = []
         self.as_built = 0
         self.starts: list[Array] = []
+        self.roughly: list[Hypothesis] = []
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         if fn.__name__ == Integrals.with_cost.__name__:
             hypotheses, _, thoroughness, _ = args[0]
             self.thoroughness.append(thoroughness)
             self.as_built += sum(one.wide < 0 and not one.as_stated for one in hypotheses)
+            if thoroughness == 0:
+                self.roughly += [one for one in hypotheses if one.wide >= 0]
         if fn.__name__ == Integrals.fitted_with_cost.__name__:
             self.starts.append(args[0][1])
         return super().submit(fn, *args, **kwargs)
@@ -113,26 +116,55 @@ def test_what_may_be_otherwise_is_fitted_as_well_as_from_each_known_point(
         assert fits[0] >= fits.max() - 1e-6
 
 
-def test_a_leg_that_stands_still_is_tried_on_every_hinge() -> None:
-    """As stated, readings speak for a hinge about which it need not turn."""
+@pytest.fixture(scope="module")
+def jammed() -> tuple[Array, Likelihood, Predictor, int, int]:
+    """A body of which leg 1 stands still, its readings, and columns of that angle and its hinge."""
     problem = Problem.parse(TWO_UNKNOWN_ROWS, "two rows")
     genome = Genome(problem, Base(size=(0.14, 0.14, 0.085), mass=1.0))
     unknowns = Unknowns(genome, problem.table)
-    predictor, jammed = Predictor(unknowns, StaticsPhysics()), "servo of leg 1 jammed"
+    predictor, cause = Predictor(unknowns, StaticsPhysics()), "servo of leg 1 jammed"
     (hinge,) = (at for at, gene in enumerate(genome.genes) if gene.name == "hinge of leg 1")
     genes = np.full((1, unknowns.genes_size), 0.5)
     genes[0, [0, hinge]] = 0.1, 0.75  # another mount than leg 2 has
-    (true,) = unknowns.points(genes, {jammed: np.array([-0.2])})
+    (true,) = unknowns.points(genes, {cause: np.array([-0.2])})
     data = draw(predictor, true, programs(6, seed=3), np.random.default_rng(3), outlier=0.0)
-    likelihood = Likelihood(data, NOISE)
-    row = [one.name for one in problem.table].index(jammed)
-    start = true.copy()
-    start[hinge] = 0.1
-    start[unknowns.genes_size + row] = 0.0
-    found, _ = Integrals(predictor, likelihood).fitted_with_cost(([row], start[None], 4))
+    angle = unknowns.genes_size + [one.name for one in problem.table].index(cause)
+    return true, Likelihood(data, NOISE), predictor, angle, hinge
+
+
+def on_other_hinges(true: Array, angle: int, hinge: int) -> Array:
+    """The body as stated, with two other hinges."""
+    several = true[None].repeat(2, axis=0)
+    several[:, hinge] = 0.1, 0.25
+    several[:, angle] = 0.0
+    return several
+
+
+def test_a_leg_that_stands_still_is_tried_on_every_hinge(
+    jammed: tuple[Array, Likelihood, Predictor, int, int],
+) -> None:
+    """As stated, readings speak for a hinge about which it need not turn."""
+    true, likelihood, predictor, angle, hinge = jammed
+    unknowns = predictor.unknowns
+    starts, row = on_other_hinges(true, angle, hinge)[:1], angle - unknowns.genes_size
+    found, _ = Integrals(predictor, likelihood).fitted_with_cost(([row], starts, 4))
     points = np.array([point for _, _, point in found])
-    assert len(set(unknowns.keys(points))) == len(points) == genome.genes[hinge].choices
+    assert len(set(unknowns.keys(points))) == len(points) == unknowns.genes[hinge].choices
     fits = GaussNewton(predictor, likelihood).fits(np.vstack([points, true]))
     assert fits[:-1].max() > fits[-1] - 1.0
     best = points[np.argmax(fits[:-1])]
-    assert abs(best[unknowns.genes_size + row]) == pytest.approx(0.2, abs=0.03)
+    assert abs(best[angle]) == pytest.approx(0.2, abs=0.03)
+
+
+def test_what_two_sets_lead_to_is_weighed_once(
+    jammed: tuple[Array, Likelihood, Predictor, int, int],
+) -> None:
+    true, likelihood, predictor, angle, hinge = jammed
+    rng, workers = np.random.default_rng(1), Heard()
+    weigher = Weigher(predictor, likelihood, rng, workers=workers, particles=96)
+    weigher.weighed(on_other_hinges(true, angle, hinge), np.array([0.0, 0.1]), 16)
+    points = np.array([one.point for one in workers.roughly])
+    rows = [one.wide for one in workers.roughly]
+    keys = list(zip(rows, predictor.unknowns.keys(points), strict=True))
+    assert angle - predictor.unknowns.genes_size in rows
+    assert len(keys) == len(set(keys))
