@@ -151,11 +151,13 @@ class Unknowns:
         narrow = [row.narrow > 0 for row in self.table]
         return np.where([True] * self.genes_size + narrow, values, 0.0)
 
-    def mean_deviations(self, values: Array) -> Array:
-        """Mean deviations of n points, shape (rows,); of switches rounded."""
-        deviations: Array = values[:, self.genes_size :].mean(axis=0)
-        switches = np.array([row.switch for row in self.table], dtype=bool)
-        return np.where(switches, np.round(deviations), deviations)
+    def mean_deviations(self, values: Array, best: Array) -> Array:
+        """Mean deviations of n points, shape (rows,); what has no narrow component as of the best.
+
+        Means of that would be of none: a jammed servo is at opposite angles on opposite hinges.
+        """
+        narrow = [row.narrow > 0 for row in self.table]
+        return np.where(narrow, values[:, self.genes_size :].mean(axis=0), best[self.genes_size :])
 
     def points(self, genes: Array, amounts: Mapping[str, Array]) -> Array:
         """Points of n genomes, shape (n, size), of robots with amounts by the names of the table.

@@ -67,8 +67,8 @@ class Sampler:
 
     Args:
         unknowns: What the posterior is over. Deviations from what is stated are open when bodies
-            are weighed. Searches take the mean deviations of the most probable attachments so far
-            as fixed; none where many are open, since a wrong body's deviations are wrong, too.
+            are weighed. Searches take the last posterior's mean deviations as fixed; none where
+            many attachments are open, since a wrong body's deviations are wrong, too.
         make_physics: Makes a back-end for each population.
         effort: How much to do.
         seeds: One for each population, and one more for the sampler itself.
@@ -324,11 +324,10 @@ class Sampler:
             search.posterior_points = unknowns.cube(modes.drawn_of(rows_found))
         self._known = set(keys)
         if unknowns.table:
-            first = int(np.argmax(modes.shares))
-            agreement = agreement.with_fit(fit_of(modes.points[first], predictor, likelihood))
-            own = [row for row, key in enumerate(whose) if key == keys[first]]
-            if own and not self._explores:
-                self._search_with(unknowns.mean_deviations(values[own]))
+            best = modes.points[int(np.argmax(modes.shares))]
+            agreement = agreement.with_fit(fit_of(best, predictor, likelihood))
+            if not self._explores:
+                self._search_with(unknowns.mean_deviations(values, best))
         found_by = found_by_each(keys, agreement.found).tolist()
         posterior = replace(
             Posterior.equally_likely(values, scales),
