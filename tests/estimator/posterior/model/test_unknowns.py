@@ -28,3 +28,21 @@ def test_hinges_of_locked_parts_are_no_attachments(part: int, felt: bool) -> Non
     programs = rng.uniform(-0.5, 0.5, (5, 8))
     one, other = (predictor.read_all(some, programs).tilt for some in (points, turned))
     assert np.array_equal(one, other) == (not felt)
+
+
+def test_large_deviations_are_those_of_the_best_body_and_small_ones_means() -> None:
+    problem = Problem.load("topological")
+    unknowns = Unknowns(Genome(problem, BODY), problem.table)
+    names = [row.name for row in problem.table]
+    zero, jammed, dead = map(
+        names.index, ("zero of leg 1", "servo of leg 1 jammed", "servo of leg 2 dead")
+    )
+    values = unknowns.as_stated(np.full((4, unknowns.genes_size), 0.5))
+    own = values[:, unknowns.genes_size :]
+    own[:, zero] = 0.01, 0.02, 0.03, 0.04
+    own[:, jammed] = 0.2, 0.2, -0.2, -0.2  # on opposite hinges
+    own[1:, dead] = 1.0
+    mean = unknowns.mean_deviations(values, values[2])
+    assert mean[[zero, jammed, dead]] == pytest.approx([0.025, -0.2, 1.0])
+    assert np.count_nonzero(mean) == 3
+    assert not np.any(unknowns.mean_deviations(values, values[0])[dead])
