@@ -184,8 +184,8 @@ class Integrals:
 
         Args:
             task: Rows of the table, all of which have amounts or none; −1: no wide component.
-                Points of one set of attachments from which fits start, shape (n, size), and a
-                seed, which draws other lengths of the last of them as further starts.
+                Points of one set of attachments from which fits start, shape (n, size), the first
+                as stated, and a seed, which draws other lengths of the last as further starts.
 
         Returns:
             Laplace's approximation of the evidence, the row, and the point, for each row and set of
@@ -208,7 +208,7 @@ class Integrals:
             several.append(self._with_wide(starts, rows, signs * sizes))
         stopping = [row for row in rows if row >= 0 and table[row].stops is not None]
         for row in stopping:
-            still = self._standing_still(starts[-1], row, rng)
+            still = self._standing_still(starts[0], row, rng)
             several.append((still, np.full(len(still), row)))
         points, which = (np.concatenate(arrays) for arrays in zip(*several, strict=True))
         points, fits = self._polished_with(points, which)

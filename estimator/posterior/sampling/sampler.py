@@ -67,8 +67,8 @@ class Sampler:
 
     Args:
         unknowns: What the posterior is over. Deviations from what is stated are open when bodies
-            are weighed. Searches take the last posterior's mean deviations as fixed; none where
-            many attachments are open, since a wrong body's deviations are wrong, too.
+            are weighed. Searches take those of the last posterior as fixed (``mean_deviations``);
+            none where many attachments are open, since a wrong body's are wrong, too.
         make_physics: Makes a back-end for each population.
         effort: How much to do.
         seeds: One for each population, and one more for the sampler itself.

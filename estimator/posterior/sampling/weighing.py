@@ -232,15 +232,15 @@ class Weigher:
         """Guessed evidences of a set: without wide components, and with each of the best ones."""
         unknowns, table = self._predictor.unknowns, self._predictor.unknowns.table
         priors = log_priors(table)
+        point = narrow.hypothesis.point
         best = narrow.particles.values[int(np.argmax(narrow.particles.fits))]
-        # Also as stated: small deviations may stand in for a large one.
-        stated = unknowns.as_stated(unknowns.cube(narrow.hypothesis.point[None]))
         kinds = [[-1]]
         for switch in (True, False):
             rows = [n for n, one in enumerate(table) if one.switch == switch and one.name in priors]
             kinds += [rows[start : start + _ROWS] for start in range(0, len(rows), _ROWS)]
         seeds = self._rng.integers(2**32, size=len(kinds)).tolist()
-        starts = np.vstack([best, stated])
+        # Also as stated: small deviations may stand in for a large one.
+        starts = np.vstack([unknowns.as_stated(unknowns.cube(point[None])), best, point])
         tasks = [(rows, starts, seed) for rows, seed in zip(kinds, seeds, strict=True)]
         fitted = []
         for found, cost in self._workers.map(self._integrals.fitted_with_cost, tasks):
@@ -248,9 +248,9 @@ class Weigher:
             fitted += found
         (guess, _, _), *fitted = fitted
         wide = []
-        for of_row, row, point in fitted:
+        for of_row, row, own in fitted:
             prior = priors[table[row].name]
-            one = narrow.hypothesis._replace(point=point, wide=row, log_prior=prior)
+            one = narrow.hypothesis._replace(point=own, wide=row, log_prior=prior)
             wide.append((of_row + prior, one))
         wide.sort(key=lambda one: -one[0])
         rows = list(dict.fromkeys(one.wide for _, one in wide))
