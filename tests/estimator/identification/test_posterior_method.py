@@ -278,7 +278,7 @@ def test_what_a_robot_has_otherwise_is_named_with_its_amount(
 ) -> None:
     """And it has not changed, though other attachments were sure before that was known."""
     monkeypatch.setattr(posterior_method, "probability_of", lambda *_: 0.01)
-    more = Effort(levels=4, chains_per_level=16, steps=20, rounds=2, particles=256, samples=128)
+    more = Effort(levels=4, chains_per_level=32, steps=40, rounds=2, particles=256, samples=128)
     monkeypatch.setattr(posterior_method, "Effort", lambda: more)
     with serving(ModelRobot(travel=1.25)) as uri:
         asked = changed(order(tmp_path, uri), interactions=4, seed=1)
