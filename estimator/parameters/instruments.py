@@ -52,16 +52,11 @@ def as_sensed(readings: PredictedReadings, bodies: Bodies) -> PredictedReadings:
         *_, too_high, gain = own
         height = np.maximum(gain * clearance + too_high, 0.0)
         clearance = np.where(readings.saturated, clearance, height)
-    if odd_tilt or odd_distance:
-        readings = replace(readings, tilt=tilt, clearance=clearance)
-    if not odd_touch:
-        return readings
-    always = np.where(bodies.limp, 1, bodies.stuck)
-    rows, columns = np.nonzero((always != 0) & (bodies.sensor >= 0))
-    known = np.zeros(readings.touch.shape, dtype=np.int64)
-    known[rows, bodies.sensor[rows, columns]] = always[rows, columns]
-    return replace(
-        readings,
-        touch=np.where(known == 0, readings.touch, known > 0),
-        touch_doubtful=readings.touch_doubtful & (known == 0),
-    )
+    touch, doubtful = readings.touch, readings.touch_doubtful
+    if odd_touch:
+        always = np.where(bodies.limp, 1, bodies.stuck)
+        rows, columns = np.nonzero((always != 0) & (bodies.sensor >= 0))
+        known = np.zeros(touch.shape, dtype=np.int64)
+        known[rows, bodies.sensor[rows, columns]] = always[rows, columns]
+        touch, doubtful = np.where(known == 0, touch, known > 0), doubtful & (known == 0)
+    return replace(readings, tilt=tilt, clearance=clearance, touch=touch, touch_doubtful=doubtful)
