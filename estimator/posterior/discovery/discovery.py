@@ -30,7 +30,7 @@ from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
 
 _WATCHED: Final = 3  # coldest levels, whose chains' attachments are kept
-_WATCHING: Final = 4  # divides the steps while converged attachments explain the readings
+_FEW_STEPS: Final = 2 * EVERY  # where chains hardly have to look for attachments
 _POLISHED: Final = 200  # sets of attachments whose lengths are optimised in one round
 _POLISHED_BESIDE: Final = 40  # the same where neighbours are tried
 _LEADERS: Final = 4  # sets of attachments in one sweep
@@ -129,13 +129,15 @@ class Discovery:
         """One round.
 
         Args:
-            steps: Of the chains; a part of them where the search has converged.
+            steps: Of the chains; few where the search has converged, or lengths alone are open:
+                then others are tried by themselves.
 
         Returns:
             All sets of attachments that were found so far.
         """
         population, visited = self.population, self._visited
-        for step in range(steps // _WATCHING if self._has_converged() else steps):
+        few = self._has_converged() or not self.predictor.unknowns.choices.size
+        for step in range(min(steps, _FEW_STEPS) if few else steps):
             population.step()
             if step % EVERY == EVERY - 1:
                 levels = slice(0, _WATCHED * population.chains_per_level)

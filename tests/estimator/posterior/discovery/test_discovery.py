@@ -3,17 +3,34 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from estimator.body.morphology import Array
+from estimator.body.morphology import Array, Base
+from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.discovery import discovery
 from estimator.posterior.discovery.discovery import Discovery
 from estimator.posterior.discovery.population import Population
 from estimator.posterior.model.gauss_newton import GaussNewton
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.sensor_data import SensorData
-from estimator.posterior.model.unknowns import Predictor
+from estimator.posterior.model.unknowns import Predictor, Unknowns
+from estimator.problem.genome import Genome
+from estimator.problem.problem import Problem
 from tests.estimator.two_unknown_rows import NOISE, draw, programs
 
 POINT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
+
+
+@pytest.fixture
+def moved(monkeypatch: pytest.MonkeyPatch) -> list[Population]:
+    """The populations that were moved, each as often as that happened."""
+    moved: list[Population] = []
+    step = Population.step
+
+    def counted(population: Population) -> None:
+        moved.append(population)
+        step(population)
+
+    monkeypatch.setattr(Population, "step", counted)
+    return moved
 
 
 @pytest.fixture
@@ -59,7 +76,7 @@ def test_a_search_for_much_begins_with_lengths_to_which_any_of_its_best_starts_l
 
 @pytest.mark.parametrize("agreed", [True, False])
 def test_what_all_searches_agreed_on_is_only_watched_while_it_explains_all(
-    predictor: Predictor, monkeypatch: pytest.MonkeyPatch, *, agreed: bool
+    predictor: Predictor, moved: list[Population], monkeypatch: pytest.MonkeyPatch, *, agreed: bool
 ) -> None:
     tried: list[Array] = []
 
@@ -67,15 +84,8 @@ def test_what_all_searches_agreed_on_is_only_watched_while_it_explains_all(
         tried.append(leader)
         return leader[None]
 
-    moved: list[Population] = []
-    step = Population.step
-
-    def counted(population: Population) -> None:
-        moved.append(population)
-        step(population)
-
     monkeypatch.setattr(discovery, "other_attachments", other_attachments)
-    monkeypatch.setattr(Population, "step", counted)
+    monkeypatch.setattr(discovery, "_FEW_STEPS", 2)
     data = draw(predictor, POINT, programs(4), np.random.default_rng(2), outlier=0.0)
     rng = np.random.default_rng(1)
     population = Population.of_prior(predictor, rng, levels=4, chains_per_level=8)
@@ -88,3 +98,17 @@ def test_what_all_searches_agreed_on_is_only_watched_while_it_explains_all(
     assert search.explains()
     assert bool(tried) is not agreed
     assert len(moved) == (2 if agreed else 8)
+
+
+def test_lengths_alone_are_found_with_few_steps_of_the_chains(moved: list[Population]) -> None:
+    genome = Genome(Problem.load("parametric"), Base(size=(0.14, 0.14, 0.085), mass=1.0))
+    predictor, rng = Predictor(Unknowns(genome), StaticsPhysics()), np.random.default_rng(1)
+    true = rng.random(predictor.unknowns.size)
+    likelihood = Likelihood(draw(predictor, true, programs(6), rng, outlier=0.0), NOISE)
+    population = Population.of_prior(predictor, rng, levels=4, chains_per_level=8)
+    search = Discovery(population, predictor, rng, explores=False)
+    search.observe(likelihood)
+    search.search(40)
+    assert len(moved) == 10
+    _, (known,) = GaussNewton(predictor, likelihood).polished(true[None])
+    assert search.best().fits[0] > known - 0.5
