@@ -226,7 +226,7 @@ def ranked(
         unexplained: Interactions that a point has to explain to be better than those known: points
             are compared by these first, if there are any.
     """
-    interactions = np.arange(solver.interactions)
+    interactions = np.arange(len(solver.likelihood))
     if len(points) <= _FEWEST or interactions.size <= _TRIED_FIRST:
         fits = solver.rough_fits(points).sum(axis=1)
         return points[np.argsort(-fits, kind="stable")]

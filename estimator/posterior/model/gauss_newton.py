@@ -126,25 +126,22 @@ class GaussNewton:
     Args:
         predictor: Computes readings.
         likelihood: Of the observations.
+
+    Attributes:
+        predictor: As above, like ``likelihood``.
     """
 
     def __init__(self, predictor: Predictor, likelihood: Likelihood) -> None:
-        self._predictor = predictor
-        self._likelihood = likelihood
+        self.predictor, self.likelihood = predictor, likelihood
 
     def fits(self, values: Array) -> Array:
         """Log-likelihood of n points, shape (n, size), unknown noise factors integrated out."""
-        return self._likelihood.integrated(self._likelihood.misfits_of(self._predictor, values))
-
-    @property
-    def interactions(self) -> int:
-        """How many there are."""
-        return len(self._likelihood)
+        return self.likelihood.integrated(self.likelihood.misfits_of(self.predictor, values))
 
     def unexplained(self, value: Array) -> list[int]:
         """Interactions that a point, shape (size,), leaves unexplained, the latest first."""
-        misfits = self._likelihood.misfits_of(self._predictor, value[None])
-        unexplained = np.flatnonzero(self._likelihood.inlier_share(misfits)[0] < 0.5)
+        misfits = self.likelihood.misfits_of(self.predictor, value[None])
+        unexplained = np.flatnonzero(self.likelihood.inlier_share(misfits)[0] < 0.5)
         return list(reversed(unexplained.tolist()))
 
     def rough_fits(self, values: Array, interactions: Columns | None = None) -> Array:
@@ -152,15 +149,15 @@ class GaussNewton:
 
         Under ``ROUGH`` times the announced noise, with all bodies falling as statics has it.
         """
-        bodies = self._predictor.unknowns.bodies(values)
-        misfits = self._likelihood.misfits_of_bodies(
-            self._predictor, bodies, interactions, branches=0
+        bodies = self.predictor.unknowns.bodies(values)
+        misfits = self.likelihood.misfits_of_bodies(
+            self.predictor, bodies, interactions, branches=0
         )
         which = None if interactions is None else interactions[None]
-        return self._likelihood.of(misfits, ROUGH, interactions=which)
+        return self.likelihood.of(misfits, ROUGH, interactions=which)
 
     def _all(self, values: Array, free: Free | None) -> Free:
-        return free or Free.lengths(self._predictor.unknowns.continuous, len(values))
+        return free or Free.lengths(self.predictor.unknowns.continuous, len(values))
 
     def polished(
         self, values: Array, most: int | None = None, free: Free | None = None
@@ -202,16 +199,16 @@ class GaussNewton:
         farthest = np.where(free.normal, _FARTHEST_AWAY, _FARTHEST)
         size = np.max(np.abs(step) / farthest, axis=1, keepdims=True, initial=0.0)
         step *= np.minimum(1.0, 1.0 / np.maximum(size, 1e-12))
-        best = self._likelihood.of(slopes.misfits, noise_scale).sum(axis=1) + free.log_prior(values)
+        best = self.likelihood.of(slopes.misfits, noise_scale).sum(axis=1) + free.log_prior(values)
         branches = slopes.misfits[..., BRANCH]
         rows = np.arange(len(values))
         for share in (1.0, _SHORTER):
             own = free[rows]
             trial = own.within(values[rows], own.of(values[rows]) + share * step[rows])
-            misfits = self._likelihood.misfits_of(
-                self._predictor, trial, branches=branches[rows], coarse_step=noise_scale > 1
+            misfits = self.likelihood.misfits_of(
+                self.predictor, trial, branches=branches[rows], coarse_step=noise_scale > 1
             )
-            fits = self._likelihood.of(misfits, noise_scale).sum(axis=1) + own.log_prior(trial)
+            fits = self.likelihood.of(misfits, noise_scale).sum(axis=1) + own.log_prior(trial)
             better = fits > best[rows]
             values[rows[better]], best[rows[better]] = trial[better], fits[better]
             rows = rows[~better]
@@ -228,23 +225,23 @@ class GaussNewton:
         free = self._all(values, free)
         count, (_, size) = len(values), free.columns.shape
         wide = noise_scale > 1
-        misfits = self._likelihood.misfits_of(self._predictor, values, branches=0 if wide else None)
+        misfits = self.likelihood.misfits_of(self.predictor, values, branches=0 if wide else None)
         own, step = free.of(values), np.where(free.normal, _LITTLE, _STEP)
         step = np.where(own + step > np.where(free.normal, np.inf, 1.0), -step, step)
         moved = np.repeat(values, size, axis=0)
         at = np.arange(len(moved)), free.columns.ravel()
         moved[at] += (step * free.spreads).ravel()
         branches = np.repeat(misfits[..., BRANCH], size, axis=0)
-        others = self._likelihood.misfits_of(
-            self._predictor, moved, branches=branches, coarse_step=wide
+        others = self.likelihood.misfits_of(
+            self.predictor, moved, branches=branches, coarse_step=wide
         )
-        residuals = self._likelihood.data.residuals(misfits)
-        there = self._likelihood.data.residuals(others).reshape(
-            count, size, len(self._likelihood), -1
+        residuals = self.likelihood.data.residuals(misfits)
+        there = self.likelihood.data.residuals(others).reshape(
+            count, size, len(self.likelihood), -1
         )
         change = there - residuals[:, None]
-        weight = self._likelihood.inlier_share(misfits, noise_scale)[..., None]
-        sigmas = noise_scale * self._likelihood.sigmas
+        weight = self.likelihood.inlier_share(misfits, noise_scale)[..., None]
+        sigmas = noise_scale * self.likelihood.sigmas
         weight = weight * step_weight(residuals / sigmas) / sigmas**2
         weight = np.where(np.max(np.abs(change), axis=1, initial=0.0) > _JUMP, 0.0, weight)
         change /= step[:, :, None, None]
@@ -261,6 +258,28 @@ class GaussNewton:
         log_precision = np.linalg.slogdet(self.slopes(values, free=free).precision)[1]
         volumes: Array = 0.5 * (lengths * math.log(2 * math.pi) - log_precision)
         return np.minimum(0.0, volumes)
+
+    def evidences(self, values: Array, free: Free | None = None) -> Array:
+        """Laplace's approximation of the log-evidences of n points' attachments, shape (n,).
+
+        They decide which sets of attachments are weighed (``weighing``).
+
+        Args:
+            values: The best point of each set, shape (n, size).
+            free: What it is integrated over; lengths by default.
+        """
+        fits = self.fits(values) + (free.log_prior(values) if free else 0.0)
+        log_prior = self.predictor.unknowns.log_prior(values)
+        evidences: Array = fits + self.half_volumes(values, free) + log_prior
+        return evidences
+
+    def as_built(self, values: Array) -> tuple[Array, Array]:
+        """The best points with narrow components open, shape (n, size), and their evidences."""
+        table = self.predictor.unknowns.table
+        narrow = {row: one.narrow for row, one in enumerate(table) if one.narrow}
+        free = Free.with_parameters(self.predictor.unknowns, [narrow] * len(values))
+        points, _ = self.polished(values, free=free)
+        return points, self.evidences(points, free)
 
 
 def best_of_each(keys: Sequence[Attachments] | Columns, fits: Array, most: int = 1) -> Columns:

@@ -23,10 +23,10 @@ from estimator.body.morphology import Array
 from estimator.posterior.checks.verdict import POOR, Fit, fit_of
 from estimator.posterior.discovery.discovery import BestPoints, Discovery
 from estimator.posterior.discovery.population import EVERY, Population
+from estimator.posterior.model.gauss_newton import GaussNewton
 from estimator.posterior.model.special import softmax
 from estimator.posterior.model.unknowns import Attachments
 from estimator.posterior.posterior import Mode, Posterior, coverage, found_by_each
-from estimator.posterior.sampling.evidence import EvidenceEstimator
 from estimator.storage.posteriors import OUTLIERS
 
 CONSIDERED: Final = 16.0
@@ -64,34 +64,30 @@ class Agreement:
     may_err: bool
 
     @classmethod
-    def of(
-        cls, bodies: Sequence[BestPoints], deviations: Array, estimator: EvidenceEstimator
-    ) -> Self:
+    def of(cls, bodies: Sequence[BestPoints], deviations: Array, solver: GaussNewton) -> Self:
         """Compares what the populations have found.
 
         Args:
             bodies: The best points of each population.
             deviations: Of all these bodies from what is stated, shape (rows,).
-            estimator: Guesses evidences.
+            solver: Approximates evidences.
         """
-        predictor, likelihood = estimator.predictor, estimator.likelihood
+        predictor, likelihood = solver.predictor, solver.likelihood
         unknowns = predictor.unknowns
         together = BestPoints.joined(bodies, unknowns)
         best = float(together.fits[0])
         values = unknowns.with_deviations(together.values, deviations)
         considered = values[together.fits > best - CONSIDERED]
-        points, guesses = considered, estimator.guess(considered)
+        points, guesses = considered, solver.evidences(considered)
         fit = fit_of(points[int(np.argmax(guesses))], predictor, likelihood)
         if unknowns.table and fit.is_improvable:
             considered = values[together.fits > best - CONSIDERED - _BUILT]
-            points, guesses = considered.copy(), estimator.guess(considered)
+            points, guesses = considered.copy(), solver.evidences(considered)
             first = np.argsort(-guesses, kind="stable")[:_FITTED]
-            points[first], guesses[first] = estimator.as_built(considered[first])
+            points[first], guesses[first] = solver.as_built(considered[first])
             fit = fit_of(points[int(np.argmax(guesses))], predictor, likelihood)
         found = [
-            attachments_found(
-                unknowns.with_deviations(one.values, deviations), considered, estimator
-            )
+            attachments_found(unknowns.with_deviations(one.values, deviations), considered, solver)
             for one in bodies
         ]
         return cls(
@@ -157,23 +153,21 @@ class Agreement:
         return float(sum(shares[row] for row, key in enumerate(self.keys) if key in some))
 
 
-def attachments_found(
-    values: Array, points: Array, estimator: EvidenceEstimator
-) -> set[Attachments]:
+def attachments_found(values: Array, points: Array, solver: GaussNewton) -> set[Attachments]:
     """Sets of attachments that a population has found with a fit about as good as the best known.
 
     Args:
         values: Its points, shape (n, size).
         points: The best point of each set that is considered, of any population, shape (m, size).
-        estimator: Computes fits.
+        solver: Computes fits.
     """
-    unknowns = estimator.predictor.unknowns
+    unknowns = solver.predictor.unknowns
     keys = unknowns.keys(values)
     if not unknowns.choices.size:
         return set(keys)  # all have the same
-    best = dict(zip(unknowns.keys(points), estimator.fits(points).tolist(), strict=True))
+    best = dict(zip(unknowns.keys(points), solver.fits(points).tolist(), strict=True))
     rows = [row for row, key in enumerate(keys) if key in best]
-    fits = estimator.fits(values[rows])
+    fits = solver.fits(values[rows])
     return {
         keys[row] for row, fit in zip(rows, fits, strict=True) if fit > best[keys[row]] - _AS_GOOD
     }

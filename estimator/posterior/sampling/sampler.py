@@ -18,11 +18,11 @@ from estimator.physics.base import ArrayPhysics
 from estimator.posterior.checks.verdict import fit_of
 from estimator.posterior.discovery.discovery import Discovery
 from estimator.posterior.discovery.population import Population
+from estimator.posterior.model.gauss_newton import GaussNewton
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.special import logsumexp, softmax
 from estimator.posterior.model.unknowns import Attachments, Cost, Predictor, Unknowns
 from estimator.posterior.posterior import Mode, Posterior, found_by_each, systematic
-from estimator.posterior.sampling.evidence import EvidenceEstimator
 from estimator.posterior.sampling.mixing import mixed
 from estimator.posterior.sampling.populations import Agreement, explored
 from estimator.posterior.sampling.weighing import Weigher
@@ -226,13 +226,13 @@ class Sampler:
         """
         effort, late = self._effort, len(likelihood) >= self._telling
         restartable = bool(self.predictor.unknowns.choices.size) and not self._explores
-        estimator = EvidenceEstimator(self.predictor, likelihood)
+        solver = GaussNewton(self.predictor, likelihood)
         number, restarts = 0, 0
         going = [not searched] * len(self._searches)
         while True:
             self._search(going, restarts=restarts > 0)
             bodies = [search.best() for search in self._searches]
-            agreement = Agreement.of(bodies, self._deviations, estimator)
+            agreement = Agreement.of(bodies, self._deviations, solver)
             fresh = 1 - agreement.share_of(known)
             known.update(agreement.keys)
             number += 1

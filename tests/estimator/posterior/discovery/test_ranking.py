@@ -17,7 +17,7 @@ POINT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
 
 
 def fits_of(points: Array, lengths: GaussNewton) -> Array:
-    each: Array = lengths.rough_fits(points, np.arange(lengths.interactions)).sum(axis=1)
+    each: Array = lengths.rough_fits(points, np.arange(len(lengths.likelihood))).sum(axis=1)
     return each
 
 

@@ -16,7 +16,6 @@ from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.sampling import populations
-from estimator.posterior.sampling.evidence import EvidenceEstimator
 from estimator.posterior.sampling.populations import Agreement, attachments_found
 from estimator.posterior.sampling.sampler import Effort, Sampler
 from tests.estimator.exploration.test_few_limbs import genome_of
@@ -30,13 +29,13 @@ def test_attachments_met_with_lengths_that_explain_nothing_are_not_met(
 ) -> None:
     data = draw(predictor, POINT, programs(4), np.random.default_rng(2))
     likelihood = Likelihood(data, NOISE)
-    estimator = EvidenceEstimator(predictor, likelihood)
-    best, _ = GaussNewton(predictor, likelihood).polished(POINT[None])
+    solver = GaussNewton(predictor, likelihood)
+    best, _ = solver.polished(POINT[None])
     elsewhere = best.copy()
     elsewhere[:, predictor.unknowns.continuous] = 0.95
     (key,) = predictor.unknowns.keys(best)
     for values, found in ((best, {key}), (elsewhere, set())):
-        assert attachments_found(values, best, estimator) == found
+        assert attachments_found(values, best, solver) == found
 
 
 def test_attachments_about_as_probable_as_the_leaders_lead_too() -> None:
