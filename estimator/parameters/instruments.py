@@ -36,6 +36,8 @@ def as_sensed(readings: PredictedReadings, bodies: Bodies) -> PredictedReadings:
         bodies: These.
     """
     odd_tilt, odd_distance, odd_touch = bodies.odd_sensors
+    if not (odd_tilt or odd_distance or odd_touch):
+        return readings
     tilt, clearance = readings.tilt, readings.clearance
     whole, rows = bodies.origin
     own = whole.base[:, LEVEL.start : ROUND].T.take(rows, axis=1)  # one after the other in memory
