@@ -1,8 +1,9 @@
-"""Derivatives of readings by a body's lengths, and the lengths that fit best (Gauss-Newton).
+"""Derivatives of readings by a body's lengths, the lengths that fit best, approximate evidences.
 
 A resting pose is a smooth function of the lengths between one set of contacts and the next, so a
 few Gauss-Newton steps find the best lengths of a set of attachments. Interactions count by how
-surely they are no outliers, under noise that narrows from step to step.
+surely they are no outliers, under noise that narrows from step to step. At the best lengths the
+derivatives give Laplace's approximation of the evidence.
 """
 
 from __future__ import annotations
@@ -121,7 +122,7 @@ class Free:
 
 
 class GaussNewton:
-    """Finds the lengths that fit best, and what else is fitted with them.
+    """Finds the lengths that fit best, what else is fitted with them, and approximate evidences.
 
     Args:
         predictor: Computes readings.
@@ -273,7 +274,7 @@ class GaussNewton:
         evidences: Array = fits + self.half_volumes(values, free) + log_prior
         return evidences
 
-    def as_built(self, values: Array) -> tuple[Array, Array]:
+    def evidences_as_built(self, values: Array) -> tuple[Array, Array]:
         """The best points with narrow components open, shape (n, size), and their evidences."""
         table = self.predictor.unknowns.table
         narrow = {row: one.narrow for row, one in enumerate(table) if one.narrow}

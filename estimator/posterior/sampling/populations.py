@@ -84,7 +84,7 @@ class Agreement:
             considered = values[together.fits > best - CONSIDERED - _BUILT]
             points, guesses = considered.copy(), solver.evidences(considered)
             first = np.argsort(-guesses, kind="stable")[:_FITTED]
-            points[first], guesses[first] = solver.as_built(considered[first])
+            points[first], guesses[first] = solver.evidences_as_built(considered[first])
             fit = fit_of(points[int(np.argmax(guesses))], predictor, likelihood)
         found = [
             attachments_found(unknowns.with_deviations(one.values, deviations), considered, solver)
