@@ -163,27 +163,25 @@ class Weigher:
             weights[row] = one
         if not unknowns.table:
             return None
-        first = [close[0], 0]  # the best, also as first guessed
+        screened = [close[0], 0]  # the best, also as first guessed
         if self._strays([weights[row] for row in again] or weights):
-            first += [*close[:_LEADERS], *range(min(_LEADERS, len(weights)))]
-        screened = [self._screened(weights[row]) for row in dict.fromkeys(first)]
-        least = max(guess for guess, _ in screened) - _WEIGHED
-        several = sorted((one for _, some in screened for one in some), key=lambda one: one[0])
-        keys = [(one.wide, *unknowns.keys(one.point[None])) for _, one in several]
-        once = {key: one for key, (guess, one) in zip(keys, several, strict=True) if guess > least}
-        rough = self._of(list(once.values()), _FEWEST, thoroughness=0)
+            screened += [*close[:_LEADERS], *range(min(_LEADERS, len(weights)))]
+        self._add_wide(weights, self._screened(list(dict.fromkeys(screened)), weights))
+        self._weigh_causes_carefully(weights)
+        return finer[-1]
+
+    def _add_wide(self, weights: list[_Weight], causes: Sequence[Hypothesis]) -> None:
+        """Adds weights of hypotheses with wide components, finer ones where these are probable."""
+        rough = self._of(causes, _FEWEST, thoroughness=0)
         leader = max([*weights, *rough], key=lambda one: one.log).hypothesis
         if leader.wide >= 0:
-            others = self._others_with(leader, rough, weights)
-            rough += self._of(others, _FEWEST, thoroughness=0)
+            rough += self._of(self._others_with(leader, rough, weights), _FEWEST, thoroughness=0)
         rough.sort(key=lambda one: -one.log)
         best = max(one.log for one in [*rough, *weights])
         worth = {leader.wide: _WEIGHED}  # other sets may be as probable with it
         rough = [one for one in rough if one.log > best - worth.get(one.hypothesis.wide, _WORTH)]
         wide = [one.hypothesis for one in rough[:_FEW]]
         weights += [*self._of(wide, self._particles), *rough[len(wide) :]]
-        self._weigh_causes_carefully(weights)
-        return finer[-1]
 
     def _weigh_causes_carefully(self, weights: list[_Weight]) -> None:
         """Replaces the best weights by less noisy ones if wide components are among them.
@@ -205,11 +203,11 @@ class Weigher:
 
         Under that deviation other sets may explain the readings than without it.
         """
-        known = set(self._sets([one for one in rough if one.hypothesis.wide == leader.wide]))
-        narrow = sorted(narrow, key=lambda one: -one.log)
-        choices = self._predictor.unknowns.choices
+        own = [one.hypothesis for one in rough if one.hypothesis.wide == leader.wide]
+        best_first = [one.hypothesis for one in sorted(narrow, key=lambda one: -one.log)]
+        known, choices = set(self._sets(own)), self._predictor.unknowns.choices
         others: list[Hypothesis] = []
-        for key, (one, *_) in zip(self._sets(narrow), narrow, strict=True):
+        for key, one in zip(self._sets(best_first), best_first, strict=True):
             if key not in known and len(others) < _OTHERS:
                 known.add(key)
                 point = leader.point.copy()
@@ -217,18 +215,25 @@ class Weigher:
                 others.append(leader._replace(point=point, log_chance=one.log_chance))
         return others
 
-    def _sets(self, weights: Sequence[_Weight]) -> list[Attachments]:
+    def _sets(self, hypotheses: Sequence[Hypothesis]) -> list[Attachments]:
         """The set of attachments of each."""
-        return self._predictor.unknowns.keys(np.array([one.hypothesis.point for one in weights]))
+        return self._predictor.unknowns.keys(np.array([one.point for one in hypotheses]))
 
     def _strays(self, weights: Sequence[_Weight]) -> bool:
         """Whether the best fit of these lies farther from the readings than noise explains."""
         read = sum(self._likelihood.data.observed[name].count.sum() for name in SCALED)
-        best = float(self._likelihood.best().sum())
         fit = max(float(one.particles.fits.max()) for one in weights)
-        return best - fit - MEAN_LOSS * float(read) >= _STRAYS
+        return float(self._likelihood.best().sum()) - fit - MEAN_LOSS * float(read) >= _STRAYS
 
-    def _screened(self, narrow: _Weight) -> tuple[float, Sequence[tuple[float, Hypothesis]]]:
+    def _screened(self, rows: Sequence[int], weights: Sequence[_Weight]) -> list[Hypothesis]:
+        """What is worth weighing of the wide components that some sets may have, each once."""
+        guessed = [self._guessed(weights[row]) for row in rows]
+        least = max(guess for guess, _ in guessed) - _WEIGHED
+        several = sorted((one for _, some in guessed for one in some), key=lambda one: one[0])
+        causes = [one for guess, one in several if guess > least]
+        return list({(one.wide, *self._sets([one])[0]): one for one in causes}.values())
+
+    def _guessed(self, narrow: _Weight) -> tuple[float, Sequence[tuple[float, Hypothesis]]]:
         """Guessed evidences of a set: without wide components, and with each of the best ones."""
         unknowns, table = self._predictor.unknowns, self._predictor.unknowns.table
         priors = log_priors(table)
@@ -259,11 +264,7 @@ class Weigher:
         return guess, [one for one in wide if one[1].wide in {*switches, *others}]
 
     def _of(
-        self,
-        hypotheses: Sequence[Hypothesis],
-        particles: int,
-        *,
-        thoroughness: int = 1,
+        self, hypotheses: Sequence[Hypothesis], particles: int, *, thoroughness: int = 1
     ) -> list[_Weight]:
         """Weights of hypotheses, with their points replaced by better ones.
 
@@ -298,7 +299,7 @@ class Weigher:
     def _summed(
         self, weights: Sequence[_Weight], stated: _Weight | None, samples: int
     ) -> WeighedModes:
-        keys = self._sets(weights)
+        keys = self._sets([one.hypothesis for one in weights])
         sets = {key: number for number, key in enumerate(dict.fromkeys(keys))}
         mode = np.array([sets[key] for key in keys])
         shares = softmax(np.array([one.log for one in weights]))
@@ -369,9 +370,8 @@ class Weigher:
 
 def _close(weights: Sequence[_Weight]) -> list[int]:
     """Indices of the weights within ``_CLOSE`` of the best, best first."""
-    best = max(one.log for one in weights)
     rows = sorted(range(len(weights)), key=lambda row: -weights[row].log)
-    return [row for row in rows if weights[row].log > best - _CLOSE]
+    return [row for row in rows if weights[row].log > weights[rows[0]].log - _CLOSE]
 
 
 def drawn(guesses: Array, rng: np.random.Generator) -> tuple[Columns, Array]:
