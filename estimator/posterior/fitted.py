@@ -25,7 +25,7 @@ from estimator.physics.base import ArrayPhysics
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.noise import Noise
 from estimator.posterior.model.sensor_data import SensorData
-from estimator.posterior.model.unknowns import Columns, Predictor, Unknowns
+from estimator.posterior.model.unknowns import ChangedUnknowns, Columns, Predictor, Unknowns
 from estimator.posterior.posterior import Posterior, systematic
 from estimator.posterior.summary import load_posterior
 from estimator.problem.genome import Genome
@@ -292,7 +292,7 @@ class FittedPosterior:
         genes = self.posterior.values.shape[1] - len(self.genome.genes)
         table = self.problem.table if genes else ()
         if self.changes:
-            return _Changed(self.genome, table, self.changes)
+            return ChangedUnknowns(self.genome, table, self.changes)
         return Unknowns(self.genome, table)
 
     @cached_property
@@ -428,25 +428,3 @@ class FittedPosterior:
 def each_with_each(count: int, programs: Array) -> tuple[Columns, Array]:
     """Numbers of all bodies with the first program, then with the next; and their programs."""
     return np.tile(np.arange(count), len(programs)), np.repeat(programs, count, axis=0)
-
-
-class _Changed(Unknowns):
-    """The cube of a problem, with a column more for the amount of each change since.
-
-    Args:
-        genome: The code between genes and bodies.
-        table: What was otherwise than stated when the robot was identified.
-        changes: What has changed.
-    """
-
-    def __init__(self, genome: Genome, table: Sequence[Parameter], changes: Sequence[Parameter]):
-        super().__init__(genome, table)
-        self._identified = self.size
-        self._changes = tuple(changes)
-
-    def bodies(self, values: Array) -> Bodies:
-        """The bodies of n points, each changed by its own amounts."""
-        bodies = super().bodies(values[:, : self._identified])
-        for row, theta in zip(self._changes, values[:, self._identified :].T, strict=True):
-            bodies = row.applied(bodies, row.amounts(row.wide or 1.0, theta))
-        return bodies

@@ -199,6 +199,28 @@ class Unknowns:
         return list(map(tuple, self.attachments(values).tolist()))
 
 
+class ChangedUnknowns(Unknowns):
+    """The cube of a problem, with a column more for the amount of each change since.
+
+    Args:
+        genome: The code between genes and bodies.
+        table: What was otherwise than stated when the robot was identified.
+        changes: What has changed.
+    """
+
+    def __init__(self, genome: Genome, table: Sequence[Parameter], changes: Sequence[Parameter]):
+        super().__init__(genome, table)
+        self._identified = self.size
+        self._changes = tuple(changes)
+
+    def bodies(self, values: Array) -> Bodies:
+        """The bodies of n points, each changed by its own amounts."""
+        bodies = super().bodies(values[:, : self._identified])
+        for row, theta in zip(self._changes, values[:, self._identified :].T, strict=True):
+            bodies = row.applied(bodies, row.amounts(row.wide or 1.0, theta))
+        return bodies
+
+
 class Cost(NamedTuple):
     """Counts of what was computed.
 
