@@ -226,8 +226,13 @@ class Integrals:
         return fitted, self._predictor.cost.since(before)
 
     def _polished_with(self, points: Array, which: Columns) -> tuple[Array, Array]:
-        """Points that fit better, each with its wide component, and their fits with all priors."""
+        """Points that fit better, each with its wide component, and their fits with all priors.
+
+        Where no reading tells of an amount the prior leads it to 0, which is as stated: no fit.
+        """
         polished, fits = self._solver.polished(points, free=self._with_amounts(which))
+        amounts = polished[np.arange(len(which)), self._first + which]
+        fits = np.where((which >= 0) & (amounts == 0), -np.inf, fits)
         return polished, fits + self._predictor.unknowns.log_narrow(polished, which)
 
     def _with_amounts(self, which: Columns) -> Free:

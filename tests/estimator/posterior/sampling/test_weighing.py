@@ -156,6 +156,18 @@ def test_a_leg_that_stands_still_is_tried_on_every_hinge(
     assert abs(best[angle]) == pytest.approx(0.2, abs=0.03)
 
 
+def test_an_amount_that_the_prior_led_back_to_nothing_is_no_fit(
+    jammed: tuple[Array, Likelihood, Predictor, int, int],
+) -> None:
+    """Where a cause contradicts all readings none tells its amount, and 0 would be as stated."""
+    true, likelihood, predictor, _, _ = jammed
+    unknowns = predictor.unknowns
+    row = [one.name for one in unknowns.table].index("servo of leg 2 jammed")
+    found, _ = Integrals(predictor, likelihood).fitted_with_cost(([row], true[None], 4))
+    fits = GaussNewton(predictor, likelihood).fits(true[None])
+    assert max(guess for guess, _, _ in found) < fits[0] - 10.0
+
+
 def test_what_two_sets_lead_to_is_weighed_once(
     jammed: tuple[Array, Likelihood, Predictor, int, int],
 ) -> None:
