@@ -21,7 +21,7 @@ from estimator.exploration.best_programs import CANDIDATES, best_programs
 from estimator.exploration.few_limbs import limbs_of, with_few_limbs
 from estimator.exploration.information_gain import InformationGain
 from estimator.exploration.rules import Choice, Situation
-from estimator.parameters.table import deviating
+from estimator.parameters.table import deviating, prior_probabilities
 from estimator.posterior.fitted import FittedPosterior, each_with_each
 from estimator.posterior.model.likelihood import FORKS, GRAVITY_TILTS
 from estimator.posterior.model.unknowns import Predictor
@@ -84,6 +84,9 @@ _THINNED: Final = slice(None, None, 2)  # the bodies by which all but finalists 
 _MORE_DRAWS: Final = 800  # readings drawn for each finalist
 _AT_ONCE: Final = 4096  # readings computed at once, whose bodies fit into a processor's cache
 _COMPETES: Final = 0.005  # share of the posterior from which a cause competes
+_AS_LIKELY: Final = 0.02  # of the best evidence, from which it does if the body would be another
+_OFF: Final = 2.0  # standard deviations from which a length is another
+_TRIFLE: Final = 0.01  # of a length's range, that these have at least
 _THICKER: Final = 1.4  # factor on radii under which a predicted pose must stay the same
 _PREDICTABLE: Final = math.radians(2.0)  # least path margin of a pose; else forks look best
 _PLUMB: Final = GRAVITY_TILTS[:1]
@@ -167,8 +170,8 @@ class Chooser:
     ) -> InformativeProgram:
         """The motor program that is expected to tell most.
 
-        Where attachments have converged and causes compete (wide components of the table of
-        parameters, or that there is none), each counts by the square root of its share, and
+        Where causes compete (wide components of the table of parameters, or that there is none),
+        they count by what the readings say of each, however improbable it was before, and
         information about which of them it is counts twice: leg lengths are worth little while a
         servo may turn the other way.
 
@@ -230,22 +233,39 @@ class Chooser:
         )
 
     def _causes(self, posterior: Posterior) -> tuple[tuple[int, ...], Posterior]:
-        """The causes that compete, and the posterior with their shares made more even."""
-        own = self._deviating(posterior.values)
-        rows, which = np.unique(own, return_inverse=True)
+        """The causes that compete, and the posterior in which they count by their evidences.
+
+        Those with a share, and those that are about as likely by the readings, if they make another
+        body. All beside the most probable one have half of that posterior at most.
+        """
+        rows, which = np.unique(self._deviating(posterior.values), return_inverse=True)
         shares = np.bincount(which, posterior.weights)
-        compete = shares >= _COMPETES
-        if compete.sum() < 2 or not self._converged(posterior.values).any():
+        first = int(np.argmax(shares))
+        evidences = shares / prior_probabilities(self._predictor.unknowns.table)[rows]
+        likely = (evidences >= _AS_LIKELY * evidences.max()) & (shares > 0)
+        compete = (shares >= _COMPETES) | (likely & self._otherwise(posterior.values, which, first))
+        if compete.sum() < 2:
             return (), posterior
-        even = np.where(compete, np.sqrt(shares), 0.0) / shares.clip(_COMPETES)
-        weights = posterior.weights * even[which]
+        counts = np.where(compete, np.sqrt(evidences), 0.0)
+        counts[first] = max(counts[first], counts.sum() - counts[first])
+        weights = posterior.weights * (counts / np.where(compete, shares, 1.0))[which]
         order = np.argsort(-np.where(compete, shares, 0.0), kind="stable")[: compete.sum()]
         return tuple(rows[order].tolist()), replace(posterior, weights=weights / weights.sum())
 
+    def _otherwise(self, values: Array, which: NDArray[np.int64], first: int) -> Flags:
+        """Which groups of points have other attachments or lengths than the first group has."""
+        unknowns = self._predictor.unknowns
+        keys, lengths = unknowns.keys(values), values[:, unknowns.continuous]
+        known = {key for key, own in zip(keys, which == first, strict=True) if own}
+        of_first = lengths[which == first]
+        off = np.abs(lengths - np.median(of_first, axis=0))
+        far = np.any(off > _OFF * np.maximum(of_first.std(axis=0), _TRIFLE), axis=1)
+        other = far | np.array([key not in known for key in keys])
+        return np.bincount(which, other) > 0.5 * np.bincount(which)
+
     def _deviating(self, values: Array) -> NDArray[np.int64]:
         unknowns = self._predictor.unknowns
-        first = unknowns.genes_size
-        return deviating(unknowns.table, values[:, first : first + len(unknowns.table)])
+        return deviating(unknowns.table, values[:, unknowns.genes_size :])
 
     def _asked(self, samples: Posterior, learn: Learn) -> tuple[Posterior, Array | None]:
         """Samples with the converged attachments, and their lengths or masses to be learnt."""
@@ -260,17 +280,13 @@ class Chooser:
                 if one.group in _MASSES
             ],
         }[learn]
-        same = self._converged(samples.values)
+        keys = unknowns.keys(samples.values)
+        ((first, count),) = Counter(keys).most_common(1)
+        same = np.array([key == first for key in keys])
         amounts = samples.values[same][:, columns]
-        if not same.any() or not np.ptp(amounts, axis=0).any():
+        if count < _CONVERGED * len(keys) or not np.ptp(amounts, axis=0).any():
             return samples, None
         return replace(samples, values=samples.values[same], scales=samples.scales[same]), amounts
-
-    def _converged(self, values: Array) -> Flags:
-        """Which of n points have the attachments that nearly all have; none where these differ."""
-        keys = self._predictor.unknowns.keys(values)
-        ((first, count),) = Counter(keys).most_common(1)
-        return np.array([key == first and count >= _CONVERGED * len(keys) for key in keys])
 
     def _models(self, samples: Posterior, asked: Array | None) -> _Hypotheses:
         _, same = np.unique(samples.values, axis=0, return_inverse=True)

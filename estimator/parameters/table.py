@@ -48,7 +48,8 @@ LARGEST_FACTOR: Final = math.log(12.0)
 FARTHEST_TURN: Final = math.radians(40.0)
 """Limit of turns, rad: beyond it a hinge is another hinge."""
 
-_UNNOTICED: Final = 8.0  # narrow standard deviations, which may be doubled: farther is wide
+_UNNOTICED: Final = 4.0  # narrow standard deviations: farther is wide
+_CARELESSLY: Final = 2.0  # factor on these where care decides how narrow
 _STATED: Final = frozenset({"thickness", "mass"})  # what robots are built of: no matter of care
 
 
@@ -147,6 +148,11 @@ class Parameter:
     stops: int | None = None
 
     @property
+    def may_deviate(self) -> bool:
+        """Whether it has a wide component."""
+        return self.wide > 0 or self.switch
+
+    @property
     def by_care(self) -> bool:
         """Whether its narrow component is the wider the less carefully a robot is built."""
         return self.narrow > 0 and self.group not in _STATED
@@ -200,23 +206,27 @@ def applied(table: Sequence[Parameter], bodies: Bodies, deviations: Array) -> Bo
     return draft.done()
 
 
-def log_priors(table: Sequence[Parameter]) -> dict[str, float]:
-    """Logarithm of the probability of each wide component before any reading, by name.
+def prior_probabilities(table: Sequence[Parameter]) -> Array:
+    """Probability of each wide component before any reading, and last that there is none.
 
     Wiring is what builders get wrong most often, so its groups have ``MISWIRED`` to themselves, and
     all others ``DEVIATES``. A group of wiring has its share whether or not the others are open:
     where mounts and hinges are to be found, they have the rest. Groups of a kind are as probable as
     each other, and so are the parameters of a group: that a builder was wrong about how thick parts
     are is not a hundred times less probable because there are so many hinges.
+
+    Returns:
+        Shape (rows + 1,); 0 where a row has no wide component.
     """
-    wide = [one for one in table if one.wide > 0 or one.switch]
-    sizes = Counter(one.group for one in wide)
+    sizes = Counter(one.group for one in table if one.may_deviate)
     others = len(sizes.keys() - WIRING)
-    return {
-        one.name: math.log(MISWIRED / len(WIRING) if one.group in WIRING else DEVIATES / others)
-        - math.log(sizes[one.group])
-        for one in wide
-    }
+    of_rows = [
+        (MISWIRED / len(WIRING) if one.group in WIRING else DEVIATES / others) / sizes[one.group]
+        if one.may_deviate
+        else 0.0
+        for one in table
+    ]
+    return np.array([*of_rows, 1 - sum(of_rows)])
 
 
 def deviating(table: Sequence[Parameter], deviations: Array) -> NDArray[np.int64]:
@@ -226,6 +236,11 @@ def deviating(table: Sequence[Parameter], deviations: Array) -> NDArray[np.int64
         table: The rows.
         deviations: Of the bodies from what is stated, shape (n, rows), as of ``applied``.
     """
-    least = np.array([_UNNOTICED * one.narrow for one in table])
+    least = [
+        _UNNOTICED * one.narrow * (_CARELESSLY if one.by_care else 1.0)
+        if one.may_deviate
+        else math.inf
+        for one in table
+    ]
     far = np.abs(deviations) > least
     return np.where(far.any(axis=1), far.argmax(axis=1), -1) if table else np.full(len(far), -1)

@@ -70,12 +70,12 @@ def recheck(
     modes = [mode for mode in posterior.modes[:_RIVALS] if mode.probability >= _WORTH]
     modes = modes or list(posterior.modes[:1])
     for index, mode in enumerate(modes):
-        rows = [row for row, key in enumerate(keys) if key == mode.attachments]
-        count = max(_FEWEST, round(SAMPLES * mode.probability))
-        chosen = rows[:: max(1, len(rows) // count)][:count]
-        values.append(posterior.values[chosen] if chosen else mode.point[None])
-        scales.append(posterior.scales[chosen] if chosen else np.zeros((1, 2)))
-        owners += [index] * max(1, len(chosen))
+        own = np.array([key == mode.attachments for key in keys])
+        count = max(_FEWEST, round(SAMPLES * mode.probability)) if own.any() else 0
+        chosen = systematic(np.where(own, posterior.weights, 0.0), count, 0.5)
+        values.append(posterior.values[chosen] if count else mode.point[None])
+        scales.append(posterior.scales[chosen] if count else np.zeros((1, 2)))
+        owners += [index] * max(1, count)
     points, factors, owner = np.concatenate(values), np.concatenate(scales), np.array(owners)
     by_statics = likelihood.of(likelihood.misfits_of(predictor, points), scales=factors)
     by_simulator = np.where(

@@ -302,7 +302,9 @@ class Sampler:
             predictor, likelihood, self._rng, workers=self._workers, particles=effort.particles
         )
         modes = weigher.weighed(agreement.points, agreement.guesses, effort.samples)
-        scales = likelihood.drawn_scales(likelihood.misfits_of(predictor, modes.values), self._rng)
+        misfits = likelihood.misfits_of(predictor, np.vstack([modes.values, modes.rare]))
+        both = likelihood.drawn_scales(misfits, self._rng)
+        scales, of_rare = np.split(both, [len(modes.values)])
         if unknowns.choices.size and modes.shares.max() < _SURE:
             modes, scales = mixed(
                 modes,
@@ -341,7 +343,14 @@ class Sampler:
             causes=modes.causes,
             as_stated=modes.as_stated,
         )
-        return renormalised(posterior, predictor, likelihood)
+        posterior = renormalised(posterior, predictor, likelihood)
+        common = 1 - modes.rare_shares.sum()
+        return replace(
+            posterior,
+            values=np.vstack([posterior.values, modes.rare]),
+            scales=np.vstack([posterior.scales, of_rare]),
+            weights=np.concatenate([common * posterior.weights, modes.rare_shares]),
+        )
 
 
 def _searched(steps: int, restarts: bool, search: Discovery) -> Discovery:

@@ -18,7 +18,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from estimator.body.morphology import Array
-from estimator.parameters.table import log_priors
+from estimator.parameters.table import prior_probabilities
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.noise import MEAN_LOSS
 from estimator.posterior.model.sensor_data import SCALED
@@ -40,13 +40,14 @@ _CLOSE: Final = 5.0  # nats below the best within which sets are weighed again
 _FEW: Final = 6  # sets that are weighed again; if more are so close, none is
 _STRAYS: Final = 3.0  # nats that a fit lacks beyond the expected loss by noise
 _LEADERS: Final = 3  # sets that are screened for wide components where the best fit strays
-_WIDE: Final = 6  # switches, and as many other wide components, of a set that are weighed at most
+_WIDE: Final = 12  # wide components of a set that are weighed, at most
 _OTHERS: Final = 24  # sets not screened that are weighed with the leading wide component
 _WORTH: Final = 5.0  # nats below the best weight within which rough weights are made finer
 _COMPETES: Final = 2.0  # nats below the best weight within which wide components are rivals
 _CAREFULLY: Final = 3  # factor on the moves with which rivals are weighed
 _EQUILIBRATED: Final = 16  # samples of one hypothesis from which on they are equilibrated
 _IN_ONE_TASK: Final = 128  # samples in one task
+_RARE: Final = 4  # points of a wide component of which there would be fewer samples
 _DRAWN: Final = 32  # points of a set, with which the next search begins
 _DRAWN_OF: Final = 32  # sets at most, of which such points are kept
 _INTERVAL: Final = (0.05, 0.5, 0.95)
@@ -67,6 +68,8 @@ class WeighedModes:
         shares: Of the posterior, shape (n,); a set drawn at random among several has theirs, too.
         ess: Effective sample size of each, shape (n,).
         values: Equally likely points of the posterior, shape (samples, size).
+        rare: Points with wide components that are hardly among ``values``, shape (r, size).
+        rare_shares: Of the posterior, that these stand for, shape (r,).
         causes: Wide components by their share of the posterior, the most probable first.
         as_stated: Points of the best set without any deviations, shape (m, size); ``None``: not
             computed, or no deviations are open.
@@ -77,6 +80,8 @@ class WeighedModes:
     shares: Array
     ess: Array
     values: Array
+    rare: Array
+    rare_shares: Array
     causes: tuple[CauseShare, ...]
     as_stated: Array | None
     draws: Sequence[Array]
@@ -121,9 +126,9 @@ class Weigher:
         """
         rows, log_chances = drawn(guesses, self._rng)
         points = self._predictor.unknowns.as_built(points[rows])
-        wide = sum(map(math.exp, log_priors(self._predictor.unknowns.table).values()))
+        none = math.log(prior_probabilities(self._predictor.unknowns.table)[-1])
         sets = [
-            Hypothesis(point, log_prior=math.log1p(-wide), log_chance=chance)
+            Hypothesis(point, log_prior=none, log_chance=chance)
             for point, chance in zip(points, log_chances.tolist(), strict=True)
         ]
         hoped = guesses[rows] - log_chances
@@ -137,10 +142,10 @@ class Weigher:
             some = sets[len(weights) : len(weights) + _AT_ONCE]
             weights += self._of(some, each, thoroughness=int(alone))
             best = max(one.log for one in weights)
-        stated = self._weighed_again(weights, _close(weights))
+        stated = self._weighed_again(weights)
         return self._summed(weights, stated, samples)
 
-    def _weighed_again(self, weights: list[_Weight], close: Sequence[int]) -> _Weight | None:
+    def _weighed_again(self, weights: list[_Weight]) -> _Weight | None:
         """Replaces weights of the best sets by finer ones, and adds those of wide components.
 
         Where many sets are close to the best only wide components are added, and only where no set
@@ -149,6 +154,8 @@ class Weigher:
         Returns:
             The weight of the best set without any deviations; ``None``: not computed.
         """
+        order = sorted(range(len(weights)), key=lambda row: -weights[row].log)
+        close = [row for row in order if weights[row].log > weights[order[0]].log - _CLOSE]
         few, unknowns = len(close) <= _FEW, self._predictor.unknowns
         if not few and not (unknowns.table and self._strays([weights[row] for row in close])):
             return None
@@ -172,16 +179,16 @@ class Weigher:
 
     def _add_wide(self, weights: list[_Weight], causes: Sequence[Hypothesis]) -> None:
         """Adds weights of hypotheses with wide components, finer ones where these are probable."""
-        rough = self._of(causes, _FEWEST, thoroughness=0)
+        rough = self._of(causes, _FEWEST)
         leader = max([*weights, *rough], key=lambda one: one.log).hypothesis
         if leader.wide >= 0:
             rough += self._of(self._others_with(leader, rough, weights), _FEWEST, thoroughness=0)
         rough.sort(key=lambda one: -one.log)
         best = max(one.log for one in [*rough, *weights])
-        worth = {leader.wide: _WEIGHED}  # other sets may be as probable with it
-        rough = [one for one in rough if one.log > best - worth.get(one.hypothesis.wide, _WORTH)]
-        wide = [one.hypothesis for one in rough[:_FEW]]
-        weights += [*self._of(wide, self._particles), *rough[len(wide) :]]
+        # Where one leads others may be as probable, or other sets with it.
+        least = best - (_WEIGHED if leader.wide >= 0 else _WORTH)
+        self._make_finer(rough, [n for n, one in enumerate(rough) if one.log > least][:_WIDE])
+        weights += rough
 
     def _weigh_causes_carefully(self, weights: list[_Weight]) -> None:
         """Replaces the best weights by less noisy ones if wide components are among them.
@@ -190,11 +197,16 @@ class Weigher:
         """
         best = max(one.log for one in weights)
         rows = [row for row, one in enumerate(weights) if one.log > best - _COMPETES]
-        rivals = [weights[row].hypothesis for row in rows]
-        if any(one.wide >= 0 for one in rivals):
-            careful = self._of(rivals, self._particles, thoroughness=_CAREFULLY)
-            for row, one in zip(rows, careful, strict=True):
-                weights[row] = one
+        if any(weights[row].hypothesis.wide >= 0 for row in rows):
+            self._make_finer(weights, rows, thoroughness=_CAREFULLY)
+
+    def _make_finer(
+        self, weights: list[_Weight], rows: Sequence[int], *, thoroughness: int = 1
+    ) -> None:
+        some = [weights[row].hypothesis for row in rows]
+        finer = self._of(some, self._particles, thoroughness=thoroughness)
+        for row, one in zip(rows, finer, strict=True):
+            weights[row] = one
 
     def _others_with(
         self, leader: Hypothesis, rough: Sequence[_Weight], narrow: Sequence[_Weight]
@@ -229,19 +241,20 @@ class Weigher:
         """What is worth weighing of the wide components that some sets may have, each once."""
         guessed = [self._guessed(weights[row]) for row in rows]
         least = max(guess for guess, _ in guessed) - _WEIGHED
-        several = sorted((one for _, some in guessed for one in some), key=lambda one: one[0])
+        several = [(guess + one.log_prior, one) for _, some in guessed for guess, one in some]
+        several.sort(key=lambda one: one[0])
         causes = [one for guess, one in several if guess > least]
         return list({(one.wide, *self._sets([one])[0]): one for one in causes}.values())
 
     def _guessed(self, narrow: _Weight) -> tuple[float, Sequence[tuple[float, Hypothesis]]]:
         """Guessed evidences of a set: without wide components, and with each of the best ones."""
         unknowns, table = self._predictor.unknowns, self._predictor.unknowns.table
-        priors = log_priors(table)
+        priors = prior_probabilities(table)
         point = narrow.hypothesis.point
         best = narrow.particles.values[int(np.argmax(narrow.particles.fits))]
         kinds = [[-1]]
         for switch in (True, False):
-            rows = [n for n, one in enumerate(table) if one.switch == switch and one.name in priors]
+            rows = [n for n, one in enumerate(table) if one.switch == switch and one.may_deviate]
             kinds += [rows[start : start + _ROWS] for start in range(0, len(rows), _ROWS)]
         seeds = self._rng.integers(2**32, size=len(kinds)).tolist()
         # Also as stated: small deviations may stand in for a large one.
@@ -252,16 +265,14 @@ class Weigher:
             self._predictor.add_cost(cost)
             fitted += found
         (guess, _, _), *fitted = fitted
-        wide = []
-        for of_row, row, own in fitted:
-            prior = priors[table[row].name]
-            one = narrow.hypothesis._replace(point=own, wide=row, log_prior=prior)
-            wide.append((of_row + prior, one))
-        wide.sort(key=lambda one: -one[0])
-        rows = list(dict.fromkeys(one.wide for _, one in wide))
-        switches = [row for row in rows if table[row].switch][:_WIDE]
-        others = [row for row in rows if not table[row].switch][:_WIDE]
-        return guess, [one for one in wide if one[1].wide in {*switches, *others}]
+        fitted.sort(key=lambda one: -one[0])  # whatever their priors: a movement may test them
+        rows = list(dict.fromkeys(row for _, row, _ in fitted))[:_WIDE]
+        logs = {row: math.log(priors[row]) for row in rows}
+        return guess, [
+            (of_row, narrow.hypothesis._replace(point=own, wide=row, log_prior=logs[row]))
+            for of_row, row, own in fitted
+            if row in rows
+        ]
 
     def _of(
         self, hypotheses: Sequence[Hypothesis], particles: int, *, thoroughness: int = 1
@@ -303,7 +314,8 @@ class Weigher:
         sets = {key: number for number, key in enumerate(dict.fromkeys(keys))}
         mode = np.array([sets[key] for key in keys])
         shares = softmax(np.array([one.log for one in weights]))
-        rows = systematic(shares, samples, float(self._rng.random()))
+        rare = (shares * samples < _RARE) & [one.hypothesis.wide >= 0 for one in weights]
+        rows = systematic(np.where(rare, 0.0, shares), samples, float(self._rng.random()))
         counts = np.bincount(rows, minlength=len(weights)).tolist()
         counted = [pair for pair in zip(weights, counts, strict=True) if pair[1]]
         if stated:
@@ -316,12 +328,16 @@ class Weigher:
             particles = weights[own].particles
             draws.append(self._spread_out(particles.values))
             points.append(particles.values[int(np.argmax(particles.fits))])
+        several = [weights[row].particles.values for row in np.flatnonzero(rare).tolist()]
+        several = [own[:: len(own) // _RARE][:_RARE] for own in several]
         behind = np.array([one.particles.ess for one in weights])
         return WeighedModes(
             points=np.array(points),
             shares=np.bincount(mode, shares).astype(float),
             ess=np.bincount(mode, np.where(shares > 0, behind, 0.0)).astype(float),
             values=np.concatenate(values),
+            rare=np.concatenate([values[0][:0], *several]),
+            rare_shares=np.repeat(shares[rare] / _RARE, _RARE),
             causes=self._causes(weights, shares),
             as_stated=as_stated,
             draws=draws,
@@ -366,12 +382,6 @@ class Weigher:
             share = min(1.0, float(shares[own].sum()))
             causes.append(CauseShare(row, share, float(low), float(median), float(high)))
         return tuple(sorted(causes, key=lambda cause: -cause.probability))
-
-
-def _close(weights: Sequence[_Weight]) -> list[int]:
-    """Indices of the weights within ``_CLOSE`` of the best, best first."""
-    rows = sorted(range(len(weights)), key=lambda row: -weights[row].log)
-    return [row for row in rows if weights[row].log > weights[rows[0]].log - _CLOSE]
 
 
 def drawn(guesses: Array, rng: np.random.Generator) -> tuple[Columns, Array]:

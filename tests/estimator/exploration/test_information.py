@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from importlib.resources import files
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from estimator.body.morphology import Array, Base
 from estimator.exploration.information import Chooser, InformativeProgram
 from estimator.exploration.information_gain import InformationGain
+from estimator.parameters.table import prior_probabilities
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.model.likelihood import Likelihood, apart
 from estimator.posterior.model.sensor_data import SensorData
@@ -90,6 +92,34 @@ def test_what_is_improbable_but_would_bend_a_length_is_told_apart() -> None:
     assert choice.about_causes > 0.5  # of 0.69 bits, as even as they are weighed
     short, reversed_ = (predictor.read_all(points[[at]], choice.program[None]) for at in (0, -1))
     assert apart(short, reversed_, NOISE).all() or np.any(short.touch != reversed_.touch)
+
+
+def test_what_is_as_likely_by_the_readings_is_told_apart_if_it_makes_another_body() -> None:
+    """However improbable it was before any reading."""
+    genome = Genome(Problem.load("parametric"), Base(size=(0.14, 0.14, 0.085), mass=1.0))
+    unknowns = Unknowns(genome, Problem.load("parametric").table)
+    predictor, rng = Predictor(unknowns, StaticsPhysics()), np.random.default_rng(0)
+    genes = 0.5 + rng.uniform(-0.02, 0.02, (100, len(genome.genes)))
+    genes[90:, 0] += 0.3
+    genes[85:90] = genes[:5]
+    points, names = unknowns.as_stated(genes), [one.name for one in unknowns.table]
+    likely, contradicted, alike = (
+        names.index(f"servo of {leg} upper dead") for leg in ("left", "front", "right")
+    )
+    points[95:, unknowns.genes_size + likely] = 1.0
+    points[90:95, unknowns.genes_size + contradicted] = 1.0
+    points[85:90, unknowns.genes_size + alike] = 1.0
+    before = prior_probabilities(unknowns.table)[likely]
+    shares = np.full(100, 1 / 85)
+    shares[85:90], shares[90:95], shares[95:] = before / 5, 1e-12, before / 5
+    posterior = replace(Posterior.equally_likely(points), weights=shares / shares.sum())
+    ends = np.radians([[-30.0, 30.0]] * 4 + [[0.0, 0.0]] * 4)
+    choice = Chooser(predictor, InformationGain(NOISE, CAP, MODALITIES), ends).choose(
+        posterior, 3, rng
+    )
+    assert before < 0.001
+    assert choice.causes == (-1, likely)
+    assert choice.about_causes > 0.8  # of 1 bit, as even as they are weighed
 
 
 def test_where_a_trifle_decides_how_a_body_falls_nothing_is_told() -> None:

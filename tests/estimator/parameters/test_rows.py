@@ -21,7 +21,7 @@ from estimator.parameters.table import (
     Parameter,
     applied,
     deviating,
-    log_priors,
+    prior_probabilities,
 )
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.model.unknowns import Predictor, Unknowns
@@ -205,13 +205,14 @@ def test_what_a_search_takes_for_granted_is_as_if_each_point_had_it(name: str) -
 
 
 def test_one_robot_in_twenty_is_built_otherwise_and_as_many_are_miswired() -> None:
-    priors = log_priors(tuple(TABLE.values()))
+    *of_rows, none = prior_probabilities(tuple(TABLE.values())).tolist()
+    priors = dict(zip(TABLE, of_rows, strict=True))
     wiring = [name for name, row in TABLE.items() if row.group in WIRING]
-    assert sum(math.exp(priors[name]) for name in wiring) == pytest.approx(MISWIRED)
-    assert sum(map(math.exp, priors.values())) == pytest.approx(DEVIATES + MISWIRED)
+    assert sum(priors[name] for name in wiring) == pytest.approx(MISWIRED)
+    assert 1 - none == pytest.approx(sum(of_rows)) == pytest.approx(DEVIATES + MISWIRED)
     hinges = [prior for name, prior in priors.items() if name.startswith("hinge of")]
-    assert sum(map(math.exp, hinges)) == pytest.approx(math.exp(priors["thickness of all parts"]))
-    assert "mass of all parts" not in priors  # its narrow component is wide enough
+    assert sum(hinges) == pytest.approx(priors["thickness of all parts"])
+    assert priors["mass of all parts"] == 0  # its narrow component is wide enough
 
 
 def test_what_repeats_an_open_choice_has_no_row() -> None:
@@ -220,9 +221,9 @@ def test_what_repeats_an_open_choice_has_no_row() -> None:
     assert not any("reversed" in name or "plugs of leg" in name for name in names)
     assert not any("axes exchanged" in name or "quarter turn" in name for name in names)
     assert any("plugs of touch sensors" in name for name in names)
-    priors = log_priors(table_of(unknown.parts, unknown.sensors))
-    gauges = [math.exp(one) for name, one in priors.items() if "plugs of touch sensors" in name]
-    assert sum(gauges) == pytest.approx(MISWIRED / len(WIRING))
+    table = table_of(unknown.parts, unknown.sensors)
+    gauges = ["plugs of touch sensors" in one.name for one in table]
+    assert prior_probabilities(table)[:-1][gauges].sum() == pytest.approx(MISWIRED / len(WIRING))
 
 
 def test_of_alike_parts_that_sit_anywhere_and_turn_with_others_gauges_are_not_exchanged() -> None:

@@ -55,6 +55,19 @@ def test_a_body_that_the_simulator_contradicts_loses_its_weight(predictor: Predi
     assert simulated.posterior.weights[10:].sum() > 0.99
 
 
+def test_samples_are_simulated_by_their_weights(predictor: Predictor) -> None:
+    """Some stand for what is improbable: these are hardly among them."""
+    data = draw(predictor, RIGHT, programs(3, seed=9), np.random.default_rng(2))
+    likelihood, longer = Likelihood(data, NOISE), RIGHT.copy()
+    longer[[1, 4]] = 0.9
+    samples = undecided(predictor, RIGHT, longer)
+    (mode, _), weights = samples.modes, np.repeat([0.0999999, 1e-7], 10)
+    one_set = replace(samples, modes=(replace(mode, probability=1.0),), weights=weights)
+    checked = recheck(one_set, predictor, likelihood, _Swapped())
+    assert checked.simulated == 16
+    assert checked.ess == pytest.approx(16)
+
+
 def test_where_engines_differ_the_simulator_has_the_last_word(predictor: Predictor) -> None:
     """This body falls onto its side in PyBullet, and in statics stays upright, with 2° to spare."""
     fallen = np.array([0.38, 0.37, 0.83, 0.73, 0.28, 0.36, 0.39])

@@ -26,6 +26,8 @@ def gone_on(predictor: Predictor, likelihood: Likelihood, steps: int) -> Weighed
         shares=np.ones(1),
         ess=np.full(1, 100.0),
         values=values,
+        rare=values[:0],
+        rare_shares=np.empty(0),
         causes=(),
         as_stated=None,
         draws=[values],

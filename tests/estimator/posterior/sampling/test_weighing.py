@@ -12,12 +12,13 @@ import pytest
 
 from estimator.body.morphology import Array, Base
 from estimator.executors import ThisProcess
+from estimator.parameters.table import deviating, prior_probabilities
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.model.gauss_newton import Free, GaussNewton
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.sampling.integrals import Hypothesis, Integrals
-from estimator.posterior.sampling.weighing import Weigher
+from estimator.posterior.sampling.weighing import _FEWEST, Weigher
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from tests.estimator.two_unknown_rows import NOISE, TWO_UNKNOWN_ROWS, draw, programs
@@ -37,10 +38,10 @@ class Heard(ThisProcess):
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         if fn.__name__ == Integrals.with_cost.__name__:
-            hypotheses, _, thoroughness, _ = args[0]
+            hypotheses, particles, thoroughness, _ = args[0]
             self.thoroughness.append(thoroughness)
             self.as_built += sum(one.wide < 0 and not one.as_stated for one in hypotheses)
-            if thoroughness == 0:
+            if particles == _FEWEST:
                 self.roughly += [one for one in hypotheses if one.wide >= 0]
         if fn.__name__ == Integrals.fitted_with_cost.__name__:
             self.starts.append(args[0][1])
@@ -81,6 +82,23 @@ def test_causes_that_compete_are_weighed_with_more_moves(
     deviations = np.array(workers.starts)[..., predictor.unknowns.genes_size :]
     assert np.all(deviations[:, 0] == 0)  # small deviations may stand in for a large one
     assert np.all(np.any(deviations[:, 1:] != 0, axis=-1))
+
+
+def test_what_the_readings_hardly_tell_from_the_robot_as_stated_has_points(
+    predictor: Predictor,
+) -> None:
+    """However improbable it was before: a movement may be chosen to test it."""
+    point, likelihood = observed(predictor, 1.0)
+    weigher = Weigher(
+        predictor, likelihood, np.random.default_rng(1), workers=ThisProcess(), particles=96
+    )
+    modes = weigher.weighed(point[None], np.zeros(1), 16)
+    table, first = predictor.unknowns.table, predictor.unknowns.genes_size
+    with_points = set(deviating(table, modes.rare[:, first:]).tolist()) - {-1}
+    assert modes.rare_shares.sum() < 0.2
+    assert with_points
+    assert prior_probabilities(table)[list(with_points)].min() < 0.01
+    assert np.all(deviating(table, modes.values[:, first:]) == -1)
 
 
 @pytest.mark.parametrize("sets", [1, 2])
