@@ -18,12 +18,13 @@ from estimator.posterior.model.gauss_newton import Free, GaussNewton
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.sampling.integrals import Hypothesis, Integrals
-from estimator.posterior.sampling.weighing import _FEWEST, Weigher
+from estimator.posterior.sampling.weighing import Weigher
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from tests.estimator.two_unknown_rows import NOISE, TWO_UNKNOWN_ROWS, draw, programs
 
 CAUSE = "travel of all servos"
+PARTICLES = 96
 
 
 class Heard(ThisProcess):
@@ -41,7 +42,7 @@ class Heard(ThisProcess):
             hypotheses, particles, thoroughness, _ = args[0]
             self.thoroughness.append(thoroughness)
             self.as_built += sum(one.wide < 0 and not one.as_stated for one in hypotheses)
-            if particles == _FEWEST:
+            if particles < PARTICLES:
                 self.roughly += [one for one in hypotheses if one.wide >= 0]
         if fn.__name__ == Integrals.fitted_with_cost.__name__:
             self.starts.append(args[0][1])
@@ -72,7 +73,7 @@ def test_causes_that_compete_are_weighed_with_more_moves(
 ) -> None:
     point, likelihood = observed(predictor, travel)
     rng, workers = np.random.default_rng(1), Heard()
-    weigher = Weigher(predictor, likelihood, rng, workers=workers, particles=96)
+    weigher = Weigher(predictor, likelihood, rng, workers=workers, particles=PARTICLES)
     causes = {
         predictor.unknowns.table[one.row].name: one.probability
         for one in weigher.weighed(point[None], np.zeros(1), 16).causes
@@ -90,7 +91,7 @@ def test_what_the_readings_hardly_tell_from_the_robot_as_stated_has_points(
     """However improbable it was before: a movement may be chosen to test it."""
     point, likelihood = observed(predictor, 1.0)
     weigher = Weigher(
-        predictor, likelihood, np.random.default_rng(1), workers=ThisProcess(), particles=96
+        predictor, likelihood, np.random.default_rng(1), workers=ThisProcess(), particles=PARTICLES
     )
     modes = weigher.weighed(point[None], np.zeros(1), 16)
     table, first = predictor.unknowns.table, predictor.unknowns.genes_size
@@ -105,7 +106,7 @@ def test_what_the_readings_hardly_tell_from_the_robot_as_stated_has_points(
 def test_one_set_alone_is_weighed_once_and_several_twice(predictor: Predictor, sets: int) -> None:
     point, likelihood = observed(predictor, 1.0)
     rng, workers = np.random.default_rng(1), Heard()
-    weigher = Weigher(predictor, likelihood, rng, workers=workers, particles=96)
+    weigher = Weigher(predictor, likelihood, rng, workers=workers, particles=PARTICLES)
     modes = weigher.weighed(point[None].repeat(sets, axis=0), np.zeros(sets), 16)
     assert workers.as_built == (1 if sets == 1 else 4)
     assert modes.shares.sum() == pytest.approx(1.0)
@@ -191,7 +192,7 @@ def test_what_two_sets_lead_to_is_weighed_once(
 ) -> None:
     true, likelihood, predictor, angle, hinge = jammed
     rng, workers = np.random.default_rng(1), Heard()
-    weigher = Weigher(predictor, likelihood, rng, workers=workers, particles=96)
+    weigher = Weigher(predictor, likelihood, rng, workers=workers, particles=PARTICLES)
     weigher.weighed(on_other_hinges(true, angle, hinge), np.array([0.0, 0.1]), 16)
     points = np.array([one.point for one in workers.roughly])
     rows = [one.wide for one in workers.roughly]
