@@ -336,7 +336,7 @@ def _known(store: RunStore, posterior: StoredPosterior, legs: Array) -> dict[str
         "inside": ((low <= legs) & (legs <= high)).tolist(),
         "widths_mm": (1000 * (high - low)).tolist(),
         "stated_widths_mm": [1000 * (one.high - one.low) for one in posterior.as_stated_m],
-        "causes": tuple((one.name, one.probability) for one in posterior.causes),
+        "causes": tuple((one.name, posterior.stated(one.probability)) for one in posterior.causes),
         "amounts": amounts,
     }
 

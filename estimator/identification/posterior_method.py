@@ -15,6 +15,7 @@ import numpy as np
 from estimator.errors import EstimatorError
 from estimator.identification.method import Listener
 from estimator.identification.next_program import ChoiceResources, next_program
+from estimator.parameters.table import prior_probabilities
 from estimator.physics.backends import (
     REFERENCE,
     Executors,
@@ -278,7 +279,18 @@ class PosteriorMethod:
             fitted.likelihood,
             reference=self._reference,
         )
-        unlisted = probability_unlisted(outliers, fitted.noise)
+        table = self._predictor.unknowns.table
+        amounts = {
+            row.name: prior
+            for row, prior in zip(table, prior_probabilities(table)[:-1].tolist(), strict=True)
+            if row.may_deviate and not row.switch
+        }
+        unlisted = probability_unlisted(
+            outliers,
+            fitted.noise,
+            deviating=sum(one.probability for one in summary.causes if one.name in amounts),
+            prior=sum(amounts.values()),
+        )
         return summary.model_copy(update={"misspecification_probability": unlisted})
 
     def _deciding(self, fitted: FittedPosterior) -> NextMovement:

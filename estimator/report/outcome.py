@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -46,11 +46,24 @@ def headline(result: Result) -> str:
     if posterior is None:
         return f"{legs}: a model that explains the readings; how surely, nobody knows"
     if not posterior.attachments:
-        known = f"to ± {worst_length(posterior):.0f} mm"
-        if posterior.knows_cause(_SURE):
-            return f"{legs}, found {known}"
-        return f"{legs}, {known}; whether the robot is as the problem says is not known yet"
+        return f"{legs}, {_how_well(posterior)}"
     return f"{legs}, {_how_sure(posterior.probability)}"
+
+
+def _how_well(posterior: PosteriorReport) -> str:
+    """How well lengths are known where nothing else is to be found."""
+    known = f"to ± {worst_length(posterior):.0f} mm"
+    if not posterior.knows_cause(_SURE):
+        return f"{known}; whether the robot is as the problem says is not known yet"
+    if _may_have_something_else(posterior):
+        return f"probably {known}: {percent(posterior.stated(1.0))} probable"
+    return f"found {known}"
+
+
+def _may_have_something_else(posterior: PosteriorReport) -> bool:
+    """Whether the robot seems to have a thing otherwise that another reads like."""
+    as_seems = posterior.probability_within_problem or 0.0
+    return as_seems >= _SURE > posterior.stated(1.0) and posterior.knows_cause(_SURE)
 
 
 def _subject(result: Result) -> str:
@@ -188,10 +201,21 @@ def next_steps(result: Result, directory: Path | None) -> list[str]:
         (f"show {directory} --details", "probabilities, rivals, each movement"),
     ]
     posterior = result.posterior
+    if posterior is not None and _may_have_something_else(posterior):
+        return [
+            "Next:",
+            "  Measure what the robot seems to have otherwise, say it in the problem, and identify",
+            "  it anew: more movements make this no surer.",
+            *_commands(steps[1:]),
+        ]
     if posterior is not None and not (
         (posterior.probability or 0.0) >= _SURE and posterior.knows_cause(_SURE)
     ):
         problem = result.problem_asked or result.problem
         again = f"identify --robot {robot} --problem {problem} --interactions {more}"
         steps[0] = (again, "more movements make it surer")
-    return ["Next:", *(f"  estimator {command}    {what}" for command, what in steps)]
+    return ["Next:", *_commands(steps)]
+
+
+def _commands(steps: Sequence[tuple[str, str]]) -> list[str]:
+    return [f"  estimator {command}    {what}" for command, what in steps]

@@ -90,7 +90,10 @@ def _print_otherwise(console: Console, result: Result, posterior: PosteriorRepor
         console.print(Text(f"What the readings say besides: {learnt}."))
     for cause in posterior.causes:
         console.print(
-            Text(f"Otherwise ({percent(cause.probability)}): {cause.sentence}. {cause.check}.")
+            Text(
+                f"Otherwise ({percent(posterior.stated(cause.probability))}): {cause.sentence}. "
+                f"{cause.check}."
+            )
         )
 
 

@@ -96,12 +96,19 @@ def _otherwise(summary: PosteriorSummary) -> str:
     listed = listed or list(summary.causes[:1] if competing else ())
     if not listed:
         return ""
-    said = [f"{one.sentence} ({100 * one.probability:.0f} %: {one.check})" for one in listed]
+
+    def percent(share: float) -> str:
+        return f"{100 * summary.stated(share):.0f} %"
+
+    said = [f"{one.sentence} ({percent(one.probability)}: {one.check})" for one in listed]
+    unlisted = summary.misspecification_probability
+    if unlisted > _WORTH_SAYING:
+        said.append(f"something else that reads like it ({100 * unlisted:.0f} %)")
     stated = summary.probability_as_stated
     if stated <= _WORTH_SAYING:
         return f", on a robot that is not as the problem says: it has {' or '.join(said)}"
     has = f"has {' or '.join(said)}"
-    as_stated = f"is as the problem says ({100 * stated:.0f} %)"
+    as_stated = f"is as the problem says ({percent(stated)})"
     first = stated >= listed[0].probability
     both = f"{as_stated}, or {has}" if first else f"{has}, or {as_stated}"
     return f", on a robot that {both}"

@@ -133,7 +133,7 @@ class Cause(_Record):
 
     Attributes:
         name: Of the row in the table of parameters.
-        probability: Share of the posterior.
+        probability: Share of the posterior, if the table holds what the robot has otherwise.
         sentence: The rest of "a robot with …", with the amount and its interval.
         check: What to look at with one's hands.
     """
@@ -217,7 +217,11 @@ class PosteriorSummary(FitVerdict):
         """Stated probability of the best body's attachments; ``None``: it is not known."""
         if self.probability_within_problem is None or self.not_known is not None:
             return None
-        return self.probability_within_problem * (1 - self.misspecification_probability)
+        return self.stated(self.probability_within_problem)
+
+    def stated(self, share: float) -> float:
+        """A share of the posterior, times the probability that the table holds all of the robot."""
+        return share * (1 - self.misspecification_probability)
 
     @computed_field  # type: ignore[prop-decorator]
     @property

@@ -61,7 +61,9 @@ class RunConfig(BaseModel):
         default=None,
         description="Of the method posterior: end as soon as the attachments are so probable, "
         "lengths known to 5 mm, and one more movement has left them so. No more than 0.98: some "
-        "of what a robot may have otherwise feels like another robot.",
+        "of what a robot may have otherwise feels like another robot. One that seems to have "
+        "something otherwise by an amount never is so sure: measure that, and say so in the "
+        "problem.",
     )
     modalities: tuple[str, ...] | None = Field(
         default=None,

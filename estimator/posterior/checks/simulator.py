@@ -111,7 +111,8 @@ def recheck(
 
 
 _UNLISTED: Final = 1 / 30  # share of robots that deviate in a way that is not in the table
-_MISTAKEN: Final = 0.3  # share of these that read like another robot: 5 of 17 that were tried
+_AS_STATED: Final = 0.3  # share of these that read like robots as stated, perhaps of other bodies
+_BY_AMOUNT: Final = 0.3  # share of these that read like robots with one large amount in the table
 _OUTLIER_RATE: Final = 0.004  # unexplained interactions of robots as stated: 2 of 615 recorded
 _UNLISTED_RATE: Final = 0.3  # unexplained interactions of the other robots that deviate so
 _TRIED: Final = 32  # samples that are simulated where an interaction is unexplained
@@ -119,16 +120,17 @@ _MORE_LIKELY: Final = 0.5  # probability from which an interaction is unexplaine
 _POORLY: Final = 3.0  # nats below a perfect prediction from which an interaction is simulated
 
 
-def probability_unlisted(outliers: Array, noise: Noise) -> float:
+def probability_unlisted(outliers: Array, noise: Noise, *, deviating: float, prior: float) -> float:
     """Probability that the robot deviates in a way that is not in the table, or changed on the way.
 
-    Either some interactions are left unexplained, which hardly happens with robots as stated, or
-    none is: a robot with a weak servo may read like another robot whose servos are strong. So every
-    probability that is stated is at most 0.99.
+    Some leave interactions unexplained, which robots of the table hardly do. Others read like such:
+    like robots as stated, or like those with a large deviation of an amount, which are rare, too.
 
     Args:
         outliers: Probability of each interaction that it says nothing about the body, shape (k,).
         noise: By which these were computed.
+        deviating: Share of the posterior with a large deviation of an amount.
+        prior: Its share before any reading; 0: the table has none.
     """
     share = noise.outlier
     # densities of what was observed, to a factor, without the share that the mixture gives outliers
@@ -137,10 +139,10 @@ def probability_unlisted(outliers: Array, noise: Noise) -> float:
     def log_density(rate: float) -> float:
         return float(np.log(rate * outlier + (1 - rate) * inlier).sum())
 
-    gained = np.logaddexp(
-        math.log1p(-_MISTAKEN) + log_density(_UNLISTED_RATE),
-        math.log(_MISTAKEN) + log_density(_OUTLIER_RATE),
-    ) - log_density(_OUTLIER_RATE)
+    seen = math.log(1 - _AS_STATED - _BY_AMOUNT)
+    seen += log_density(_UNLISTED_RATE) - log_density(_OUTLIER_RATE)
+    unseen = _AS_STATED * (1 - deviating) / (1 - prior) + _BY_AMOUNT * deviating / (prior or 1.0)
+    gained = np.logaddexp(seen, math.log(unseen))
     return float(expit(np.array(math.log(_UNLISTED / (1 - _UNLISTED)) + gained)))
 
 

@@ -151,6 +151,44 @@ def test_what_the_robot_has_otherwise_is_in_terminal_and_page(tmp_path: Path) ->
     )
 
 
+def test_something_else_may_read_like_what_is_named(tmp_path: Path) -> None:
+    with make_posterior_run(
+        tmp_path, [TRUE_LENGTHS] * 3, causes=[HEAVY, TURNED], misspecified=0.2
+    ) as run:
+        result = summarise(run)
+        page = run_page(run, PageSources.of(run, result))
+    assert result.posterior is not None
+    assert result.posterior.verdict.endswith(
+        "it has back 2.5 times as heavy [1.4–4.4] (44 %: weigh back) or the hinge of back turned "
+        "by +27° [+23–+31] (32 %: look at back) or something else that reads like it (20 %)."
+    )
+    text = io.StringIO()
+    print_result(Console(file=text, width=400), result, details=True)
+    assert f"Otherwise (44.0 %): {HEAVY.sentence}" in text.getvalue()
+    assert "<td>44.0 %</td>" in page
+
+
+@pytest.mark.parametrize(
+    ("hinge", "said"), [(None, "4 legs, probably to ± 0 mm: 80.0 % pro"), (UP, "80.0 % probable.")]
+)
+def test_what_is_named_is_to_be_measured(tmp_path: Path, hinge: float | None, said: str) -> None:
+    """More movements cannot tell it from what reads like it."""
+    sure = TURNED.model_copy(update={"probability": 1.0})
+    with make_posterior_run(
+        tmp_path, [TRUE_LENGTHS] * 3, causes=[sure], misspecified=0.2, hinge=hinge
+    ) as run:
+        (stored, cost) = run.posteriors()[-1]
+        known = stored.model_copy(update={"probability_within_problem": 1.0})
+        run.save_posterior(0, known, cost, None)
+        result = summarise(run).model_copy(update={"complete": True})
+    text = io.StringIO()
+    print_result(Console(file=text, width=200), result, tmp_path)
+    assert said in text.getvalue()
+    assert "Measure what the robot seems to have otherwise" in text.getvalue()
+    assert "make it surer" not in text.getvalue()
+    assert f"estimator pose {tmp_path}" in text.getvalue()
+
+
 COULD_BE_SHORT = Cause(
     name="servo of left reversed",
     probability=0.19,

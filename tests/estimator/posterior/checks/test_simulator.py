@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -31,17 +32,28 @@ def test_the_fine_world_lasts_as_long() -> None:
 def test_robots_that_are_otherwise_in_ways_that_nobody_looks_for() -> None:
     """They show by outliers, and some by nothing: no number of movements rules these out."""
     share = NOISE.outlier / 100  # an inlier's, after the readings
-    by_movements = [
-        probability_unlisted(np.full(count, share), NOISE) for count in (0, 1, 4, 16, 64)
-    ]
+    unlisted = partial(probability_unlisted, noise=NOISE, deviating=0.04, prior=0.04)
+    by_movements = [unlisted(np.full(count, share)) for count in (0, 1, 4, 16, 64)]
     assert by_movements == sorted(by_movements, reverse=True)
     assert by_movements[0] == pytest.approx(1 / 30)
-    assert 0.0099 < by_movements[-1] < by_movements[-2] < 0.0105
-    one, two = (
-        probability_unlisted(np.where(np.arange(8) < count, 1.0, share), NOISE) for count in (1, 2)
-    )
+    assert 0.0202 < by_movements[-1] < by_movements[-2] < 0.0208
+    one, two = (unlisted(np.where(np.arange(8) < count, 1.0, share)) for count in (1, 2))
     assert one < 0.5
     assert two > 0.9
+
+
+def test_a_robot_with_a_large_deviation_may_have_something_else_instead() -> None:
+    """Few robots have one by an amount, so many of those that read so are not in the table."""
+    outliers = np.full(8, NOISE.outlier / 100)
+    by_share = [
+        probability_unlisted(outliers, NOISE, deviating=share, prior=0.04)
+        for share in (0.0, 0.04, 0.5, 1.0)
+    ]
+    assert by_share == sorted(by_share)
+    assert by_share[0] < 0.012
+    assert 0.15 < by_share[-1] < 0.25
+    assert probability_unlisted(outliers, NOISE, deviating=1.0, prior=0.4) < 0.03
+    assert probability_unlisted(outliers, NOISE, deviating=0.0, prior=0.0) < 0.012
 
 
 def test_a_body_that_the_simulator_contradicts_loses_its_weight(predictor: Predictor) -> None:
