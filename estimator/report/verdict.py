@@ -103,7 +103,7 @@ def _otherwise(summary: PosteriorSummary) -> str:
     said = [f"{one.sentence} ({percent(one.probability)}: {one.check})" for one in listed]
     unlisted = summary.misspecification_probability
     if unlisted > _WORTH_SAYING:
-        said.append(f"something else that reads like it ({100 * unlisted:.0f} %)")
+        said.append(f"something that no check looks for ({100 * unlisted:.0f} %)")
     stated = summary.probability_as_stated
     if stated <= _WORTH_SAYING:
         return f", on a robot that is not as the problem says: it has {' or '.join(said)}"

@@ -160,7 +160,7 @@ def test_something_else_may_read_like_what_is_named(tmp_path: Path) -> None:
     assert result.posterior is not None
     assert result.posterior.verdict.endswith(
         "it has back 2.5 times as heavy [1.4–4.4] (44 %: weigh back) or the hinge of back turned "
-        "by +27° [+23–+31] (32 %: look at back) or something else that reads like it (20 %)."
+        "by +27° [+23–+31] (32 %: look at back) or something that no check looks for (20 %)."
     )
     text = io.StringIO()
     print_result(Console(file=text, width=400), result, details=True)
