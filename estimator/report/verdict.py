@@ -96,12 +96,13 @@ def _otherwise(summary: PosteriorSummary) -> str:
     listed = listed or list(summary.causes[:1] if competing else ())
     if not listed:
         return ""
+    # Where no body explains the readings these are shares of what the table holds.
+    unlisted = summary.misspecification_probability if summary.explained else 0.0
 
     def percent(share: float) -> str:
-        return f"{100 * summary.stated(share):.0f} %"
+        return f"{100 * share * (1 - unlisted):.0f} %"
 
     said = [f"{one.sentence} ({percent(one.probability)}: {one.check})" for one in listed]
-    unlisted = summary.misspecification_probability
     if unlisted > _WORTH_SAYING:
         said.append(f"something that no check looks for ({100 * unlisted:.0f} %)")
     stated = summary.probability_as_stated

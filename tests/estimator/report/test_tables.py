@@ -336,10 +336,11 @@ def test_what_changed_is_no_explanation(tmp_path: Path) -> None:
 def test_what_a_robot_has_otherwise_is_told_though_not_all_is_explained(tmp_path: Path) -> None:
     with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3, causes=[TURNED]) as run:
         (stored, _) = run.posteriors()[-1]
-    said = verdict_on_posterior(stored.model_copy(update={"overturned": 3}))
+    doubted = {"overturned": 3, "misspecification_probability": 0.97}
+    said = verdict_on_posterior(stored.model_copy(update=doubted))
     assert said.startswith("NO BODY THAT THIS PROBLEM ALLOWS explains both interactions 1 to 4")
     assert "The one that explains most is on a robot that" in said
-    assert TURNED.sentence in said
+    assert f"{TURNED.sentence} (40 %: {TURNED.check})" in said
 
 
 def test_one_unexplained_interaction_is_told(tmp_path: Path) -> None:
