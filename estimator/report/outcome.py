@@ -55,15 +55,16 @@ def _how_well(posterior: PosteriorReport) -> str:
     known = f"to ± {worst_length(posterior):.0f} mm"
     if not posterior.knows_cause(_SURE):
         return f"{known}; whether the robot is as the problem says is not known yet"
-    if _may_have_something_else(posterior):
+    if posterior.stated(1.0) < _SURE:
         return f"probably {known}: {percent(posterior.stated(1.0))} probable"
     return f"found {known}"
 
 
 def _may_have_something_else(posterior: PosteriorReport) -> bool:
-    """Whether the robot seems to have a thing otherwise that another reads like."""
-    as_seems = posterior.probability_within_problem or 0.0
-    return as_seems >= _SURE > posterior.stated(1.0) and posterior.knows_cause(_SURE)
+    """Whether all is known but whether what the robot has otherwise only reads like it."""
+    named = posterior.causes and posterior.causes[0].probability >= _SURE
+    within = posterior.probability_within_problem or 0.0
+    return bool(named) and within >= _SURE > posterior.stated(1.0)
 
 
 def _subject(result: Result) -> str:

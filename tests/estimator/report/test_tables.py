@@ -189,6 +189,16 @@ def test_what_is_named_is_to_be_measured(tmp_path: Path, hinge: float | None, sa
     assert f"estimator pose {tmp_path}" in text.getvalue()
 
 
+def test_a_robot_as_stated_that_may_have_something_else_is_to_move_more(tmp_path: Path) -> None:
+    with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3, misspecified=0.2) as run:
+        result = summarise(run).model_copy(update={"complete": True})
+    text = io.StringIO()
+    print_result(Console(file=text, width=200), result, tmp_path)
+    assert text.getvalue().startswith("4 legs, probably to ± 0 mm: 80.0 % probable.")
+    assert "more movements make it surer" in text.getvalue()
+    assert "Measure" not in text.getvalue()
+
+
 COULD_BE_SHORT = Cause(
     name="servo of left reversed",
     probability=0.19,
