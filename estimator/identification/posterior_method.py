@@ -253,9 +253,7 @@ class PosteriorMethod:
         likelihood = sampled.likelihood
         checked = recheck(self._posterior, self._predictor, likelihood, self._reference)
         fitted = replace(sampled, posterior=checked.posterior)
-        final = self._summarised(fitted)
-        final = self._doubted(final, fitted)
-        final = final.model_copy(
+        final = self._summarised(fitted).model_copy(
             update={
                 "causes": summary.causes,
                 "as_stated_m": summary.as_stated_m,
@@ -265,6 +263,7 @@ class PosteriorMethod:
                 "ess": checked.ess,
             }
         )
+        final = self._doubted(final, fitted)
         modes = (mode for mode in final.modes if mode.probability >= RIVAL)
         if not final.knows_cause(SURE) or any(not mode.indistinguishable for mode in modes):
             final = final.model_copy(update={"next_movement": self._deciding(fitted)})

@@ -276,15 +276,19 @@ def test_a_robot_that_changes_on_the_way_is_not_explained(
 def test_what_a_robot_has_otherwise_is_named_with_its_amount(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """And it has not changed, though other attachments were sure before that was known."""
+    """Also by a run that was broken off before its last word.
+
+    And it has not changed, though other attachments were sure before that was known.
+    """
     monkeypatch.setattr(posterior_method, "probability_of", lambda *_: 0.01)
     more = Effort(levels=4, chains_per_level=32, steps=40, rounds=2, particles=256, samples=128)
     monkeypatch.setattr(posterior_method, "Effort", lambda: more)
     with serving(ModelRobot(travel=1.25)) as uri:
         asked = changed(order(tmp_path, uri), interactions=4, seed=1)
-        result = identify(
-            tmp_path / "run", asked, IN_THIS_PROCESS, Listener(), report=without_plots
-        )
+        run = tmp_path / "run"
+        with pytest.raises(KeyboardInterrupt):
+            identify(run, asked, IN_THIS_PROCESS, Interrupting(4), report=without_plots)
+        result = resume(run, IN_THIS_PROCESS, Listener(), robot=uri, report=without_plots)
     assert result.posterior is not None
     assert result.posterior.explained
     assert result.posterior.causes[0].name == "travel of all servos"
