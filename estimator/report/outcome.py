@@ -205,8 +205,8 @@ def next_steps(result: Result, directory: Path | None) -> list[str]:
     if posterior is not None and _may_have_something_else(posterior):
         return [
             "Next:",
-            "  Measure what the robot seems to have otherwise, say it in the problem, and identify",
-            "  it anew: more movements make this no surer.",
+            "  Measure what the robot seems to have otherwise, say it in the problem (its value,",
+            "  or under [uncertain]), and identify it anew: more movements make this no surer.",
             *_commands(steps[1:]),
         ]
     if posterior is not None and not (
