@@ -111,8 +111,8 @@ def recheck(
 
 
 _UNLISTED: Final = 1 / 30  # share of robots that deviate in a way that is not in the table
-_AS_STATED: Final = 0.3  # share of these that read like robots as stated, perhaps of other bodies
-_BY_AMOUNT: Final = 0.3  # share of these that read like robots with one large amount in the table
+_AS_STATED: Final = 0.3  # share of these that read like robots as stated: 7 of 20 that were tried
+_BY_AMOUNT: Final = 0.3  # share of these that read like one with a large amount: 7 of the same 20
 _OUTLIER_RATE: Final = 0.004  # unexplained interactions of robots as stated: 2 of 615 recorded
 _UNLISTED_RATE: Final = 0.3  # unexplained interactions of the other robots that deviate so
 _TRIED: Final = 32  # samples that are simulated where an interaction is unexplained
