@@ -255,7 +255,7 @@ class _Visited:
         fresh = [key not in self._polished for key in self._unknowns.keys(values)]
         values = values[np.flatnonzero(fresh)[:count]]
         if len(values):
-            self._polish(values, solver)
+            self._polish([values], solver)
 
     def sweep(self, solver: GaussNewton, rng: np.random.Generator, nats: float) -> bool:
         """Tries other attachments of each part of the best few; False where none is left."""
@@ -263,6 +263,7 @@ class _Visited:
         leaders = bodies.values[bodies.fits >= bodies.fits[0] - nats][: 2 * _LEADERS]
         keys = self._unknowns.keys(leaders)
         chosen = [row for row, key in enumerate(keys) if key not in self._swept][:_LEADERS]
+        near, elsewhere = [], []
         for row in chosen:
             self._swept.add(keys[row])
             values = np.concatenate(
@@ -271,9 +272,11 @@ class _Visited:
                     for columns in self._unknowns.parts.values()
                 ]
             )
-            promising = ranked_by_attachments(values, solver, self._unknowns, rng)[:_PROMISING]
-            self._polish(promising, solver)
-            self._polish(self._elsewhere(leaders[row], solver, rng), solver)
+            ordered = ranked_by_attachments(values, solver, self._unknowns, rng)
+            near.append(ordered[:_PROMISING])
+            elsewhere.append(self._elsewhere(leaders[row], solver, rng))
+        for several in (near, elsewhere) if chosen else ():
+            self._polish(several, solver)
         return bool(chosen)
 
     def climb(self, neighbours: Neighbours) -> None:
@@ -296,7 +299,10 @@ class _Visited:
         trial[:, columns] = rng.random((_ELSEWHERE, columns.size))
         return ranked(trial, solver, rng)[:_STARTS]
 
-    def _polish(self, values: Array, solver: GaussNewton) -> None:
-        better, fits = solver.polished(values, math.ceil(len(values) / _FINISHED))
+    def _polish(self, several: Sequence[Array], solver: GaussNewton) -> None:
+        """Optimises lengths of some of each of several arrays of points."""
+        values, sizes = np.concatenate(several), [len(own) for own in several]
+        groups = np.repeat(np.arange(len(sizes)), sizes)
+        better, fits = solver.polished(values, math.ceil(max(sizes) / _FINISHED), groups=groups)
         self._polished.update(self._unknowns.keys(values))
         self.add(better, fits)

@@ -161,7 +161,11 @@ class GaussNewton:
         return free or Free.lengths(self.predictor.unknowns.continuous, len(values))
 
     def polished(
-        self, values: Array, most: int | None = None, free: Free | None = None
+        self,
+        values: Array,
+        most: int | None = None,
+        free: Free | None = None,
+        groups: Columns | None = None,
     ) -> tuple[Array, Array]:
         """Points that fit better, and their log-likelihoods, with the prior of parameters.
 
@@ -170,14 +174,17 @@ class GaussNewton:
 
         Args:
             values: Shape (n, size).
-            most: So many at most, those that fit best while the noise is wide, best first; by
-                default all, in their order.
+            most: So many at most of each group, those that fit best while the noise is wide, best
+                first; by default all, in their order.
             free: What is fitted; lengths by default.
+            groups: To which each belongs, shape (n,); by default all to one.
         """
         led, free = values, self._all(values, free)
         for noise_scale in _WIDE:
             led, fits = self._narrower(led, free, noise_scale)
-        kept = np.arange(len(fits)) if most is None else np.argsort(-fits, kind="stable")[:most]
+        kept = np.arange(len(fits))
+        if most is not None:
+            kept = best_of_each(np.zeros_like(kept) if groups is None else groups, fits, most)
         both, free = np.concatenate([led[kept], values[kept]]), free[np.tile(kept, 2)]
         going_on = np.arange(len(both))  # what one step does not improve, the next will not
         for noise_scale in _NARROW:
