@@ -218,8 +218,8 @@ class Chooser:
             narrowed = float(bits[0])
             bits = self._bits(replace(known, asked=None), readings, rng, _MORE_DRAWS)
         elif known.causes is not None:
-            (about_causes,) = self._gain.of(
-                readings, known.scales, known.causes, rng, draws=_MORE_DRAWS
+            ((about_causes,),) = self._gain.of(
+                readings, known.scales, known.causes[:, None], rng, draws=_MORE_DRAWS
             ).tolist()
             readings = self._surest_readings(stated, chosen)
             bits = self._bits(stated, readings, rng, _MORE_DRAWS)
@@ -302,10 +302,10 @@ class Chooser:
     ) -> Array:
         if known.asked is not None:
             return self._gain.narrowed(readings, known.asked)
-        bits = self._gain.of(readings, known.scales, known.groups, rng, draws=draws)
-        if known.causes is not None:
-            bits += self._gain.of(readings, known.scales, known.causes, rng, draws=draws)
-        return bits
+        kinds = [own for own in (known.groups, known.causes) if own is not None]
+        bits = self._gain.of(readings, known.scales, np.stack(kinds, axis=1), rng, draws=draws)
+        total: Array = bits.sum(axis=1)
+        return total
 
     def _sure_readings(
         self, known: _Hypotheses, programs: Array, *, coarse_step: bool = False
@@ -356,12 +356,12 @@ class Chooser:
         self, samples: Posterior, readings: PredictedReadings, rng: np.random.Generator
     ) -> Array:
         unknowns, values = self._predictor.unknowns, samples.values
-        about = np.zeros(unknowns.size)
+        about, columns = np.zeros(unknowns.size), [*unknowns.choices, *unknowns.continuous]
         groups = unknowns.decided(values)
         upper = values > np.median(values, axis=0)
         groups[:, unknowns.continuous] = upper[:, unknowns.continuous]
-        for column in (*unknowns.choices, *unknowns.continuous):
-            about[column] = self._gain.of(
-                readings, samples.scales, groups[:, column], rng, draws=4 * len(values)
-            )[0]
+        draws = 4 * len(values)
+        (about[columns],) = self._gain.of(
+            readings, samples.scales, groups[:, columns], rng, draws=draws
+        )
         return np.maximum(about, 0.0)

@@ -60,13 +60,13 @@ class InformationGain:
         *,
         draws: int,
     ) -> Array:
-        """Expected information of each program, in bits, shape (p,).
+        """Expected information of each program, in bits, shape (p, k).
 
         Args:
             readings: Of n equally likely samples in one program and the next, p · n rows.
             scales: Logarithms of their noise factors, shape (n, 2).
-            groups: Group of each sample, shape (n,).
-            rng: Draws the noise, which is the same for all programs.
+            groups: Group of each sample, by each of k groupings, shape (n, k).
+            rng: Draws the noise, which is the same for all programs and groupings.
             draws: Readings per program; one sample after the other.
         """
         touch, tilt, clear = (name in self._modalities for name in ("touch", "tilt", "clearance"))
@@ -77,7 +77,7 @@ class InformationGain:
         uniforms = rng.random((draws, 1 + bits))
         if not tilt:
             noise_draws[:, :2] = 0.0
-        result = np.zeros(len(predicted.tilt))
+        result = np.zeros((len(predicted.tilt), groups.shape[1]))
         laid_out = np.ascontiguousarray  # the kernel would be compiled for each layout
         arguments = (
             laid_out(predicted.touch[..., sensors]),
@@ -186,6 +186,15 @@ def _draw_bits(touch: Flags, doubtful: Flags, wrong: float, uniforms: Array, bit
         bits[bit] = touch[bit] != (uniforms[1 + bit] < (0.5 if doubtful[bit] else wrong))
 
 
+@compiled
+def _add(density: float, one: Array, other: Array, of_groups: Array) -> None:
+    """Adds a density to that of each group of which both samples are, which have one more."""
+    for kind in range(len(one)):
+        if one[kind] == other[kind]:
+            of_groups[0, kind] += density
+            of_groups[1, kind] += 1.0
+
+
 def _make_gains(sources: int) -> Any:
     @entrance
     def gains(
@@ -224,11 +233,10 @@ def _make_gains(sources: int) -> Any:
             uniforms: Decide on outliers and bits, shape (draws, 1 + sensors).
         """
         _, samples, sensors = touch.shape
-        bits = np.empty(sensors, np.bool_)
+        bits, of_groups = np.empty(sensors, np.bool_), np.zeros((2, groups.shape[1]))
         levels = [level_of(spread, 1.0, one[0], one[1]) for one in scales]
         beside = spread.outlier * spread.nearby
         for program in range(start, end):
-            total = 0.0
             for draw in range(len(noise_draws)):
                 source, chance = draw % samples, uniforms[draw, 0]
                 if no_prediction[program, source] or beside <= chance < spread.outlier:
@@ -251,7 +259,7 @@ def _make_gains(sources: int) -> Any:
                     bits,
                 )
                 elsewhere = anywhere[1 if far else 0]
-                of_all, of_group, members = 0.0, 0.0, 0
+                of_all = 0.0
                 for other in range(samples):
                     density = elsewhere
                     if not no_prediction[program, other]:
@@ -274,11 +282,11 @@ def _make_gains(sources: int) -> Any:
                         if near > _LEAST:
                             density += (1 - spread.outlier) * math.exp(near)
                     of_all += density
-                    if groups[other] == groups[source]:
-                        of_group += density
-                        members += 1
-                total += math.log(of_group / members) - math.log(of_all / samples)
-            result[program] = total / len(noise_draws)
+                    _add(density, groups[other], groups[source], of_groups)
+                for kind in range(groups.shape[1]):
+                    told = math.log(of_groups[0, kind] / of_groups[1, kind] * samples / of_all)
+                    result[program, kind] += told / len(noise_draws)
+                    of_groups[0, kind] = of_groups[1, kind] = 0.0
         return 0 * sources
 
     return gains

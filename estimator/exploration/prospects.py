@@ -153,8 +153,8 @@ def prospects(
     gains, unpredicted = [], []
     for program in programs[:_PROGRAMS]:
         predicted = predictor.read_all(bodies, program[None])
-        scales, groups = np.zeros((len(bodies), 2)), np.arange(len(bodies))
-        gains.append(gain.of(predicted, scales, groups, rng, draws=_DRAWS)[0])
+        scales, groups = np.zeros((len(bodies), 2)), np.arange(len(bodies))[:, None]
+        gains.append(gain.of(predicted, scales, groups, rng, draws=_DRAWS)[0, 0])
         unpredicted.append(np.mean(predicted.undecided | ~predicted.valid))
     hidden = _hidden(predictor, bodies[:_CHANGED], programs, modalities, rng)
     observable = [gene for gene in genome.genes if gene.observable]

@@ -104,7 +104,8 @@ def best_of(
         if margins:
             near = near_forks(known, hypotheses.bodies, programs).ravel()
             predicted = replace(predicted, undecided=predicted.undecided | near)
-        told = gain.of(predicted, hypotheses.scales, hypotheses.groups, rng, draws=draws)
+        groups = hypotheses.groups[:, None]
+        told = gain.of(predicted, hypotheses.scales, groups, rng, draws=draws)[:, 0]
         if safe_for is not None:
             told = told - _UNSAFE * near_forks(known, safe_for, programs).mean(axis=1)
         return told

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from estimator.body.morphology import Array
 from estimator.executors import Threads
@@ -35,7 +36,7 @@ def bits(of: PredictedReadings, groups: list[int]) -> float:
     gain = InformationGain(NOISE, CAP, ("touch", "tilt", "clearance"))
     scales = np.zeros((len(groups), 2))
     rng = np.random.default_rng(1)
-    return float(gain.of(of, scales, np.array(groups), rng, draws=4000)[0])
+    return float(gain.of(of, scales, np.array(groups)[:, None], rng, draws=4000)[0, 0])
 
 
 def test_two_bodies_that_feel_quite_differently_are_told_apart_but_for_outliers() -> None:
@@ -75,10 +76,11 @@ def test_a_gain_is_what_readings_drawn_from_the_likelihood_tell(
     readings.tilt[:] = [[0.0, 0.0], [0.015, 0.0], [0.0, 0.07], [0.3, 0.3]]
     readings.clearance[:] = [0.1, CAP, CAP - 0.002, 0.05]
     readings.saturated[1] = True
-    scales, groups = np.log([[1.0, 1.5], [2.0, 1.0], [1.0, 1.0], [1.0, 1.0]]), np.arange(4)
+    scales = np.log([[1.0, 1.5], [2.0, 1.0], [1.0, 1.0], [1.0, 1.0]])
+    groups = np.arange(4)[:, None]
     found = InformationGain(noise, CAP, modalities).of(
         readings, scales, groups, np.random.default_rng(1), draws=40_000
-    )[0]
+    )[0, 0]
     count, present = 3000, 0.0  # of each body that foretells anything
     for source in range(3):
         observed = [drawn_from(readings, source, noise, scales[source], rng) for _ in range(count)]
@@ -119,6 +121,17 @@ def test_only_what_differs_between_groups_counts() -> None:
     assert bits(predictions(tilts), [0, 0, 1, 1]) == pytest.approx(0.0, abs=0.01)
 
 
+def test_groupings_are_told_of_at_once_as_by_themselves() -> None:
+    of, scales = predictions(np.array([0.0, 0.5, 0.0, 0.5])), np.zeros((4, 2))
+    groups = np.array([[0, 0, 1], [1, 0, 1], [0, 1, 2], [1, 1, 3]])
+    gain = InformationGain(NOISE, CAP, ("touch", "tilt", "clearance"))
+
+    def told(some: NDArray[np.int64]) -> Array:
+        return gain.of(of, scales, some, np.random.default_rng(1), draws=100)[0]
+
+    assert told(groups).tolist() == [told(groups[:, [one]])[0] for one in range(3)]
+
+
 def test_threads_do_not_show_in_the_result() -> None:
     rng = np.random.default_rng(2)
     programs = [predictions(tilts) for tilts in rng.normal(0, 0.02, (5, 8))]
@@ -127,7 +140,7 @@ def test_threads_do_not_show_in_the_result() -> None:
             InformationGain(NOISE, CAP, ("touch", "tilt"), some).of(
                 PredictedReadings.concatenate(programs),
                 np.zeros((8, 2)),
-                np.arange(8),
+                np.arange(8)[:, None],
                 np.random.default_rng(1),
                 draws=50,
             )
@@ -146,8 +159,8 @@ def test_a_sense_that_does_not_count_tells_nothing() -> None:
     found = gain.of(
         predictions(np.array([0.0, 0.5])),
         np.zeros((2, 2)),
-        np.array([0, 1]),
+        np.array([[0], [1]]),
         np.random.default_rng(1),
         draws=500,
     )
-    assert found[0] == pytest.approx(0.0, abs=1e-9)
+    assert found[0, 0] == pytest.approx(0.0, abs=1e-9)
