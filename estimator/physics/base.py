@@ -17,7 +17,7 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from estimator.body.arrays import Bodies
+from estimator.body.arrays import Bodies, Integers
 from estimator.body.morphology import Array, Morphology
 from estimator.errors import PhysicsError
 from estimator.readings.observation import PredictedReadings
@@ -128,6 +128,7 @@ class ArrayPhysics(Physics):
         gravity_tilts: Array | None = None,
         *,
         coarse_step: bool = False,
+        stances: Integers | None = None,
     ) -> PredictedReadings:
         """Simulates one interaction per body, without an object per body.
 
@@ -141,6 +142,8 @@ class ArrayPhysics(Physics):
                 have landed.
             coarse_step: Few bodies may land elsewhere than they should, if that costs less: what a
                 search looks at first, and again before it is believed.
+            stances: Of readings of bodies that are nearly the same, shape (n,). Where a body can
+                rest so too, it is taken to, however it would fall; elsewhere they change nothing.
 
         Returns:
             One row per body.

@@ -26,7 +26,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from estimator.body.arrays import Bodies
+from estimator.body.arrays import Bodies, Integers
 from estimator.body.morphology import Array
 from estimator.errors import PhysicsError
 from estimator.executors import Threads
@@ -53,6 +53,7 @@ _LADDER: Final = (
 _FINE: Final = (
     1.2  # ratio of the two inclinations between which a margin is known to lie; not tuned
 )
+_UNKNOWN: Final = np.full(1, -1)  # stance of all bodies
 _FARTHEST: Final = 100 * 2 * math.pi  # rad; so far no joint turns
 
 
@@ -107,13 +108,14 @@ class StaticsPhysics(ArrayPhysics):
         gravity_tilts: Array | None = None,
         *,
         coarse_step: bool = False,
+        stances: Integers | None = None,
     ) -> PredictedReadings:
         """Computes one interaction per body; see ``ArrayPhysics.read_bodies``.
 
         With a coarse step joints turn by ``COARSE_PACE`` at a time.
         """
         pace = max(self._pace, COARSE_PACE) if coarse_step else self._pace
-        readings, _ = self._at_rest(bodies, programs, gravity_tilts, pace, plumb=True)
+        readings, _ = self._at_rest(bodies, programs, gravity_tilts, pace, stances, plumb=True)
         self.simulations += len(bodies)
         return readings
 
@@ -152,6 +154,7 @@ class StaticsPhysics(ArrayPhysics):
         programs: Array,
         gravity_tilts: Array | None,
         pace: float,
+        stances: Integers | None = None,
         *,
         plumb: bool,
     ) -> tuple[PredictedReadings, Array]:
@@ -171,6 +174,7 @@ class StaticsPhysics(ArrayPhysics):
                 rows,
                 told,
                 _checked_tilts(bodies, gravity_tilts),
+                _UNKNOWN if stances is None else stances,
                 self._slew(farthest, pace),
                 self._kernel.Limits(
                     settings.clearance_cap,
@@ -188,6 +192,7 @@ class StaticsPhysics(ArrayPhysics):
                     readings.joint_miss,
                     readings.valid,
                     readings.undecided,
+                    readings.stance,
                     up,
                 ),
             ),

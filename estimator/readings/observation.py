@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
-from estimator.body.arrays import Flags
+from estimator.body.arrays import Flags, Integers
 from estimator.body.morphology import Array
 from protocol.wire import messages
 from protocol.wire.capabilities import Capabilities
@@ -102,6 +102,8 @@ class PredictedReadings:
         undecided: Shape (n,): the body is balanced on the rim of its support and might as well
             lie elsewhere, so the reading says nothing. Only a back-end that computes the pose can
             know; one that simulates never says so.
+        stance: Shape (n,): on what the body rests, as the back-end numbers it; −1: not known. For
+            ``ArrayPhysics.read_bodies``, of bodies that are nearly the same.
     """
 
     touch: Flags
@@ -113,6 +115,7 @@ class PredictedReadings:
     joint_miss: Array
     valid: Flags
     undecided: Flags
+    stance: Integers
 
     def __len__(self) -> int:
         return len(self.clearance)
@@ -140,6 +143,7 @@ class PredictedReadings:
             joint_miss=np.zeros(count),
             valid=np.zeros(count, dtype=bool),
             undecided=np.zeros(count, dtype=bool),
+            stance=np.full(count, -1),
         )
 
     @classmethod

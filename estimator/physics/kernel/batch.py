@@ -48,6 +48,7 @@ from estimator.physics.kernel.rest import (
     vector,
 )
 from estimator.physics.kernel.sensing import SINKS, Limits, Readings, centre_of, read
+from estimator.physics.kernel.stance import GUESSED, take_stance
 from estimator.physics.kernel.work import (
     AT,
     CORNERS,
@@ -156,18 +157,6 @@ def _contact(points: Array, counts: Integers, which: int) -> Vector:
 
 
 @inlined
-def _start(work: Work, lane: int, row: int, tilt_x: float, tilt_y: float) -> None:
-    """Lays a body that is in a lane flat, with its joints where they start."""
-    bodies, counts = work.bodies, work.counts
-    bodies[UP, lane], bodies[UP + 1, lane], bodies[UP + 2, lane] = 0.0, 0.0, 1.0
-    bodies[GRAVITY, lane], bodies[GRAVITY + 1, lane] = tilt_x, tilt_y
-    bodies[LIES, lane] = bodies[FIRM, lane] = 1.0
-    for contact in range(3):
-        counts[STANCE + contact, lane] = contact
-    counts[ROW, lane], counts[AT, lane], counts[RESTS, lane] = row, -1, 1
-
-
-@inlined
 def _turn_to(work: Work, lane: int, step: int, slew: Slew) -> None:
     """After how many steps a lane is looked at next."""
     work.counts[NEXT, lane] = step
@@ -176,6 +165,21 @@ def _turn_to(work: Work, lane: int, step: int, slew: Slew) -> None:
         slew.cosines[step],
         slew.sines[step],
     )
+
+
+@inlined
+def _start(work: Work, lane: int, row: int, gravity_tilts: Array, slew: Slew) -> None:
+    """Lays a body that is in a lane flat, with its joints where they start."""
+    bodies, counts = work.bodies, work.counts
+    tilt = gravity_tilts[row if len(gravity_tilts) > 1 else 0]
+    bodies[UP, lane], bodies[UP + 1, lane], bodies[UP + 2, lane] = 0.0, 0.0, 1.0
+    bodies[GRAVITY, lane], bodies[GRAVITY + 1, lane] = tilt[0], tilt[1]
+    bodies[LIES, lane] = bodies[FIRM, lane] = 1.0
+    for contact in range(3):
+        counts[STANCE + contact, lane] = contact
+    counts[ROW, lane], counts[AT, lane], counts[RESTS, lane] = row, -1, 1
+    counts[STRIDE, lane] = slew.stride
+    _turn_to(work, lane, 0, slew)
 
 
 @inlined
@@ -266,6 +270,7 @@ def _make_rest(sources: int) -> Any:
         which: Integers,
         programs: Array,
         gravity_tilts: Array,
+        stances: Integers,
         slew: Slew,
         limits: Limits,
         plumb: bool,
@@ -276,8 +281,9 @@ def _make_rest(sources: int) -> Any:
         In the end gravity is plumb again, and the sensors are read; unless ``plumb`` is false: then
         only ``up`` is filled in.
 
-        ``which`` has each row's tree. ``programs`` and ``gravity_tilts`` have one row for all or
-        one for each.
+        ``which`` has each row's tree. ``programs``, ``gravity_tilts`` and ``stances`` have one row
+        for all or one for each. A body with a stance is at its targets at once, and from flat only
+        if it does not rest so there.
 
         Returns:
             How many steps that took.
@@ -292,7 +298,12 @@ def _make_rest(sources: int) -> Any:
         while row < end or occupied:
             for lane in range(LANES):
                 if counts[ROW, lane] < 0 and row < end:
-                    _take_in(work, lane, latest, row, trees, which, programs, gravity_tilts, slew)
+                    _take_in(work, lane, latest, row, trees, which, programs, slew)
+                    _start(work, lane, row, gravity_tilts, slew)
+                    stance = stances[row if len(stances) > 1 else 0]
+                    if stance >= 0:
+                        take_stance(work, lane, stance)
+                        _turn_to(work, lane, counts[LAST, lane], slew)
                     latest = lane
                     row += 1
                     occupied += 1
@@ -304,6 +315,9 @@ def _make_rest(sources: int) -> Any:
                 steps += 1
                 step, known, last = counts[NEXT, lane], counts[AT, lane], counts[LAST, lane]
                 stays = bool(stay >> lane & 1)
+                if known == GUESSED and not stays:
+                    _start(work, lane, counts[ROW, lane], gravity_tilts, slew)
+                    continue
                 if not stays:
                     counts[STRIDE, lane] = 1
                     if step > known + 1:
@@ -347,19 +361,14 @@ def _take_in(
     trees: Trees,
     which: Integers,
     programs: Array,
-    gravity_tilts: Array,
     slew: Slew,
 ) -> None:
-    """Puts a row of the batch into a lane: its body flat, with its joints where they start."""
+    """Puts a row of the batch into a lane."""
     program = programs[row if len(programs) > 1 else 0]
     if latest >= 0 and which[row] == which[row - 1] and _same(programs, row):
         board_again(work, lane, latest)
     else:
         board(trees, which[row], program, slew, work, lane)
-    tilt = gravity_tilts[row if len(gravity_tilts) > 1 else 0]
-    _start(work, lane, row, tilt[0], tilt[1])
-    work.counts[STRIDE, lane] = slew.stride
-    _turn_to(work, lane, 0, slew)
 
 
 @inlined

@@ -319,7 +319,7 @@ def stands(
         second_rise: By how much its radius is larger than the first's.
         third_rise: Likewise.
         centre: Of mass.
-        before: Up before the change of shape.
+        before: Up before the change of shape; 0: not known, the three lie in a turn to the left.
         least_cosine: Of the angle by which up may turn.
 
     Returns:
@@ -343,7 +343,7 @@ def stands(
     leftward = (a_b > 0.0) & (b_c > 0.0) & (c_a > 0.0)
     rightward = (a_b < 0.0) & (b_c < 0.0) & (c_a < 0.0)
     fixed = (squared >= _FLAT) & (left > 0.0)
-    near = dot(up, before) >= least_cosine
+    near = (dot(up, before) >= least_cosine) | (dot(before, before) == 0.0)
     return fixed & near & (leftward | rightward), up, a_b
 
 

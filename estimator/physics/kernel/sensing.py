@@ -6,7 +6,7 @@ import math
 from typing import Final, NamedTuple
 
 from estimator.body import geometry
-from estimator.body.arrays import ACCELEROMETER, Flags
+from estimator.body.arrays import ACCELEROMETER, Flags, Integers
 from estimator.body.morphology import Array
 from estimator.body.mounts import Vector
 from estimator.physics.kernel.compiling import compiled, inlined
@@ -20,6 +20,7 @@ from estimator.physics.kernel.rest import (
     touching,
     turning,
 )
+from estimator.physics.kernel.stance import point_of, stance_of
 from estimator.physics.kernel.work import (
     DEEP,
     FIRM,
@@ -68,6 +69,7 @@ class Readings(NamedTuple):
     miss: Array
     valid: Flags
     balances: Flags
+    stance: Integers
     up: Array
 
 
@@ -96,8 +98,8 @@ def _undecided(work: Work, lane: int, centre: Vector, up: Vector) -> bool:
     if work.bodies[FIRM, lane] != 0.0:
         least = math.inf
         for side in range(3):
-            one = _point(work, lane, work.counts[STANCE + side, lane])
-            edge = minus(_point(work, lane, work.counts[STANCE + (side + 1) % 3, lane]), one)
+            one = point_of(work, lane, work.counts[STANCE + side, lane])
+            edge = minus(point_of(work, lane, work.counts[STANCE + (side + 1) % 3, lane]), one)
             area = turning(up, minus(one, centre), edge)
             least = min(least, area * area / dot(edge, edge))
         if least > 4 * BALANCED * BALANCED:
@@ -105,12 +107,6 @@ def _undecided(work: Work, lane: int, centre: Vector, up: Vector) -> bool:
     pick_out(work, lane)
     contacts = touching(work.one, work.one.shape[1], centre, up, work.touch, work.flat)
     return balanced(work.flat, contacts)
-
-
-@inlined
-def _point(work: Work, lane: int, point: int) -> Vector:
-    first = POINT_ROWS * point
-    return work.points[first, lane], work.points[first + 1, lane], work.points[first + 2, lane]
 
 
 @inlined
@@ -138,6 +134,7 @@ def read(
     if not plumb:
         return
     up, deep = (bodies[UP, lane], bodies[UP + 1, lane], bodies[UP + 2, lane]), bodies[DEEP, lane]
+    readings.stance[row] = stance_of(work, lane) if rests else -1
     readings.balances[row] = _undecided(work, lane, centre_of(work, lane), up)
     measured = _up_as_measured(up, own[ACCELEROMETER], own[ACCELEROMETER + 1])
     readings.tilt[row, 0], readings.tilt[row, 1] = _tilt_of(measured)
@@ -169,6 +166,6 @@ def _lowest(work: Work, lane: int, part: int, up: Vector) -> float:
     """How far a part's lowest point lies below the body's origin, m."""
     lowest = -math.inf
     for point in range(work.first[part], work.end[part]):
-        below = work.points[POINT_ROWS * point + 3, lane] - dot(up, _point(work, lane, point))
+        below = work.points[POINT_ROWS * point + 3, lane] - dot(up, point_of(work, lane, point))
         lowest = max(lowest, below)
     return lowest

@@ -20,7 +20,7 @@ from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.noise import step_weight
-from estimator.posterior.model.sensor_data import BRANCH
+from estimator.posterior.model.sensor_data import BRANCH, STANCE
 from estimator.posterior.model.unknowns import Attachments, Columns, Predictor, Unknowns
 
 ROUGH: Final = 4.0
@@ -239,9 +239,12 @@ class GaussNewton:
         moved = np.repeat(values, size, axis=0)
         at = np.arange(len(moved)), free.columns.ravel()
         moved[at] += (step * free.spreads).ravel()
-        branches = np.repeat(misfits[..., BRANCH], size, axis=0)
         others = self.likelihood.misfits_of(
-            self.predictor, moved, branches=branches, coarse_step=wide
+            self.predictor,
+            moved,
+            branches=np.repeat(misfits[..., BRANCH], size, axis=0),
+            coarse_step=wide,
+            stances=np.repeat(misfits[..., STANCE], size, axis=0),
         )
         residuals = self.likelihood.data.residuals(misfits)
         there = self.likelihood.data.residuals(others).reshape(

@@ -113,10 +113,13 @@ class Likelihood:
         *,
         branches: Array | float | None = None,
         coarse_step: bool = True,
+        stances: Array | None = None,
     ) -> Array:
         """The misfits of n points of the cube, shape (n, size); see ``misfits_of_bodies``."""
         bodies = predictor.unknowns.bodies(values)
-        return self.misfits_of_bodies(predictor, bodies, branches=branches, coarse_step=coarse_step)
+        return self.misfits_of_bodies(
+            predictor, bodies, branches=branches, coarse_step=coarse_step, stances=stances
+        )
 
     def misfits_of_bodies(
         self,
@@ -126,6 +129,7 @@ class Likelihood:
         *,
         branches: Array | float | None = None,
         coarse_step: bool = True,
+        stances: Array | None = None,
     ) -> Array:
         """The misfits of n bodies in k interactions, shape (n, k, MISFITS).
 
@@ -139,6 +143,7 @@ class Likelihood:
             branches: Numbers of ``GRAVITY_TILTS``, shape (n, k) or one for all, under which bodies
                 are taken to fall; 0: as statics has it.
             coarse_step: Whether joints turn in coarse steps, where ``branches`` are given.
+            stances: There, of bodies that are nearly the same, shape (n, k): see ``ArrayPhysics``.
         """
         if interactions is None:
             interactions = np.arange(len(self.data))
@@ -148,7 +153,8 @@ class Likelihood:
         under = partial(self._misfits_under, predictor, bodies)
         if branches is not None:
             sides = np.broadcast_to(branches, shape[:2]).ravel().astype(np.intp)
-            return under(rows, each, sides, coarse_step=coarse_step).reshape(shape)
+            known = None if stances is None else stances.ravel().astype(np.int64)
+            return under(rows, each, sides, coarse_step=coarse_step, stances=known).reshape(shape)
         misfits = under(rows, each, np.zeros_like(rows))
         left, sides = self._unexplained(misfits, each), np.arange(1, len(GRAVITY_TILTS))
         again = np.repeat(left, len(sides))
@@ -169,6 +175,7 @@ class Likelihood:
         sides: Columns,
         *,
         coarse_step: bool = False,
+        stances: Columns | None = None,
     ) -> Array:
         """Of m of the bodies, each in one interaction under one of ``GRAVITY_TILTS``, by numbers.
 
@@ -177,7 +184,9 @@ class Likelihood:
         if not rows.size:
             return np.empty((0, MISFITS))
         programs, gravity_tilts = self.data.programs[interactions], GRAVITY_TILTS[sides]
-        readings = predictor.read(bodies, rows, programs, gravity_tilts, coarse_step=coarse_step)
+        readings = predictor.read(
+            bodies, rows, programs, gravity_tilts, coarse_step=coarse_step, stances=stances
+        )
         misfits = self.data.misfits(readings, interactions)
         misfits[:, BRANCH] = sides
         return misfits

@@ -238,7 +238,10 @@ BRANCH: Final = NO_PREDICTION + 1
 """Column that is 0 where the model falls as statics has it, else the number in ``GRAVITY_TILTS``
 under which it explains what was observed."""
 
-MISFITS: Final = BRANCH + 1
+STANCE: Final = BRANCH + 1
+"""Column that says on what the body rests: see ``PredictedReadings``."""
+
+MISFITS: Final = STANCE + 1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -292,7 +295,7 @@ class SensorData:
         for name, density in DENSITIES.items():
             density.misfit(self.observed[name][interactions], readings, values[:, COLUMNS[name]])
         values[:, NO_PREDICTION] = readings.undecided | ~readings.valid
-        values[:, BRANCH] = 0.0
+        values[:, BRANCH], values[:, STANCE] = 0.0, readings.stance
         return values
 
     def residuals(self, misfits: Array) -> Array:

@@ -272,6 +272,7 @@ class Predictor:
         gravity_tilts: Array | None = None,
         *,
         coarse_step: bool = False,
+        stances: Columns | None = None,
     ) -> PredictedReadings:
         """Predicted readings of some of the bodies, each in its own program.
 
@@ -281,12 +282,13 @@ class Predictor:
             programs: rad, shape (m, motors).
             gravity_tilts: How gravity is inclined on the way; see ``ArrayPhysics``.
             coarse_step: Coarse steps; see ``ArrayPhysics``.
+            stances: Likewise, shape (m,).
         """
         chosen = bodies[rows]
-        return as_sensed(
-            self._physics.read_bodies(chosen, programs, gravity_tilts, coarse_step=coarse_step),
-            chosen,
+        readings = self._physics.read_bodies(
+            chosen, programs, gravity_tilts, coarse_step=coarse_step, stances=stances
         )
+        return as_sensed(readings, chosen)
 
     def margins(
         self, bodies: Bodies, rows: Columns, programs: Array, most: float = math.inf

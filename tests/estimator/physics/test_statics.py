@@ -413,6 +413,39 @@ def test_round_and_square_bodies_read_together_as_each_does_alone(
         assert_same(together[np.array([row])], statics.read([pair]))
 
 
+def test_bodies_rest_again_as_those_that_are_nearly_the_same(
+    statics: StaticsPhysics,
+    random_tree: MakeBody,
+    random_quadruped: MakeBody,
+    random_tree_of_own_tables: MakeBody,
+) -> None:
+    """Where it is known on what, at once; where they cannot rest so, as from flat."""
+    rng, count = np.random.default_rng(17), 240
+    kinds = (random_tree, random_quadruped, random_tree_of_own_tables)
+    bodies = Bodies.of([kinds[row % 3](rng) for row in range(count)])
+    programs = rng.uniform(-0.6, 0.6, (count, bodies.motors))
+
+    def read(near: Bodies, stances: Integers | None = None) -> tuple[PredictedReadings, int]:
+        before = statics.steps
+        return statics.read_bodies(near, programs, stances=stances), statics.steps - before
+
+    first, _ = read(bodies)
+    sure = first.stance >= 0
+    assert sure.mean() > 0.95
+    assert np.ptp(first.stance[sure]) > 0
+    for near in (bodies, bodies.changed(length=1.001 * bodies.length)):
+        (from_flat, dear), (again, cheap) = read(near), read(near, first.stance)
+        assert cheap < 0.15 * dear
+        likely = statics.path_margins_of_bodies(near, programs) > math.radians(0.5)
+        assert likely.mean() > 0.8
+        assert again.tilt[likely] == pytest.approx(from_flat.tilt[likely], abs=1e-9)
+        assert again.clearance[likely] == pytest.approx(from_flat.clearance[likely], abs=1e-9)
+        assert np.array_equal(again.touch[likely], from_flat.touch[likely])
+    assert_same(read(bodies, np.full(count, -1))[0], first)
+    others, _ = read(bodies, np.roll(first.stance, 3))
+    assert others.valid.all()
+
+
 def test_one_program_serves_many_bodies(
     statics: StaticsPhysics, random_quadruped: MakeBody
 ) -> None:

@@ -1,0 +1,81 @@
+"""On what a body rests, as one number: how a body that is nearly the same begins."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from estimator.body.mounts import Vector
+from estimator.physics.kernel.compiling import inlined
+from estimator.physics.kernel.rest import cross, dot, minus
+from estimator.physics.kernel.work import (
+    AT,
+    FIRM,
+    GRAVITY,
+    LIES,
+    POINT_ROWS,
+    ROUND,
+    STANCE,
+    STRIDE,
+    UP,
+    Work,
+)
+
+GUESSED: Final = -2
+"""In the row ``AT``: whether the body rests so is not known yet."""
+
+_FLAT: Final = 0  # it lies on its main body
+_BITS: Final = 16  # of a contact
+_OF_A_PART: Final = 8  # points
+
+
+@inlined
+def stance_of(work: Work, lane: int) -> int:
+    """Of a body at rest; −1 where no three points tell, as those of a rim, which are placed anew.
+
+    Its three contacts, those of a turn to the left as seen from above.
+    """
+    bodies, counts = work.bodies, work.counts
+    if bodies[LIES, lane] > 0.0:
+        return _FLAT
+    if bodies[FIRM, lane] == 0.0 or bodies[ROUND, lane] > 0.0:
+        return -1
+    one, two, three = counts[STANCE, lane], counts[STANCE + 1, lane], counts[STANCE + 2, lane]
+    foot = point_of(work, lane, one)
+    across = cross(minus(point_of(work, lane, two), foot), minus(point_of(work, lane, three), foot))
+    if dot(across, (bodies[UP, lane], bodies[UP + 1, lane], bodies[UP + 2, lane])) < 0.0:
+        two, three = three, two
+    stance: int = 1 + _numbered(work, one)
+    stance += (_numbered(work, two) << _BITS) + (_numbered(work, three) << 2 * _BITS)
+    return stance
+
+
+@inlined
+def take_stance(work: Work, lane: int, stance: int) -> None:
+    """Has a body that was laid flat rest so, under a plumb gravity; its pose is not known yet."""
+    bodies, counts = work.bodies, work.counts
+    bodies[GRAVITY, lane] = bodies[GRAVITY + 1, lane] = 0.0
+    counts[AT, lane], counts[STRIDE, lane] = GUESSED, 1
+    if stance == _FLAT:
+        return
+    bodies[LIES, lane], bodies[UP + 2, lane] = 0.0, 0.0
+    for contact in range(3):
+        number = (stance - 1) >> contact * _BITS & (1 << _BITS) - 1
+        part, point = number // _OF_A_PART - 1, number % _OF_A_PART
+        counts[STANCE + contact, lane] = point + (work.first[part] if part >= 0 else 0)
+
+
+@inlined
+def _numbered(work: Work, point: int) -> int:
+    """A point by its part, and its place there: others' parts may have other points."""
+    number = point
+    for part in range(len(work.first)):
+        if work.first[part] <= point < work.end[part]:
+            number = (part + 1) * _OF_A_PART + point - work.first[part]
+    return number
+
+
+@inlined
+def point_of(work: Work, lane: int, point: int) -> Vector:
+    """Where a point of a body is, in the main body's frame, m."""
+    first = POINT_ROWS * point
+    return work.points[first, lane], work.points[first + 1, lane], work.points[first + 2, lane]
