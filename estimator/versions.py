@@ -16,6 +16,7 @@ _BENCH: Final = "bench"
 _SOURCES: Final = (".py", ".toml", ".urdf")
 
 
+@cache
 def versions() -> dict[str, str]:
     """Versions of everything that computes."""
     installed = {"python": platform.python_version()}

@@ -103,8 +103,9 @@ class FittedPosterior:
         """Reads it from a run; ``None`` before anything was learnt."""
         if not store.settings.keeps_samples:
             return cls._of_population(store)
-        history = cls.history(store)
-        return history[-1] if history else None
+        stored = store.posteriors()
+        learnt_from = store.observations()[: len(stored)]
+        return cls.of_stored(store, stored[-1][0], learnt_from) if stored else None
 
     @classmethod
     def history(cls, store: RunStore) -> list[FittedPosterior]:
