@@ -39,7 +39,6 @@ def little_search() -> Iterator[None]:
         patch.setattr(moves, "_RANDOM", 300)
         patch.setattr(discovery, "_PROMISING", 10)
         patch.setattr(discovery, "_STARTS", 6)
-        patch.setattr(discovery, "_ELSEWHERE", 100)
         patch.setattr(weighing, "_MOST", 24)
         yield
 

@@ -20,7 +20,6 @@ from estimator.posterior.discovery.moves import other_attachments
 from estimator.posterior.discovery.neighbours import (
     Neighbours,
     joined_parts,
-    ranked,
     ranked_by_attachments,
     with_subtrees_of_others,
 )
@@ -35,10 +34,9 @@ _POLISHED: Final = 200  # sets of attachments whose lengths are optimised in one
 _POLISHED_BESIDE: Final = 40  # the same where neighbours are tried
 _LEADERS: Final = 4  # sets of attachments in one sweep
 _SWEPT: Final = (math.inf, 16.0)  # nats that they may lie below the best, in each sweep of a round
-_ELSEWHERE: Final = 800  # random lengths tried with a leader's attachments
 _PROMISING: Final = 60  # other attachments of a leader whose lengths are optimised
 _FINISHED: Final = 3  # one in so many of those points, the best, is optimised to the end
-_STARTS: Final = 24  # random lengths, and best points of the last search, that are optimised
+_STARTS: Final = 24  # best points of the last search, whose lengths are optimised
 _HIGHER: Final = 3.0  # nats of improvement from which neighbours are tried again
 _FOUNDERS: Final = 6  # best bodies of each restart, whose subtrees are given to others
 _CROSSED: Final = 4  # best bodies that are given subtrees
@@ -263,7 +261,7 @@ class _Visited:
         leaders = bodies.values[bodies.fits >= bodies.fits[0] - nats][: 2 * _LEADERS]
         keys = self._unknowns.keys(leaders)
         chosen = [row for row, key in enumerate(keys) if key not in self._swept][:_LEADERS]
-        near, elsewhere = [], []
+        near = []
         for row in chosen:
             self._swept.add(keys[row])
             values = np.concatenate(
@@ -274,9 +272,8 @@ class _Visited:
             )
             ordered = ranked_by_attachments(values, solver, self._unknowns, rng)
             near.append(ordered[:_PROMISING])
-            elsewhere.append(self._elsewhere(leaders[row], solver, rng))
-        for several in (near, elsewhere) if chosen else ():
-            self._polish(several, solver)
+        if chosen:
+            self._polish(near, solver)
         return bool(chosen)
 
     def climb(self, neighbours: Neighbours) -> None:
@@ -291,13 +288,6 @@ class _Visited:
             self.add_polished(*neighbours.of(bodies.values[row]))
             if self.best().fits[0] < bodies.fits[0] + _HIGHER:
                 break
-
-    def _elsewhere(self, leader: Array, solver: GaussNewton, rng: np.random.Generator) -> Array:
-        """Points with a leader's attachments and other lengths: there may be several peaks."""
-        columns = self._unknowns.continuous
-        trial = np.repeat(leader[None], _ELSEWHERE, axis=0)
-        trial[:, columns] = rng.random((_ELSEWHERE, columns.size))
-        return ranked(trial, solver, rng)[:_STARTS]
 
     def _polish(self, several: Sequence[Array], solver: GaussNewton) -> None:
         """Optimises lengths of some of each of several arrays of points."""
