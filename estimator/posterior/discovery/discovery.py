@@ -20,7 +20,7 @@ from estimator.posterior.discovery.moves import other_attachments
 from estimator.posterior.discovery.neighbours import (
     Neighbours,
     joined_parts,
-    ranked_by_attachments,
+    ranked,
     with_subtrees_of_others,
 )
 from estimator.posterior.discovery.population import EVERY, Population
@@ -270,8 +270,7 @@ class _Visited:
                     for columns in self._unknowns.parts.values()
                 ]
             )
-            ordered = ranked_by_attachments(values, solver, self._unknowns, rng)
-            near.append(ordered[:_PROMISING])
+            near.append(ranked(values, solver, self._unknowns, rng)[:_PROMISING])
         if chosen:
             self._polish(near, solver)
         return bool(chosen)

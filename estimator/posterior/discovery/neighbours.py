@@ -13,7 +13,7 @@ All this finds where the posterior is; it does not leave it invariant.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
@@ -57,14 +57,7 @@ class Neighbours:
 
         At most ``_POLISHED``; no two have the same attachments when they are chosen.
         """
-        by_pairs = self._unknowns.parents.any()  # half of a change of two parts explains nothing
-        ranking = partial(
-            ranked_by_attachments,
-            solver=self._solver,
-            unknowns=self._unknowns,
-            rng=self._rng,
-            unexplained=self._solver.unexplained(leader) if by_pairs else (),
-        )
+        ranking = partial(ranked, solver=self._solver, unknowns=self._unknowns, rng=self._rng)
         near = []
         for joined in self._joined:
             carrying = leader[None].copy()
@@ -205,15 +198,14 @@ def _joined(unknowns: Unknowns) -> tuple[Joined, ...]:
 
 _TRIED_FIRST: Final = 2  # interactions by which points are compared first
 _GO_ON: Final = 0.25  # share of the points that are compared by the next interactions
-_EXPLAINING: Final = 0.1  # the same where the first interaction is one that has to be explained
 _FEWEST: Final = 200  # points that go on, at least
 _SAMPLED: Final = 0.05  # share of the points by which the order of interactions is decided
 
 
 def ranked(
-    points: Array, solver: GaussNewton, rng: np.random.Generator, unexplained: Sequence[int] = ()
+    points: Array, solver: GaussNewton, unknowns: Unknowns, rng: np.random.Generator
 ) -> Array:
-    """The points that fit best under wide noise, best first; unlikely ones are left out.
+    """The points that fit best under wide noise, one of each set of attachments, best first.
 
     Points are compared first by interactions in which their fits differ by about the median, and
     only the best of them by the others. Where fits differ most, bodies fall to one side or the
@@ -222,41 +214,21 @@ def ranked(
     Args:
         points: Shape (n, size).
         solver: Compares them.
+        unknowns: The cube.
         rng: Draws the points by which the order of interactions is decided.
-        unexplained: Interactions that a point has to explain to be better than those known: points
-            are compared by these first, if there are any.
     """
-    interactions = np.arange(len(solver.likelihood))
-    if len(points) <= _FEWEST or interactions.size <= _TRIED_FIRST:
-        fits = solver.rough_fits(points).sum(axis=1)
-        return points[np.argsort(-fits, kind="stable")]
-    if len(unexplained):
-        order = np.concatenate([unexplained, np.setdiff1d(interactions, unexplained)])
-        tried, share = 1, _EXPLAINING
-    else:
+    order, tried = np.arange(len(solver.likelihood)), len(solver.likelihood)
+    if len(points) > _FEWEST and tried > _TRIED_FIRST:
         sample = rng.choice(len(points), round(_SAMPLED * len(points)), replace=False)
         spread = solver.rough_fits(points[sample]).std(axis=0)
-        order = np.argsort(np.abs(spread - np.median(spread)), kind="stable")
-        tried, share = _TRIED_FIRST, _GO_ON
+        order, tried = np.argsort(np.abs(spread - np.median(spread)), kind="stable"), _TRIED_FIRST
     fits = solver.rough_fits(points, order[:tried]).sum(axis=1)
     while tried < order.size:
-        best = np.argsort(-fits, kind="stable")[: max(_FEWEST, round(share * len(points)))]
+        best = np.argsort(-fits, kind="stable")[: max(_FEWEST, round(_GO_ON * len(points)))]
         points = points[best]
         fits = fits[best] + solver.rough_fits(points, order[tried : 2 * tried]).sum(axis=1)
         tried *= 2
-    return points[np.argsort(-fits, kind="stable")]
-
-
-def ranked_by_attachments(
-    points: Array,
-    solver: GaussNewton,
-    unknowns: Unknowns,
-    rng: np.random.Generator,
-    unexplained: Sequence[int] = (),
-) -> Array:
-    """The best point of each set of attachments, best first; see ``ranked``."""
-    best_first = ranked(points, solver, rng, unexplained)
-    return best_first[best_of_each(unknowns.keys(best_first), np.zeros(len(best_first)))]
+    return points[best_of_each(unknowns.keys(points), fits)]
 
 
 def with_subtrees_of_others(

@@ -139,12 +139,6 @@ class GaussNewton:
         """Log-likelihood of n points, shape (n, size), unknown noise factors integrated out."""
         return self.likelihood.integrated(self.likelihood.misfits_of(self.predictor, values))
 
-    def unexplained(self, value: Array) -> list[int]:
-        """Interactions that a point, shape (size,), leaves unexplained, the latest first."""
-        misfits = self.likelihood.misfits_of(self.predictor, value[None])
-        unexplained = np.flatnonzero(self.likelihood.inlier_share(misfits)[0] < 0.5)
-        return list(reversed(unexplained.tolist()))
-
     def rough_fits(self, values: Array, interactions: Columns | None = None) -> Array:
         """Log-likelihoods of n points in k of the interactions, by default all, shape (n, k).
 

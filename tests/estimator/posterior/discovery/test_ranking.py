@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from estimator.body.morphology import Array
-from estimator.posterior.discovery.neighbours import ranked, ranked_by_attachments
-from estimator.posterior.model.gauss_newton import GaussNewton
+from estimator.posterior.discovery.neighbours import ranked
+from estimator.posterior.model.gauss_newton import GaussNewton, best_of_each
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Predictor
@@ -32,8 +32,8 @@ def test_few_interactions_or_points_are_ranked_by_all(
 ) -> None:
     rng, lengths = np.random.default_rng(3), lengths_with(predictor, interactions)
     points = rng.random((count, POINT.size))
-    best_first = ranked(points, lengths, rng)
-    assert len(best_first) == count
+    best_first = ranked(points, lengths, predictor.unknowns, rng)
+    assert len(best_first) == len(set(predictor.unknowns.keys(points)))
     assert np.all(np.diff(fits_of(best_first, lengths)) <= 1e-9)
 
 
@@ -43,9 +43,10 @@ def test_what_fits_best_is_hardly_ever_lost_with_most_of_the_work_spared(
     rng, lengths = np.random.default_rng(3), lengths_with(predictor, 8)
     points = rng.random((3000, POINT.size))
     before = predictor.cost.simulations
-    best_first = ranked(points, lengths, rng)
+    best_first = ranked(points, lengths, predictor.unknowns, rng)
     assert predictor.cost.simulations - before < 0.5 * len(points) * 8
-    truly = points[np.argsort(-fits_of(points, lengths))[:20]]
+    keys = predictor.unknowns.keys(points)
+    truly = points[best_of_each(keys, fits_of(points, lengths))[:20]]
     assert np.array_equal(best_first[0], truly[0])
     assert sum(any(np.array_equal(one, other) for other in best_first[:40]) for one in truly) >= 15
 
@@ -53,19 +54,7 @@ def test_what_fits_best_is_hardly_ever_lost_with_most_of_the_work_spared(
 def test_of_each_set_of_attachments_the_best_is_kept(predictor: Predictor) -> None:
     rng, lengths = np.random.default_rng(3), lengths_with(predictor, 4)
     points = rng.random((1000, POINT.size))
-    best_first = ranked_by_attachments(points, lengths, predictor.unknowns, rng)
+    best_first = ranked(points, lengths, predictor.unknowns, rng)
     keys = predictor.unknowns.keys(best_first)
     assert len(set(keys)) == len(keys) > 20
-    assert np.array_equal(best_first[0], points[np.argmax(fits_of(points, lengths))])
-
-
-def test_points_are_ranked_first_by_what_they_have_to_explain(predictor: Predictor) -> None:
-    rng, lengths = np.random.default_rng(3), lengths_with(predictor, 8)
-    points = rng.random((3000, POINT.size))
-    before = predictor.cost.simulations
-    best_first = ranked(points, lengths, rng, unexplained=[5])
-    assert predictor.cost.simulations - before < 0.25 * len(points) * 8
-    alone = lengths.rough_fits(points, np.array([5]))[:, 0]
-    least = np.sort(lengths.rough_fits(best_first, np.array([5]))[:, 0])[0]
-    assert least >= np.quantile(alone, 0.9)
     assert np.array_equal(best_first[0], points[np.argmax(fits_of(points, lengths))])

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -61,26 +60,3 @@ def test_those_that_fit_best_are_kept() -> None:
     kept, fits = lengths.polished(np.vstack([others, point]), 2)
     assert np.all(kept[0, :3] == point[0, :3])
     assert fits[0] > fits[1]
-
-
-def test_interactions_that_a_body_leaves_unexplained_are_named_the_last_one_first() -> None:
-    genome = Genome(Problem.load("topological"), replace(BODY, mass=0.6))
-    predictor = Predictor(Unknowns(genome), StaticsPhysics())
-    point, moved = np.array(FOUR_LEGS), np.radians(MOVED)
-    observed = predictor.read_all(point[None], moved)
-    beside = {1: 15.0, 4: 30.0}  # degrees
-    observations = [
-        Observation(
-            angles=tuple(moved[row].tolist()),
-            touch=tuple(map(bool, observed.touch[row])),
-            tilt=(
-                float(observed.tilt[row, 0]) + math.radians(beside.get(row, 0.0)),
-                float(observed.tilt[row, 1]),
-            ),
-            clearance=float(observed.clearance[row]),
-        )
-        for row in range(len(moved))
-    ]
-    data = SensorData.of(observations, MODALITIES, CAP)
-    lengths = GaussNewton(predictor, Likelihood(data, NOISE))
-    assert lengths.unexplained(point) == [4, 1]
