@@ -3,6 +3,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.model.gauss_newton import GaussNewton
@@ -60,3 +61,16 @@ def test_those_that_fit_best_are_kept() -> None:
     kept, fits = lengths.polished(np.vstack([others, point]), 2)
     assert np.all(kept[0, :3] == point[0, :3])
     assert fits[0] > fits[1]
+
+
+def test_those_that_fit_best_are_kept_of_each_group() -> None:
+    lengths, point = felt_by_four_legs(), np.array([FOUR_LEGS])
+    others = np.random.default_rng(1).random((6, point.size))
+    groups = np.array([7, 7, 3, 3, 3, 7])
+    several = np.vstack([others[:3], point, others[3:5]])
+    kept, fits = lengths.polished(several, 1, groups=groups)
+    assert len(kept) == 2
+    assert np.all(kept[0, :3] == point[0, :3])
+    alone, fit = lengths.polished(several[groups == 7], 1)
+    assert np.allclose(kept[1], alone[0], atol=1e-6)
+    assert fits[1] == pytest.approx(fit[0], abs=1e-6)
