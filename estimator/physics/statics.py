@@ -174,7 +174,7 @@ class StaticsPhysics(ArrayPhysics):
                 rows,
                 told,
                 _checked_tilts(bodies, gravity_tilts),
-                _UNKNOWN if stances is None else stances,
+                _checked_stances(bodies, stances),
                 self._slew(farthest, pace),
                 self._kernel.Limits(
                     settings.clearance_cap,
@@ -251,6 +251,18 @@ def _checked_tilts(bodies: Bodies, gravity_tilts: Array | None) -> Array:
         )
     if not math.isfinite(_farthest(rows)):
         raise PhysicsError("inclinations of gravity must be finite")
+    return rows
+
+
+def _checked_stances(bodies: Bodies, stances: Integers | None) -> Integers:
+    if stances is None:
+        return _UNKNOWN
+    rows = np.ascontiguousarray(stances)
+    if rows.shape != (len(bodies),) or rows.dtype != np.int64:
+        raise PhysicsError(
+            f"{len(bodies)} bodies need as many stances of earlier readings, not {rows.dtype} of "
+            f"shape {rows.shape}"
+        )
     return rows
 
 

@@ -301,8 +301,7 @@ def _make_rest(sources: int) -> Any:
                     _take_in(work, lane, latest, row, trees, which, programs, slew)
                     _start(work, lane, row, gravity_tilts, slew)
                     stance = stances[row if len(stances) > 1 else 0]
-                    if stance >= 0:
-                        take_stance(work, lane, stance)
+                    if stance >= 0 and take_stance(work, lane, stance):
                         _turn_to(work, lane, counts[LAST, lane], slew)
                     latest = lane
                     row += 1

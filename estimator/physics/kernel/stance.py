@@ -50,18 +50,38 @@ def stance_of(work: Work, lane: int) -> int:
 
 
 @inlined
-def take_stance(work: Work, lane: int, stance: int) -> None:
-    """Has a body that was laid flat rest so, under a plumb gravity; its pose is not known yet."""
+def take_stance(work: Work, lane: int, stance: int) -> bool:
+    """Has a body that was laid flat rest so, under a plumb gravity; its pose is not known yet.
+
+    False: it has no such points.
+    """
     bodies, counts = work.bodies, work.counts
+    if stance > _FLAT:
+        one, two, three = (
+            _contact(work, stance - 1),
+            _contact(work, (stance - 1) >> _BITS),
+            _contact(work, (stance - 1) >> 2 * _BITS),
+        )
+        if min(one, two, three) < 0:
+            return False
+        counts[STANCE, lane], counts[STANCE + 1, lane], counts[STANCE + 2, lane] = one, two, three
+        bodies[LIES, lane], bodies[UP + 2, lane] = 0.0, 0.0
     bodies[GRAVITY, lane] = bodies[GRAVITY + 1, lane] = 0.0
     counts[AT, lane], counts[STRIDE, lane] = GUESSED, 1
-    if stance == _FLAT:
-        return
-    bodies[LIES, lane], bodies[UP + 2, lane] = 0.0, 0.0
-    for contact in range(3):
-        number = (stance - 1) >> contact * _BITS & (1 << _BITS) - 1
-        part, point = number // _OF_A_PART - 1, number % _OF_A_PART
-        counts[STANCE + contact, lane] = point + (work.first[part] if part >= 0 else 0)
+    return True
+
+
+@inlined
+def _contact(work: Work, numbers: int) -> int:
+    """The point that the last of some numbers stands for; −1: there is none."""
+    number = numbers & (1 << _BITS) - 1
+    part, point = number // _OF_A_PART - 1, number % _OF_A_PART
+    if part < 0:
+        return point
+    if part >= len(work.first) or work.first[part] + point >= work.end[part]:
+        return -1
+    where: int = work.first[part] + point
+    return where
 
 
 @inlined

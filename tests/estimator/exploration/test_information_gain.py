@@ -127,7 +127,8 @@ def test_groupings_are_told_of_at_once_as_by_themselves() -> None:
     gain = InformationGain(NOISE, CAP, ("touch", "tilt", "clearance"))
 
     def told(some: NDArray[np.int64]) -> Array:
-        return gain.of(of, scales, some, np.random.default_rng(1), draws=100)[0]
+        bits: Array = gain.of(of, scales, some, np.random.default_rng(1), draws=100)[0]
+        return bits
 
     assert told(groups).tolist() == [told(groups[:, [one]])[0] for one in range(3)]
 

@@ -444,6 +444,7 @@ def test_bodies_rest_again_as_those_that_are_nearly_the_same(
     assert_same(read(bodies, np.full(count, -1))[0], first)
     others, _ = read(bodies, np.roll(first.stance, 3))
     assert others.valid.all()
+    assert_same(read(bodies, np.full(count, 2**48 - 1))[0], first)  # of which no body has points
 
 
 def test_one_program_serves_many_bodies(
@@ -497,6 +498,8 @@ def test_bad_batches_are_refused(statics: StaticsPhysics) -> None:
         statics.read_bodies(Bodies.of([body] * 2), np.zeros(3))
     with pytest.raises(PhysicsError, match=r"not an array of shape \(3, 4\)"):
         statics.path_margins_of_bodies(Bodies.of([body] * 2), np.zeros((3, 4)))
+    with pytest.raises(PhysicsError, match=r"2 bodies need as many stances .* shape \(3,\)"):
+        statics.read_bodies(Bodies.of([body] * 2), np.zeros(4), stances=np.zeros(3, dtype=int))
     with pytest.raises(PhysicsError, match="at least one thread, not 0"):
         StaticsPhysics(jobs=0)
     for pace in (0.0, 2 * PACE, math.nan):
