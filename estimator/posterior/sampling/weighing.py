@@ -52,6 +52,9 @@ _DRAWN: Final = 32  # points of a set, with which the next search begins
 _DRAWN_OF: Final = 32  # sets at most, of which such points are kept
 _INTERVAL: Final = (0.05, 0.5, 0.95)
 
+TELLING: Final = 4
+"""Interactions from which on the readings should tell attachments."""
+
 
 class _Weight(NamedTuple):
     hypothesis: Hypothesis
@@ -149,7 +152,7 @@ class Weigher:
         """Replaces weights of the best sets by finer ones, and adds those of wide components.
 
         Where many sets are close to the best only wide components are added, and only where no set
-        explains the readings without one.
+        explains the readings without one; of fewer readings that says how well was searched.
 
         Returns:
             The weight of the best set without any deviations; ``None``: not computed.
@@ -157,7 +160,8 @@ class Weigher:
         order = sorted(range(len(weights)), key=lambda row: -weights[row].log)
         close = [row for row in order if weights[row].log > weights[order[0]].log - _CLOSE]
         few, unknowns = len(close) <= _FEW, self._predictor.unknowns
-        if not few and not (unknowns.table and self._strays([weights[row] for row in close])):
+        tells = unknowns.table and len(self._likelihood) >= TELLING
+        if not few and not (tells and self._strays([weights[row] for row in close])):
             return None
         again = close if few and len(weights) > 1 else []
         hypotheses = [weights[row].hypothesis for row in again]
