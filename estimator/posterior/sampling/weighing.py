@@ -4,7 +4,7 @@ What is weighed are *hypotheses*: a set of attachments with small deviations alo
 components of the table of parameters), or with one large one besides (a wide component). Each has
 an evidence (``tempering``); those of one set of attachments add up, times their priors. Where few
 readings leave many sets of attachments, these are weighed with few particles each and without wide
-components, unless no set explains the readings without one.
+components, unless no set explains readings without one that should tell attachments.
 """
 
 from __future__ import annotations
