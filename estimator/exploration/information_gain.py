@@ -187,7 +187,7 @@ def _draw_bits(touch: Flags, doubtful: Flags, wrong: float, uniforms: Array, bit
 
 
 @compiled
-def _add(density: float, one: Array, other: Array, of_groups: Array) -> None:
+def _add_to_groups(density: float, one: Array, other: Array, of_groups: Array) -> None:
     """Adds a density to that of each group of which both samples are, which have one more."""
     for kind in range(len(one)):
         if one[kind] == other[kind]:
@@ -282,7 +282,7 @@ def _make_gains(sources: int) -> Any:
                         if near > _LEAST:
                             density += (1 - spread.outlier) * math.exp(near)
                     of_all += density
-                    _add(density, groups[other], groups[source], of_groups)
+                    _add_to_groups(density, groups[other], groups[source], of_groups)
                 for kind in range(groups.shape[1]):
                     told = math.log(of_groups[0, kind] / of_groups[1, kind] * samples / of_all)
                     result[program, kind] += told / len(noise_draws)

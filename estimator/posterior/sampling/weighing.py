@@ -4,7 +4,7 @@ What is weighed are *hypotheses*: a set of attachments with small deviations alo
 components of the table of parameters), or with one large one besides (a wide component). Each has
 an evidence (``tempering``); those of one set of attachments add up, times their priors. Where few
 readings leave many sets of attachments, these are weighed with few particles each and without wide
-components, unless no set explains readings without one that should tell attachments.
+components, unless no set explains ``TELLING`` and more interactions without one.
 """
 
 from __future__ import annotations
@@ -152,7 +152,8 @@ class Weigher:
         """Replaces weights of the best sets by finer ones, and adds those of wide components.
 
         Where many sets are close to the best only wide components are added, and only where no set
-        explains the readings without one; of fewer readings that says how well was searched.
+        explains them without one, from ``TELLING`` interactions on: of fewer that says how well
+        was searched.
 
         Returns:
             The weight of the best set without any deviations; ``None``: not computed.
