@@ -10,9 +10,9 @@ information about the whole body; with samples grouped by one leg's side, about 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from pathlib import Path
-from typing import Any, Final
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,13 +20,19 @@ from numpy.typing import NDArray
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.executors import Threads
-from estimator.physics.kernel.compiling import compiled, entrance, stamp
-from estimator.posterior.model import mixture
 from estimator.posterior.model.likelihood import apart
-from estimator.posterior.model.mixture import level_of, log_densities
-from estimator.posterior.model.noise import Noise, drawn
-from estimator.posterior.model.sensor_data import DENSITIES
+from estimator.posterior.model.noise import (
+    Noise,
+    drawn,
+    log_tail,
+    predicted_factors,
+    read_factors,
+)
+from estimator.posterior.model.sensor_data import DENSITIES, SCALED
 from estimator.readings.observation import PredictedReadings
+
+_PAIRS: Final = 16_384  # of a reading and a sample at once: they fit into a processor's cache
+_LEAST: Final = -60.0  # logarithm of a density that is negligible; the exponential of less is slow
 
 
 class InformationGain:
@@ -69,38 +75,76 @@ class InformationGain:
             rng: Draws the noise, which is the same for all programs and groupings.
             draws: Readings per program; one sample after the other.
         """
-        touch, tilt, clear = (name in self._modalities for name in ("touch", "tilt", "clearance"))
         predicted = readings.reshaped(len(readings) // len(scales), len(scales))
-        bits = predicted.touch.shape[2]
-        sensors = slice(None if touch else 0)
-        noise_draws = drawn((draws, 3), rng)
-        uniforms = rng.random((draws, 1 + bits))
-        if not tilt:
-            noise_draws[:, :2] = 0.0
-        result = np.zeros((len(predicted.tilt), groups.shape[1]))
-        laid_out = np.ascontiguousarray  # the kernel would be compiled for each layout
-        arguments = (
-            laid_out(predicted.touch[..., sensors]),
-            laid_out(predicted.touch_doubtful[..., sensors]),
-            laid_out(predicted.tilt) if tilt else np.zeros_like(predicted.tilt),
-            laid_out(predicted.clearance),
-            laid_out(predicted.saturated),
-            predicted.undecided | ~predicted.valid,
-            laid_out(scales),
-            self._noise,
-            self._anywhere(bits),
-            self._cap,
-            2.0 if tilt else 0.0,
-            clear,
-            np.ascontiguousarray(groups, dtype=np.int64),
-            noise_draws,
-            uniforms,
-            result,
+        noise, uniforms = drawn((draws, 3), rng), rng.random((draws, 1 + readings.touch.shape[1]))
+        sources, outlier = np.arange(draws) % len(scales), self._noise.outlier
+        shares = (1 - outlier, outlier * self._noise.nearby)
+        as_foretold = np.exp(scales) * [self._noise.of(name) for name in SCALED]
+        nearby = np.hypot(as_foretold, [DENSITIES[name].beside for name in SCALED])
+        beside, unknown = uniforms[:, 0] < shares[1], predicted.undecided | ~predicted.valid
+        spread = np.where(beside[:, None], nearby[sources], as_foretold[sources])
+        beyond, read = self._drawn(predicted[:, sources], spread, noise, uniforms[:, 1:])
+        far: Flags = np.any(beyond, axis=1)
+        pairs = _Pairs(
+            read=read,
+            expected=[self._expected(predicted, spread, far) for spread in (as_foretold, nearby)],
+            shares=shares,
+            anywhere=self._anywhere(readings.touch.shape[1])[beyond.astype(int)][..., None],
+            elsewhere=1 - self._noise.nearby,
+            unknown=unknown,
+            tells=(beside | (uniforms[:, 0] >= outlier)) & ~unknown[:, sources],
+            alike=[(own[sources, None] == own).astype(float) for own in groups.T],
         )
-        self._threads.share_out(
-            lambda start, end: gains(start, end, *arguments), len(result), fewest=1
-        )
-        return result / math.log(2)
+        told = self._threads.share_out(pairs.told, len(predicted), fewest=1)
+        return np.concatenate(told) / draws / math.log(2)
+
+    def _drawn(
+        self, own: PredictedReadings, spread: Array, noise: Array, uniforms: Array
+    ) -> tuple[Flags, Array]:
+        """Readings of each program and draw, given what their sources predict.
+
+        Returns:
+            Whether the ground lies beyond the range, shape (p, d), and what is multiplied by what
+            ``_expected`` gives, shape (p, d, f).
+        """
+        wrong = np.where(own.touch_doubtful, 0.5, self._noise.touch)
+        felt = own.touch != (uniforms < wrong)
+        tilt = own.tilt + spread[:, :1] * noise[:, :2]
+        height = own.clearance + spread[:, 1] * noise[:, 2]
+        beyond = (own.saturated | (height >= self._cap)) & ("clearance" in self._modalities)
+        factors = {
+            "touch": (felt, ~felt),
+            "tilt": (read_factors(tilt[..., 0]), read_factors(tilt[..., 1])),
+            "clearance": (read_factors(height) * ~beyond[..., None], beyond[..., None]),
+        }
+        return beyond, self._of_modalities(factors)
+
+    def _expected(self, predicted: PredictedReadings, spread: Array, far: Flags) -> Array:
+        """Each inner product with a row of ``_drawn`` is a log-density, shape (p, f, n).
+
+        Args:
+            predicted: Of n samples in p programs.
+            spread: Noise of tilt and clearance of each, shape (n, 2).
+            far: Programs with readings of ground beyond the range, shape (p,).
+        """
+        wrong = np.where(predicted.touch_doubtful, 0.5, self._noise.touch)
+        touched, height = np.where(predicted.touch, 1 - wrong, wrong), predicted.clearance
+        of_tilt, of_clearance = spread.T
+        above = np.zeros_like(height)
+        above[far] = log_tail((self._cap - height[far]) / of_clearance)
+        factors = {
+            "touch": (np.log(touched), np.log1p(-touched)),
+            "tilt": [predicted_factors(predicted.tilt[..., angle], of_tilt) for angle in range(2)],
+            "clearance": (
+                predicted_factors(height, of_clearance),
+                np.where(predicted.saturated, 0.0, above)[..., None],
+            ),
+        }
+        return self._of_modalities(factors).swapaxes(1, 2)
+
+    def _of_modalities(self, factors: Mapping[str, Sequence[Array]]) -> Array:
+        some = [array for name in self._modalities for array in factors[name]]
+        return np.concatenate(some, axis=-1, dtype=float)
 
     def narrowed(self, readings: PredictedReadings, amounts: Array) -> Array:
         """Share by which each program is expected to narrow some amounts, shape (p,).
@@ -163,133 +207,57 @@ def _left(readings: Array, amounts: Array, before: float) -> float:
     return float(np.sqrt(np.maximum(left, 0.0) / free).sum())
 
 
-_SOURCES: Final = stamp(Path(__file__).parent, *sorted(Path(mixture.__file__).parent.glob("*.py")))
-_LEAST: Final = -60.0  # logarithm of a density that is negligible beside an outlier's
+@dataclass(frozen=True, kw_only=True)
+class _Pairs:
+    """Readings of p programs, d of each, beside what n samples predict.
 
+    Attributes:
+        read: Factors of the readings, shape (p, d, f).
+        expected: Of the predictions, where robots end as foretold and beside it, shape (p, f, n)
+            each: inner products are log-densities.
+        shares: Of readings, that end so.
+        anywhere: Density of each reading anywhere times the share of outliers, shape (p, d, 1).
+        elsewhere: Share of the outliers that may be anywhere.
+        unknown: Samples without a prediction, shape (p, n).
+        tells: Readings that tell anything, shape (p, d). Outliers, and readings of samples without
+            a prediction, do not: their density is the same for every body.
+        alike: Of each grouping, 1 where a sample is in the group of a reading's source, else 0,
+            shape (d, n) each.
+    """
 
-@compiled
-def _differing(touch: Flags, doubtful: Flags, bits: Flags) -> tuple[float, float]:
-    """Number of touch bits that differ from a prediction, and of those that are doubtful in it."""
-    wrong, unsure = 0.0, 0.0
-    for bit in range(len(bits)):
-        if doubtful[bit]:
-            unsure += 1.0
-        elif touch[bit] != bits[bit]:
-            wrong += 1.0
-    return wrong, unsure
+    read: Array
+    expected: Sequence[Array]
+    shares: Sequence[float]
+    anywhere: Array
+    elsewhere: float
+    unknown: Flags
+    tells: Flags
+    alike: Sequence[Array]
 
+    def told(self, first: int, end: int) -> Array:
+        """Sums over the readings of some programs of their information, in nats, shape (p, k)."""
+        told = np.zeros((end - first, len(self.alike)))
+        draws, samples = self.alike[0].shape
+        at_once = max(1, _PAIRS // samples)
+        few = max(1, at_once // draws)
+        for start in range(first, end, few):
+            programs = slice(start, min(start + few, end))
+            for row in range(0, draws, at_once):
+                rows = slice(row, row + at_once)
+                told[start - first : programs.stop - first] += self._told_by(programs, rows)
+        return told
 
-@compiled
-def _draw_bits(touch: Flags, doubtful: Flags, wrong: float, uniforms: Array, bits: Flags) -> None:
-    """Touch bits as they may be observed under one prediction; the first number is not theirs."""
-    for bit in range(len(bits)):
-        bits[bit] = touch[bit] != (uniforms[1 + bit] < (0.5 if doubtful[bit] else wrong))
-
-
-@compiled
-def _add_to_groups(density: float, one: Array, other: Array, of_groups: Array) -> None:
-    """Adds a density to that of each group of which both samples are, which have one more."""
-    for kind in range(len(one)):
-        if one[kind] == other[kind]:
-            of_groups[0, kind] += density
-            of_groups[1, kind] += 1.0
-
-
-def _make_gains(sources: int) -> Any:
-    @entrance
-    def gains(
-        start: int,
-        end: int,
-        touch: Flags,
-        doubtful: Flags,
-        tilt: Array,
-        clearance: Array,
-        beyond: Flags,
-        no_prediction: Flags,
-        scales: Array,
-        spread: Noise,
-        anywhere: Array,
-        cap: float,
-        angles: float,
-        clear: bool,
-        groups: NDArray[np.int64],
-        noise_draws: Array,
-        uniforms: Array,
-        result: Array,
-    ) -> int:
-        """Fills ``result`` of programs ``start`` to ``end``, in nats; see ``InformationGain.of``.
-
-        Outliers and samples without a prediction give no information: their density is the same for
-        every body.
-
-        Args:
-            scales: Logarithms of each sample's noise factors, shape (samples, 2).
-            spread: Sensor noise.
-            anywhere: Density of a reading anywhere, the share of outliers included, shape (2,):
-                within the range of the distance sensor, and beyond it.
-            angles: How many angles are read; where none, those of all samples are alike.
-            clear: Whether clearance is read.
-            noise_draws: Of two tilts and the clearance, in units of the noise, shape (draws, 3).
-            uniforms: Decide on outliers and bits, shape (draws, 1 + sensors).
-        """
-        _, samples, sensors = touch.shape
-        bits, of_groups = np.empty(sensors, np.bool_), np.zeros((2, groups.shape[1]))
-        levels = [level_of(spread, 1.0, one[0], one[1]) for one in scales]
-        beside = spread.outlier * spread.nearby
-        for program in range(start, end):
-            for draw in range(len(noise_draws)):
-                source, chance = draw % samples, uniforms[draw, 0]
-                if no_prediction[program, source] or beside <= chance < spread.outlier:
-                    continue
-                level = levels[source]
-                of_tilt, of_clearance = level.tilt, level.clearance
-                if chance < beside:
-                    of_tilt, of_clearance = level.tilt_beside, level.clearance_beside
-                one = tilt[program, source, 0] + of_tilt * noise_draws[draw, 0]
-                two = tilt[program, source, 1] + of_tilt * noise_draws[draw, 1]
-                height = clearance[program, source] + of_clearance * noise_draws[draw, 2]
-                far = clear and (beyond[program, source] or height >= cap)
-                if far:
-                    height = cap
-                _draw_bits(
-                    touch[program, source],
-                    doubtful[program, source],
-                    spread.touch,
-                    uniforms[draw],
-                    bits,
-                )
-                elsewhere = anywhere[1 if far else 0]
-                of_all = 0.0
-                for other in range(samples):
-                    density = elsewhere
-                    if not no_prediction[program, other]:
-                        away = height - clearance[program, other]
-                        if far and beyond[program, other]:
-                            away = -math.inf
-                        near, nearby = log_densities(
-                            (one - tilt[program, other, 0], two - tilt[program, other, 1]),
-                            angles,
-                            away,
-                            clear,
-                            far,
-                            _differing(touch[program, other], doubtful[program, other], bits),
-                            float(sensors),
-                            levels[other],
-                        )
-                        density = (1 - spread.nearby) * elsewhere
-                        if nearby > _LEAST:
-                            density += beside * math.exp(nearby)
-                        if near > _LEAST:
-                            density += (1 - spread.outlier) * math.exp(near)
-                    of_all += density
-                    _add_to_groups(density, groups[other], groups[source], of_groups)
-                for kind in range(groups.shape[1]):
-                    told = math.log(of_groups[0, kind] / of_groups[1, kind] * samples / of_all)
-                    result[program, kind] += told / len(noise_draws)
-                    of_groups[0, kind] = of_groups[1, kind] = 0.0
-        return 0 * sources
-
-    return gains
-
-
-gains: Final = _make_gains(_SOURCES)
+    def _told_by(self, programs: slice, rows: slice) -> Array:
+        anywhere = self.anywhere[programs, rows]
+        densities = np.repeat(self.elsewhere * anywhere, self.unknown.shape[1], axis=2)
+        for share, expected in zip(self.shares, self.expected, strict=True):
+            logs = self.read[programs, rows] @ expected[programs]
+            np.maximum(logs, _LEAST, out=logs)
+            densities += share * np.exp(logs, out=logs)
+        np.copyto(densities, anywhere, where=self.unknown[programs, None])
+        of_all, told = densities.mean(axis=2), []
+        for alike in self.alike:
+            of_group = np.einsum("pdn,dn->pd", densities, alike[rows]) / alike[rows].sum(axis=1)
+            information = np.where(self.tells[programs, rows], np.log(of_group / of_all), 0.0)
+            told.append(information.sum(axis=1))
+        return np.stack(told, axis=1)

@@ -120,8 +120,10 @@ class PredictedReadings:
     def __len__(self) -> int:
         return len(self.clearance)
 
-    def __getitem__(self, rows: int | slice | NDArray[np.intp]) -> PredictedReadings:
-        """Selects the readings of some of the bodies."""
+    def __getitem__(
+        self, rows: int | slice | NDArray[np.intp] | tuple[slice, NDArray[np.intp]]
+    ) -> PredictedReadings:
+        """Selects the readings of some of the bodies; after ``reshaped`` in the last axis, too."""
         return PredictedReadings(**{name: array[rows] for name, array in self._arrays()})
 
     def reshaped(self, *shape: int) -> PredictedReadings:

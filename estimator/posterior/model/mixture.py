@@ -1,8 +1,7 @@
 """The density of one interaction's readings, given what a body predicts; compiled.
 
 A search computes it for every proposal of every chain, on every level of noise, and for whole grids
-of noise factors where these are integrated out; the information gain of a motor program for every
-pair of samples. ``likelihood`` has the formula.
+of noise factors where these are integrated out. ``likelihood`` has the formula.
 """
 
 from __future__ import annotations

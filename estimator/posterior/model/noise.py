@@ -1,9 +1,9 @@
 """The noise of sensors: its size, the family of its distribution, and unknown factors on its size.
 
 *The family* (here normal). Everything that the estimator takes from it is in this file: density and
-tail, which ``mixture`` compiles; draws, for predicted readings; the weight of a residual in a
-Gauss-Newton step; and what a right body loses beside a perfect fit. All are of the standard
-distribution, in units of the noise, symmetric about 0 and highest there.
+tail, which ``mixture`` compiles; draws, for predicted readings, and the densities of these under
+many predictions at once; the weight of a residual in a Gauss-Newton step; and what a right body
+loses beside a perfect fit. The distribution is symmetric about 0 and highest there.
 
 *Factors* on the noise of tilt and clearance. A sensor is hardly ever better than the robot says of
 it, and may well be worse. So the prior of a factor's logarithm is a normal distribution in two
@@ -24,7 +24,7 @@ import numpy as np
 
 from estimator.body.morphology import Array
 from estimator.posterior.model.sensor_data import MODEL_CLEARANCE, MODEL_TILT, SCALED
-from estimator.posterior.model.special import logsumexp
+from estimator.posterior.model.special import logsumexp, ndtr
 from protocol.wire.capabilities import Capabilities
 
 _ROOT_HALF: Final = math.sqrt(0.5)
@@ -57,6 +57,24 @@ def log_above(residual: float) -> float:
     if residual < 0:
         return math.log1p(-0.5 * math.erfc(-residual * _ROOT_HALF))
     return math.log(0.5 * math.erfc(residual * _ROOT_HALF))
+
+
+def log_tail(residuals: Array) -> Array:
+    """``log_above`` of arrays; of residuals beyond ``_FAR``, where it is negligible, of that."""
+    logs: Array = np.log(ndtr(-np.minimum(residuals, _FAR)))
+    return logs
+
+
+def read_factors(values: Array) -> Array:
+    """What is multiplied by ``predicted_factors``, of any shape, in a last dimension of 3."""
+    return np.stack([values**2, values, np.ones_like(values)], axis=-1)
+
+
+def predicted_factors(values: Array, noise: Array) -> Array:
+    """Log-densities are inner products of these with ``read_factors``: all pairs in one product."""
+    half = np.broadcast_to(-0.5 / noise**2, values.shape)
+    peak = LOG_PEAK - np.log(noise)
+    return np.stack([half, -2 * half * values, half * values**2 + peak], axis=-1)
 
 
 def drawn(shape: int | tuple[int, ...], rng: np.random.Generator) -> Array:

@@ -41,6 +41,12 @@ def expit(logits: Array) -> Array:
     return shares
 
 
+def ndtr(values: Array) -> Array:
+    """The normal distribution function."""
+    shares: Array = _scipy().ndtr(values)
+    return shares
+
+
 def at_least(hits: Array, trials: Array, chance: float) -> Array:
     """Probability of so many hits or more in independent trials with one chance each."""
     tail: Array = _scipy().bdtrc(hits - 1, trials, chance)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from estimator.body.morphology import Array
 from estimator.executors import Threads
+from estimator.exploration import information_gain
 from estimator.exploration.information_gain import InformationGain
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.noise import Noise, drawn
@@ -131,6 +132,22 @@ def test_groupings_are_told_of_at_once_as_by_themselves() -> None:
         return bits
 
     assert told(groups).tolist() == [told(groups[:, [one]])[0] for one in range(3)]
+
+
+def test_readings_are_compared_in_pieces_as_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    tilts = np.random.default_rng(2).normal(0, 0.02, (5, 8))
+    readings = PredictedReadings.concatenate([predictions(one) for one in tilts])
+    groups, gain = np.arange(8)[:, None] // 2, InformationGain(NOISE, CAP, MODALITIES)
+
+    def told(pairs: int) -> Array:
+        monkeypatch.setattr(information_gain, "_PAIRS", pairs)
+        rng = np.random.default_rng(1)
+        return gain.of(readings, np.zeros((8, 2)), groups, rng, draws=50)
+
+    at_once = told(10**6)
+    assert at_once.min() > 0.1
+    for pairs in (1, 100, 900):  # a reading, some, and the readings of two programs
+        assert told(pairs) == pytest.approx(at_once, rel=1e-12)
 
 
 def test_threads_do_not_show_in_the_result() -> None:

@@ -65,6 +65,22 @@ def test_far_out_the_tail_goes_on_where_it_is_computed_otherwise() -> None:
     assert math.isfinite(noise.log_above(1e6))
 
 
+def test_the_tail_of_many_is_the_tail_of_each_where_it_counts() -> None:
+    residuals = np.array([-9.0, -0.4, 0.0, 3.0, 29.0])
+    tails = [noise.log_above(one) for one in residuals.tolist()]
+    assert noise.log_tail(residuals) == pytest.approx(np.array(tails), rel=1e-12, abs=1e-15)
+    assert noise.log_tail(np.array([1e6])) == pytest.approx(noise.log_above(noise._FAR))
+
+
+def test_densities_of_all_pairs_come_of_one_product() -> None:
+    read, predicted = np.array([0.3, -1.2]), np.array([0.31, 0.28, -1.0])
+    spread = np.array([0.01, 0.02, 0.5])
+    product = noise.read_factors(read) @ noise.predicted_factors(predicted, spread).T
+    away = (read[:, None] - predicted) / spread
+    exact = log_densities(away.ravel()).reshape(2, 3) - np.log(spread)
+    assert product == pytest.approx(exact, abs=1e-9)
+
+
 def test_steps_weigh_a_residual_by_the_slope_there() -> None:
     away = np.array([-7.0, -0.4, 0.3, 2.0, 11.0])
     slope = (log_densities(away + 1e-5) - log_densities(away - 1e-5)) / 2e-5
