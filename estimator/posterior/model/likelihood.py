@@ -114,11 +114,16 @@ class Likelihood:
         branches: Array | float | None = None,
         coarse_step: bool = True,
         stances: Array | None = None,
+        sides: Flags | None = None,
     ) -> Array:
         """The misfits of n points of the cube, shape (n, size); see ``misfits_of_bodies``."""
-        bodies = predictor.unknowns.bodies(values)
         return self.misfits_of_bodies(
-            predictor, bodies, branches=branches, coarse_step=coarse_step, stances=stances
+            predictor,
+            predictor.unknowns.bodies(values),
+            branches=branches,
+            coarse_step=coarse_step,
+            stances=stances,
+            sides=sides,
         )
 
     def misfits_of_bodies(
@@ -130,6 +135,7 @@ class Likelihood:
         branches: Array | float | None = None,
         coarse_step: bool = True,
         stances: Array | None = None,
+        sides: Flags | None = None,
     ) -> Array:
         """The misfits of n bodies in k interactions, shape (n, k, MISFITS).
 
@@ -144,6 +150,7 @@ class Likelihood:
                 are taken to fall; 0: as statics has it.
             coarse_step: Whether joints turn in coarse steps, where ``branches`` are given.
             stances: There, of bodies that are nearly the same, shape (n, k): see ``ArrayPhysics``.
+            sides: Which of ``GRAVITY_TILTS`` are tried, shape (n, k, 9); by default all.
         """
         if interactions is None:
             interactions = np.arange(len(self.data))
@@ -152,18 +159,21 @@ class Likelihood:
         each = interactions[columns]
         under = partial(self._misfits_under, predictor, bodies)
         if branches is not None:
-            sides = np.broadcast_to(branches, shape[:2]).ravel().astype(np.intp)
+            numbers = np.broadcast_to(branches, shape[:2]).ravel().astype(np.intp)
             known = None if stances is None else stances.ravel().astype(np.int64)
-            return under(rows, each, sides, coarse_step=coarse_step, stances=known).reshape(shape)
+            return under(rows, each, numbers, coarse_step=coarse_step, stances=known).reshape(shape)
         misfits = under(rows, each, np.zeros_like(rows))
-        left, sides = self._unexplained(misfits, each), np.arange(1, len(GRAVITY_TILTS))
-        again = np.repeat(left, len(sides))
-        others = under(rows[again], each[again], np.tile(sides, len(left)))
-        explained = np.ones((len(left), len(sides)), dtype=bool)
-        explained.flat[self._unexplained(others, each[again])] = False
-        elsewhere = np.flatnonzero(explained.any(axis=1))
-        first = np.argmax(explained[elsewhere], axis=1)
-        misfits[left[elsewhere]] = others[elsewhere * len(sides) + first]
+        left, count = self._unexplained(misfits, each), len(GRAVITY_TILTS)
+        tried = (
+            np.ones((len(left), count), bool) if sides is None else sides.reshape(-1, count)[left]
+        )
+        again, side = np.nonzero(tried[:, 1:])
+        again = left[again]
+        others = under(rows[again], each[again], 1 + side)
+        explains = np.ones(len(again), dtype=bool)
+        explains[self._unexplained(others, each[again])] = False
+        elsewhere, first = np.unique(again[explains], return_index=True)
+        misfits[elsewhere] = others[explains][first]
         return misfits.reshape(shape)
 
     def _misfits_under(

@@ -42,7 +42,8 @@ from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.parameters.table import CARE
 from estimator.posterior.model.gauss_newton import Free
-from estimator.posterior.model.likelihood import Likelihood
+from estimator.posterior.model.likelihood import GRAVITY_TILTS, Likelihood
+from estimator.posterior.model.sensor_data import BRANCH
 from estimator.posterior.model.special import logsumexp
 from estimator.posterior.model.unknowns import Columns, Predictor
 from estimator.posterior.sampling.normals import Normals, log_normal
@@ -57,6 +58,7 @@ _KINDS: Final = (0.2, 0.5, 0.3)  # shares of the three kinds of moves, in the or
 _SHORTEST: Final = 0.5  # shortest Crank-Nicolson step; the longest is 1, an independent draw
 _BISECTIONS: Final = 30
 _NOWHERE: Final = -1e9  # log-likelihood where lengths are out of their ranges
+_TO_ALL_SIDES: Final = 8  # one in so many proposals may fall to any side
 _MOST_STEPS: Final = 60  # towards the posterior
 _ONE_MORE: Final = ((0, 0), (0, 0), (0, 1))
 
@@ -153,7 +155,9 @@ class _Run:
         self._start = Normals.around(self._peaks, self._precision, self._normal, counts)
         self._ess = np.full(groups.size, float(count))
         self._x = self._drawn_at_start() if arrived is None else arrived
-        self._fits = self._fits_at(self._x, groups)
+        interactions = len(target.likelihood)
+        self._sides = np.zeros((groups.size, interactions, len(GRAVITY_TILTS)), dtype=bool)
+        self._fits = self._fits_at(self._x, groups, one_in=1)
         self._base = self._log_start(self._x, groups)
         self._powers = np.full(groups.size, 0.0 if arrived is None else 1.0)
         self._log_evidence = np.zeros(groups.size)
@@ -186,6 +190,7 @@ class _Run:
             self._go_on(going)
             for _ in range(moves):
                 self._move_halves(going)
+        self._weigh_other_sides(groups)
         return [self._particles(group) for group in groups.tolist()]
 
     def equilibrated(self) -> Array:
@@ -195,7 +200,15 @@ class _Run:
         others = self._x.copy()
         for _ in range(_EQUILIBRATING * self._x.shape[2]):
             self._move(only, slice(None), others, around)
+        self._weigh_other_sides(only)
         return self._values(only.repeat(self._count), self._x[0])
+
+    def _weigh_other_sides(self, groups: Columns) -> None:
+        """Weighs particles by what sides explain to which none has fallen before."""
+        before, self._fits = self._fits, self._fits_at(self._x, groups, one_in=1)
+        missed = np.flatnonzero(np.any(self._fits != before, axis=1))
+        if missed.size:
+            self._resample(missed, (self._fits - before)[missed])
 
     def _particles(self, group: int) -> Particles:
         return Particles(
@@ -206,15 +219,24 @@ class _Run:
             ess=float(self._ess[group]),
         )
 
-    def _fits_at(self, x: Array, groups: Columns) -> Array:
-        """Log-likelihoods, shape (g, n)."""
+    def _fits_at(self, x: Array, groups: Columns, one_in: int = _TO_ALL_SIDES) -> Array:
+        """Log-likelihoods, shape (g, n).
+
+        Bodies may fall to the sides to which others of their set have fallen, and one in so many to
+        all.
+        """
         lengths = x[..., : self._lengths]
         inside = np.all((lengths >= 0) & (lengths <= 1), axis=2)
         which, _ = np.nonzero(inside)
         fits: Array = np.full(inside.shape, _NOWHERE)
         values = self._values(groups[which], x[inside])
-        likelihood = self._target.likelihood
-        fits[inside] = likelihood.integrated(likelihood.misfits_of(self._target.predictor, values))
+        likelihood, own = self._target.likelihood, groups[which]
+        sides = self._sides[own]
+        sides[::one_in] = True
+        misfits = likelihood.misfits_of(self._target.predictor, values, sides=sides)
+        fallen = misfits[..., BRANCH].astype(np.intp)
+        self._sides[own[:, None], np.arange(len(likelihood)), fallen] = True
+        fits[inside] = likelihood.integrated(misfits)
         return fits
 
     def _log_prior(self, x: Array) -> Array:
