@@ -13,12 +13,12 @@ from estimator.body.morphology import BASE, Array, Morphology, Part
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.model.likelihood import GRAVITY_TILTS, Likelihood, apart
 from estimator.posterior.model.sensor_data import BRANCH, SensorData
-from estimator.posterior.model.unknowns import Predictor, Unknowns
+from estimator.posterior.model.unknowns import Columns, Predictor, Unknowns
 from estimator.posterior.posterior import Mode, Posterior
 from estimator.posterior.sampling.sampler import renormalised
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
-from estimator.readings.observation import Observation
+from estimator.readings.observation import Observation, PredictedReadings
 from tests.estimator.conftest import BODY, DENSITY
 from tests.estimator.two_unknown_rows import CAP, MODALITIES, NOISE, TWO_UNKNOWN_ROWS
 
@@ -79,28 +79,51 @@ def equal_legs() -> tuple[Predictor, Array]:
     return Predictor(Unknowns(genome), StaticsPhysics()), point
 
 
+def at_fork(sides: PredictedReadings, row: int) -> Observation:
+    """What a robot feels that has fallen to one of several sides."""
+    return Observation(
+        angles=tuple(FORK.tolist()),
+        touch=tuple(bool(bit) for bit in sides.touch[row]),
+        tilt=(float(sides.tilt[row, 0]), float(sides.tilt[row, 1])),
+        clearance=float(sides.clearance[row]),
+    )
+
+
+def all_sides(predictor: Predictor, point: Array) -> tuple[PredictedReadings, Columns]:
+    """Readings on all sides of the fork, and which are not those on a plumb way."""
+    every = np.repeat(point, len(GRAVITY_TILTS), axis=0)
+    sides = predictor.read_all(every, FORK[None], GRAVITY_TILTS)
+    plumb = sides[np.zeros(len(GRAVITY_TILTS), dtype=np.intp)]
+    return sides, np.flatnonzero(apart(plumb, sides, NOISE))
+
+
+def test_only_sides_that_are_asked_for_are_tried() -> None:
+    predictor, point = equal_legs()
+    sides, others = all_sides(predictor, point)
+    data = SensorData.of([at_fork(sides, int(others[0]))] * 2, MODALITIES, CAP)
+    likelihood = Likelihood(data, NOISE)
+    asked = np.zeros((1, 2, len(GRAVITY_TILTS)), dtype=bool)
+    asked[0, 1, others[1:]] = True
+    all_asked = likelihood.misfits_of(predictor, point, sides=~(asked & False))
+    assert np.array_equal(all_asked, likelihood.misfits_of(predictor, point))
+    assert all_asked[0, :, BRANCH].tolist() == [others[0]] * 2
+    some = likelihood.misfits_of(predictor, point, sides=asked)
+    assert some[0, :, BRANCH].tolist() == [0, others[1]]
+
+
 def test_a_body_at_a_fork_explains_both_sides_the_other_half_as_well() -> None:
     predictor, point = equal_legs()
-    sides = predictor.read_all(
-        np.repeat(point, len(GRAVITY_TILTS), axis=0), FORK[None], GRAVITY_TILTS
-    )
-    plumb = sides[np.zeros(len(GRAVITY_TILTS), dtype=np.intp)]
-    other = int(np.flatnonzero(apart(plumb, sides, NOISE))[0])
+    sides, others = all_sides(predictor, point)
     fits = []
-    for row in (0, other):
-        observed = Observation(
-            angles=tuple(FORK.tolist()),
-            touch=tuple(bool(bit) for bit in sides.touch[row]),
-            tilt=(float(sides.tilt[row, 0]), float(sides.tilt[row, 1])),
-            clearance=float(sides.clearance[row]),
-        )
-        likelihood = Likelihood(SensorData.of([observed], MODALITIES, CAP), NOISE)
+    for row in (0, int(others[0])):
+        data = SensorData.of([at_fork(sides, row)], MODALITIES, CAP)
+        likelihood = Likelihood(data, NOISE)
         misfits = likelihood.misfits_of(predictor, point)
-        assert (misfits[0, 0, BRANCH] > 0) == (row == other)
+        assert (misfits[0, 0, BRANCH] > 0) == (row > 0)
         fits.append(likelihood.of(misfits)[0, 0])
         surely = likelihood.misfits_of(predictor, point, branches=0)
         alone = likelihood.of(surely)[0, 0]
-        assert (fits[-1] > alone + 5) == (row == other)
+        assert (fits[-1] > alone + 5) == (row > 0)
     assert fits[1] - fits[0] == pytest.approx(math.log(0.5), abs=1e-3)
 
 

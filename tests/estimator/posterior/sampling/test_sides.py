@@ -1,0 +1,85 @@
+"""Evidences of bodies that fall to another side, though few sides are tried of each."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from estimator.body.arrays import Flags
+from estimator.body.morphology import Array
+from estimator.posterior.model.gauss_newton import Free, GaussNewton
+from estimator.posterior.model.likelihood import Likelihood
+from estimator.posterior.model.sensor_data import SensorData
+from estimator.posterior.model.unknowns import Predictor
+from estimator.posterior.sampling import tempering
+from estimator.posterior.sampling.tempering import Target, tempered
+from tests.estimator.posterior.model.test_forks import all_sides, at_fork, equal_legs
+from tests.estimator.two_unknown_rows import CAP, MODALITIES, NOISE
+
+PARTICLES = 1000
+
+
+@pytest.fixture(scope="module")
+def fork() -> tuple[Predictor, Array, Likelihood]:
+    """A body that has fallen to another side than statics has it, and a pose that no body has."""
+    predictor, point = equal_legs()
+    sides, others = all_sides(predictor, point)
+    fallen = at_fork(sides, int(others[0]))
+    data = SensorData.of([fallen, fallen.model_copy(update={"tilt": (0.9, 0.9)})], MODALITIES, CAP)
+    return predictor, point, Likelihood(data, NOISE)
+
+
+def evidence(fork: tuple[Predictor, Array, Likelihood], seed: int = 1) -> tuple[float, int]:
+    """Its evidence, and how many readings that took."""
+    predictor, point, likelihood = fork
+    solver, before = GaussNewton(predictor, likelihood), predictor.cost.simulations
+    peaks, _ = solver.polished(point)
+    target = Target(
+        peaks=peaks[None],
+        free=Free.lengths(predictor.unknowns.continuous, 1),
+        precision=solver.slopes(peaks).precision[None],
+        by_care=np.zeros((1, predictor.unknowns.continuous.size), dtype=bool),
+        predictor=predictor,
+        likelihood=likelihood,
+        rng=np.random.default_rng(seed),
+    )
+    (one,) = tempered(target, PARTICLES)
+    return one.log_evidence, predictor.cost.simulations - before
+
+
+@pytest.fixture(scope="module")
+def exact(fork: tuple[Predictor, Array, Likelihood]) -> tuple[float, int]:
+    """With all sides tried of each body."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tempering, "_TO_ALL_SIDES", 1)
+        patch.setattr(tempering._Run._fits_at, "__defaults__", (1,))
+        return evidence(fork)
+
+
+def test_few_sides_tried_give_the_same_evidence_for_less(
+    fork: tuple[Predictor, Array, Likelihood], exact: tuple[float, int]
+) -> None:
+    found, readings = evidence(fork)
+    assert found == pytest.approx(exact[0], abs=0.15)
+    assert readings < 0.6 * exact[1]
+
+
+def test_a_side_that_no_particle_has_fallen_to_is_weighed_in_the_end(
+    fork: tuple[Predictor, Array, Likelihood],
+    exact: tuple[float, int],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    real, to_all = Likelihood.misfits_of, []
+
+    def blind(self: Likelihood, *args: Any, sides: Flags | None = None, **kwargs: Any) -> Array:
+        if sides is not None:
+            to_all.extend([True] * bool(sides.all()))
+            sides = sides & (len(to_all) > 1)  # all sides are tried at the start, and in the end
+        return real(self, *args, sides=sides, **kwargs)
+
+    monkeypatch.setattr(Likelihood, "misfits_of", blind)
+    found, _ = evidence(fork)
+    assert len(to_all) == 2
+    assert found == pytest.approx(exact[0], abs=0.3)
