@@ -27,7 +27,7 @@ from estimator.body.arrays import Bodies, Flags
 from estimator.body.morphology import Array
 from estimator.posterior.model.noise import Noise, NoiseFactors
 from estimator.posterior.model.sensor_data import BRANCH, COLUMNS, DENSITIES, MISFITS, SensorData
-from estimator.posterior.model.special import expit
+from estimator.posterior.model.special import expit, log_sum
 from estimator.posterior.model.unknowns import Columns, Predictor
 from estimator.readings.modalities import MODALITIES
 from estimator.readings.observation import PredictedReadings
@@ -52,7 +52,6 @@ LIKELY: Final = np.array([1.0, *[0.5] * len(_SIDES), *[0.05] * len(_SIDES)])
 _LOG_LIKELY: Final = np.log(LIKELY)
 _PLAINLY: Final = 3.0  # standard deviations by which readings of different poses differ
 _AS_ANNOUNCED: Final = np.zeros((1, 2))
-_NO_COLUMNS: Final = np.empty((0, 0))
 
 
 def apart(one: PredictedReadings, other: PredictedReadings, noise: Noise) -> Flags:
@@ -92,6 +91,7 @@ class Likelihood:
             bits=counts["touch"].astype(float),
             log_anywhere=math.log(noise.outlier) + anywhere,
         )
+        self._elsewhere = math.log1p(-noise.nearby) + self._read.log_anywhere
         self.noise_factors = NoiseFactors.known_by(counts["tilt"].sum(), counts["clearance"].sum())
         self.sigmas = np.repeat(
             [noise.of(name) for name in DENSITIES],
@@ -277,9 +277,7 @@ class Likelihood:
         Returns:
             Shape (n, k).
         """
-        both = np.empty(misfits.shape[:2])
-        self._mix(misfits, noise_scale, scales, interactions, (both, _NO_COLUMNS))
-        return both
+        return log_sum(*self.terms(misfits, noise_scale, scales, interactions))
 
     def by_noise_factors(self, misfits: Array) -> Array:
         """Logarithms whose exponentials add up to the integral over noise factors.
@@ -343,28 +341,20 @@ class Likelihood:
         interactions: Columns | None = None,
     ) -> tuple[Array, Array]:
         """Logarithms of the mixture's two terms, each of shape (n, k)."""
-        inlier, outlier = np.empty(misfits.shape[:2]), np.empty(misfits.shape[:2])
-        self._mix(misfits, noise_scale, scales, interactions, (inlier, outlier))
-        return inlier, outlier
-
-    def _mix(
-        self,
-        misfits: Array,
-        noise_scale: Array | float,
-        scales: Array | None,
-        interactions: Columns | None,
-        results: tuple[Array, Array],
-    ) -> None:
+        interactions = self._every if interactions is None else np.ascontiguousarray(interactions)
+        inlier, beside = np.empty(misfits.shape[:2]), np.empty(misfits.shape[:2])
         _compiled().mixture(
             np.ascontiguousarray(misfits),
-            self._every if interactions is None else np.ascontiguousarray(interactions),
+            interactions,
             np.atleast_1d(np.asarray(noise_scale, dtype=float)),
             _AS_ANNOUNCED if scales is None else np.ascontiguousarray(scales),
             self._read,
             self.noise,
             _LOG_LIKELY,
-            *results,
+            inlier,
+            beside,
         )
+        return inlier, log_sum(self._elsewhere[interactions], beside)
 
 
 @cache

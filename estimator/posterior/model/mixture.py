@@ -161,13 +161,6 @@ def log_densities(
     return near, beside
 
 
-@compiled
-def _log_sum(one: float, other: float) -> float:
-    """Logarithm of the sum of two exponentials, of which one is finite."""
-    high, low = (one, other) if one > other else (other, one)
-    return high + math.log1p(math.exp(low - high))
-
-
 def _make_mixture(sources: int) -> Any:
     @entrance
     def mixture(
@@ -179,9 +172,9 @@ def _make_mixture(sources: int) -> Any:
         spread: Noise,
         log_likely: Array,
         inlier: Array,
-        outlier: Array,
+        beside: Array,
     ) -> int:
-        """Fills the logarithms of both terms, shape (n, k); see ``Likelihood.terms``.
+        """Fills logarithms of terms of the mixture, shape (n, k); see ``Likelihood``.
 
         Args:
             misfits: Shape (n, k, MISFITS).
@@ -191,11 +184,11 @@ def _make_mixture(sources: int) -> Any:
             read: What was read.
             spread: Sensor noise.
             log_likely: Of each lean.
-            inlier: Receives the first term, or the sum of both where ``outlier`` has no columns.
-            outlier: Receives the other.
+            inlier: Receives that of the pose predicted.
+            beside: Receives that of an outlier beside it; of any where there is no prediction.
         """
         log_inlier, log_outlier = math.log1p(-spread.outlier), math.log(spread.outlier)
-        log_elsewhere, log_nearby = math.log1p(-spread.nearby), math.log(spread.nearby)
+        log_nearby = math.log(spread.nearby)
         level = level_of(spread, 1.0, 0.0, 0.0)
         for row in range(misfits.shape[0]):
             own, one = row if len(scales) > 1 else 0, row if len(noise_scales) > 1 else 0
@@ -203,10 +196,9 @@ def _make_mixture(sources: int) -> Any:
                 level = level_of(spread, noise_scales[one], scales[own, 0], scales[own, 1])
             for column in range(misfits.shape[1]):
                 interaction = interactions[row if len(interactions) > 1 else 0, column]
-                anywhere = read.log_anywhere[interaction]
-                first, beside = -math.inf, anywhere
+                first, second = -math.inf, read.log_anywhere[interaction]
                 if not misfits[row, column, NO_PREDICTION] > 0:
-                    first, beside = log_densities(
+                    first, second = log_densities(
                         (misfits[row, column, _TILT], misfits[row, column, _TILT + 1]),
                         read.tilts[interaction],
                         misfits[row, column, _CLEARANCE],
@@ -217,12 +209,8 @@ def _make_mixture(sources: int) -> Any:
                         level,
                     )
                     first += log_inlier + log_likely[int(misfits[row, column, BRANCH])]
-                    beside += log_outlier
-                second = _log_sum(log_elsewhere + anywhere, log_nearby + beside)
-                if outlier.shape[1]:
-                    inlier[row, column], outlier[row, column] = first, second
-                else:
-                    inlier[row, column] = _log_sum(first, second)
+                    second += log_outlier
+                inlier[row, column], beside[row, column] = first, log_nearby + second
         return 0 * sources
 
     return mixture
