@@ -95,6 +95,7 @@ def summarise(
         causes=_causes(posterior, unknowns),
         as_stated_m=_as_stated(posterior, unknowns),
         low_ess=bool(predictor.unknowns.choices.size) and behind < _FEW,
+        too_early=len(likelihood) < unknowns.telling,
         information_gain_bits=gained,
         predicted=_predicted(posterior, predictor, likelihood),
         **dict(judge(posterior, predictor, likelihood)),

@@ -48,6 +48,7 @@ class NotKnown(StrEnum):
     POOR_FIT = "the best body explains the readings poorly"
     DIFFERENT_BODIES = "the searches have found different bodies"
     FEW_SAMPLES = "few samples stand for the best body"
+    FEW_MOVEMENTS = "so few movements can hardly tell it from all others"
 
 
 class _Record(BaseModel):
@@ -171,6 +172,7 @@ class PosteriorSummary(FitVerdict):
             found in common (capture-recapture).
         low_ess: Whether the share of the attachments that cannot be told from the best body's
             rests on few effective samples.
+        too_early: Whether there were fewer interactions than can tell all attachments apart.
         misspecification_probability: That the robot is otherwise than the problem says in a way
             that nobody looks for, or has changed on the way.
         causes: Ways that are looked for in which the robot may be otherwise, the most probable
@@ -190,6 +192,7 @@ class PosteriorSummary(FitVerdict):
     probability_within_problem: Share | None
     coverage: Share = 1.0
     low_ess: bool = False
+    too_early: bool = False
     misspecification_probability: Probability = 0.0
     causes: tuple[Cause, ...] = ()
     as_stated_m: tuple[Interval, ...] = ()
@@ -229,8 +232,8 @@ class PosteriorSummary(FitVerdict):
         """Why the probability is not known; ``None``: it is.
 
         Where the searches have found different bodies, their coverage says nothing of those that
-        only one found. Where few samples stand for the best body, only that it is improbable can be
-        known.
+        only one found. Where few samples stand for the best body, or movements are so few that
+        searches rarely find all that explains them, only that it is improbable can be known.
         """
         within = self.probability_within_problem
         if within is None:
@@ -239,6 +242,8 @@ class PosteriorSummary(FitVerdict):
             return NotKnown.DIFFERENT_BODIES
         if self.low_ess and within >= _PROBABLE:
             return NotKnown.FEW_SAMPLES
+        if self.too_early and within >= _PROBABLE:
+            return NotKnown.FEW_MOVEMENTS
         return None
 
     @computed_field  # type: ignore[prop-decorator]

@@ -106,25 +106,9 @@ class Likelihood:
         """The mixture of some of the interactions."""
         return Likelihood(self.data[interactions], self.noise)
 
-    def misfits_of(
-        self,
-        predictor: Predictor,
-        values: Array,
-        *,
-        branches: Array | float | None = None,
-        coarse_step: bool = True,
-        stances: Array | None = None,
-        sides: Flags | None = None,
-    ) -> Array:
-        """The misfits of n points of the cube, shape (n, size); see ``misfits_of_bodies``."""
-        return self.misfits_of_bodies(
-            predictor,
-            predictor.unknowns.bodies(values),
-            branches=branches,
-            coarse_step=coarse_step,
-            stances=stances,
-            sides=sides,
-        )
+    def misfits_of(self, predictor: Predictor, values: Array, **how: Any) -> Array:
+        """The misfits of n points of the cube; ``how`` is as ``misfits_of_bodies`` takes it."""
+        return self.misfits_of_bodies(predictor, predictor.unknowns.bodies(values), **how)
 
     def misfits_of_bodies(
         self,

@@ -24,6 +24,7 @@ Attachments = tuple[int, ...]
 """The choices of one body, in the order of its genes: parent, mount and hinge, part by part."""
 
 _MANY: Final = 24.0  # bits
+_BITS_LEARNT: Final = 6.0  # about attachments, by one interaction that moves few limbs
 
 
 class Unknowns:
@@ -49,6 +50,7 @@ class Unknowns:
         parents: Which columns choose what a part sits on, shape (size,).
         bits: Entropy of the attachments, were all equally likely.
         many: Whether that is so much that changes of single parts do not lead to the body.
+        telling: Interactions from which on readings can tell attachments, each 6 bits at most.
         parts: Columns that belong to one part, by its number, of each part that has any.
         places: Columns that say where parts sit, of parts that may have each other's mounts and not
             share them: in each array one row a part, and the same columns for each.
@@ -86,6 +88,7 @@ class Unknowns:
             for places in self.places
         )
         self.many = self.bits > _MANY
+        self.telling = math.ceil(self.bits / _BITS_LEARNT)
 
     @property
     def genes(self) -> tuple[Gene, ...]:

@@ -31,7 +31,6 @@ ALGORITHM: Final = "evolutionary Monte Carlo"
 
 _AGREED: Final = 0.8  # coverage by both populations at which they agree
 _EXPLORED: Final = 0.4  # coverage from which attachments are weighed while populations explore
-_BITS_LEARNT: Final = 6.0  # about attachments, by one interaction that moves few limbs
 _MORE: Final = 4  # additional rounds where they do not
 _FEW_ROUNDS: Final = 3  # at most, where many attachments are open and a round is long
 _NEGLIGIBLE: Final = 0.05  # share of the posterior that the last round may have added
@@ -91,7 +90,7 @@ class Sampler:
         self._effort = effort
         self._workers = workers
         self._explores = unknowns.many
-        self._telling = math.ceil(unknowns.bits / _BITS_LEARNT) if self._explores else TELLING
+        self._telling = unknowns.telling if self._explores else TELLING
         self.predictor = Predictor(unknowns, physics or make_physics())
         self._deviations = np.zeros(len(unknowns.table))
         *own, common = seeds

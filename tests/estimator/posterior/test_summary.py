@@ -31,8 +31,10 @@ def posterior(found: Callable[[int], tuple[bool, ...]]) -> Posterior:
     return replace(alone, modes=modes)
 
 
-def summarised(predictor: Predictor, one: Posterior, *, alike: bool) -> StoredPosterior:
-    data = draw(predictor, POINT, programs(3), np.random.default_rng(2))
+def summarised(
+    predictor: Predictor, one: Posterior, *, alike: bool, movements: int = 3
+) -> StoredPosterior:
+    data = draw(predictor, POINT, programs(movements), np.random.default_rng(2))
 
     def same(ones: Array, others: Array) -> Flags:
         return np.full(len(ones), alike)
@@ -94,6 +96,19 @@ def test_of_what_few_samples_stand_for_only_that_it_is_improbable_is_stated(
     assert belief.probability is None
     assert belief.not_known is NotKnown.FEW_SAMPLES
     improbable = summarised(predictor, replace(everything, modes=few), alike=False)
+    assert improbable.probability == pytest.approx(1 / COUNT)
+
+
+def test_of_what_few_movements_say_only_that_it_is_improbable_is_stated(
+    predictor: Predictor,
+) -> None:
+    assert predictor.unknowns.telling == 2  # of 9.2 bits
+    everything = posterior(lambda number: (True, True))
+    early = summarised(predictor, everything, alike=True, movements=1)
+    assert early.probability is None
+    assert early.not_known is NotKnown.FEW_MOVEMENTS
+    assert stated(predictor, everything, alike=True) is not None
+    improbable = summarised(predictor, everything, alike=False, movements=1)
     assert improbable.probability == pytest.approx(1 / COUNT)
 
 
