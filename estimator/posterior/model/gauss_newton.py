@@ -9,7 +9,6 @@ derivatives give Laplace's approximation of the evidence.
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -289,10 +288,12 @@ class GaussNewton:
 
 def best_of_each(keys: Sequence[Attachments] | Columns, fits: Array, most: int = 1) -> Columns:
     """Of points with equal keys the ``most`` that fit best; indices, best first."""
-    counted: Counter[Attachments | int] = Counter()
+    counted: dict[Attachments | int, int] = {}
     kept = []
     for row in np.argsort(-fits, kind="stable").tolist():
-        counted[keys[row]] += 1
-        if counted[keys[row]] <= most:
+        key = keys[row]
+        count = counted.get(key, 0)
+        if count < most:
+            counted[key] = count + 1
             kept.append(row)
     return np.array(kept, dtype=np.intp)

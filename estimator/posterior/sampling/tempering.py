@@ -13,17 +13,16 @@ densities, in steps that each keep a share of the particles' effective sample si
 
 F is the information of the readings, D the precision of the prior.
 
-Between two powers they are moved, each half by proposals that the other half shapes: differential
-evolution; steps along some axes of a normal distribution with the other half's covariance, which
+Between two powers they are moved by proposals that their points before shape: differential
+evolution; steps along some axes of a normal distribution with the covariance of those points, which
 leave that distribution invariant (preconditioned Crank-Nicolson); and such steps of random subsets
 of θ alone that leave its prior invariant, lengths following as they depend on θ. Several sets of
 attachments are computed side by side, each with powers of its own. Noise factors are integrated on
 a grid.
 
 So few moves are enough for the evidence, but particles with common ancestors stay correlated: those
-that become samples of the posterior are moved for longer, all at once, by proposals that none of
-the moving shapes: by the normal distribution at the peak, and by differences of the points that
-they began with (``equilibrated``).
+that become samples of the posterior are moved for longer, by the normal distribution at the peak
+and by differences of the points that they began with (``equilibrated``).
 
 How carefully a robot was built is unknown: the spreads that care decides have a factor in common,
 whose logarithm is one more θ. The others are in units of the spreads times that factor, so that
@@ -53,7 +52,7 @@ _NEAR: Final = 0.9  # weight of the normal distributions around peaks in the sta
 _COUNTS: Final = 0.5  # share of the readings' information in their precision
 _MOVES: Final = 3  # after each step towards the posterior
 _EQUILIBRATING: Final = 2  # moves of samples in the end, for each dimension
-_JITTER: Final = 1e-3  # of differential evolution, in standard deviations of the other half
+_JITTER: Final = 1e-3  # of differential evolution, in standard deviations of these points
 _KINDS: Final = (0.2, 0.5, 0.3)  # shares of the three kinds of moves, in the order above
 _SHORTEST: Final = 0.5  # shortest Crank-Nicolson step; the longest is 1, an independent draw
 _BISECTIONS: Final = 30
@@ -188,8 +187,10 @@ class _Run:
             if not going.size:
                 break
             self._go_on(going)
+            others = self._x[going].copy()
+            around = Normals.with_covariance_of(others, self._lengths)
             for _ in range(moves):
-                self._move_halves(going)
+                self._move(going, others, around)
         self._weigh_other_sides(groups)
         return [self._particles(group) for group in groups.tolist()]
 
@@ -199,7 +200,7 @@ class _Run:
         around = Normals.around(self._peaks, self._precision, self._normal, np.ones(1))
         others = self._x.copy()
         for _ in range(_EQUILIBRATING * self._x.shape[2]):
-            self._move(only, slice(None), others, around)
+            self._move(only, others, around)
         self._weigh_other_sides(only)
         return self._values(only.repeat(self._count), self._x[0])
 
@@ -280,24 +281,15 @@ class _Run:
             for array in (self._x, self._fits, self._base):
                 array[group] = array[group, rows]
 
-    def _move_halves(self, groups: Columns) -> None:
-        """Moves both halves, each by proposals that the other half shapes."""
-        half = self._count // 2
-        halves = slice(None, half), slice(half, None)
-        for own, other in (halves, halves[::-1]):
-            others = self._x[groups, other]
-            self._move(groups, own, others, Normals.with_covariance_of(others, self._lengths))
-
-    def _move(self, groups: Columns, own: slice, others: Array, around: Normals) -> None:
-        """Moves some particles by proposals of all kinds, a share by each.
+    def _move(self, groups: Columns, others: Array, around: Normals) -> None:
+        """Moves particles by proposals of all kinds, a share by each.
 
         Args:
             groups: Sets whose particles are moved.
-            own: Which of their particles.
             others: Points that are not moved, whose differences are proposed, shape (g, n, d).
             around: Normal distributions that proposals leave invariant.
         """
-        x = self._x[groups, own]
+        x = self._x[groups]
         proposed, kept = x.copy(), np.zeros(x.shape[:2])
         kinds = [self._along_differences, self._towards, self._theta_alone]
         ends = np.cumsum(_KINDS[: 3 if self._lengths < x.shape[2] else 2])
@@ -307,22 +299,22 @@ class _Run:
             rows = np.flatnonzero(kind == number)
             if rows.size:
                 proposed[:, rows], kept[:, rows] = propose(x[:, rows], others, around)
-        self._accept(groups, own, proposed, kept)
+        self._accept(groups, proposed, kept)
 
-    def _accept(self, groups: Columns, own: slice, proposed: Array, kept: Array) -> None:
+    def _accept(self, groups: Columns, proposed: Array, kept: Array) -> None:
         """Metropolis-Hastings; ``kept``: log-ratios of densities that proposals leave invariant."""
-        x, fits = self._x[groups, own], self._fits_at(proposed, groups)
+        x, fits = self._x[groups], self._fits_at(proposed, groups)
         base = self._log_start(proposed, groups)
         powers = self._powers[groups, None]
-        before = powers * (self._fits[groups, own] + self._log_prior(x))
-        before += (1 - powers) * self._base[groups, own]
+        before = powers * (self._fits[groups] + self._log_prior(x))
+        before += (1 - powers) * self._base[groups]
         after = powers * (fits + self._log_prior(proposed)) + (1 - powers) * base
         chances = after - before + kept
         taken = (fits > _NOWHERE) & (np.log(self._rng.random(chances.shape)) < chances)
         for array, new in ((self._x, proposed), (self._fits, fits), (self._base, base)):
-            part = array[groups, own]
+            part = array[groups]
             part[taken] = new[taken]
-            array[groups, own] = part
+            array[groups] = part
 
     def _along_differences(self, x: Array, others: Array, around: Normals) -> tuple[Array, Array]:
         """Differential evolution; a tenth of the steps are whole differences, from peak to peak."""

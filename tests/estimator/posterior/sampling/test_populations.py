@@ -141,8 +141,7 @@ def test_chains_begin_anew_where_no_body_explains_readings_that_ought_to_tell(
     rounds: int,
 ) -> None:
     begun: list[Discovery] = []
-    bits = "estimator.posterior.sampling.sampler._BITS_LEARNT"
-    monkeypatch.setattr(bits, many_legs.unknowns.bits / (2 if enough_were_read else 3))
+    monkeypatch.setattr(many_legs.unknowns, "telling", 2 if enough_were_read else 3)
     monkeypatch.setattr(Discovery, "restart", lambda search, steps: begun.append(search))
     monkeypatch.setattr(Discovery, "explains", lambda search: explains)
     sampler(many_legs).learn(Likelihood(data, NOISE))
