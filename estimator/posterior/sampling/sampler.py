@@ -214,8 +214,8 @@ class Sampler:
         chains restart: one pose that ended on another branch may have led them far from the truth.
         A population that has found the best body rests until the others have found it. Once that
         has been done at length for one body, it is not done for it again.
-        Before attachments converge one population restarts, until they have been probable once:
-        what all have kept from interaction to interaction may not be all that there is.
+        Before attachments converge one population restarts, until they have been probable once
+        where readings can tell: what all have kept so far may not be all that there is.
 
         Args:
             likelihood: Of all observations.
@@ -259,7 +259,8 @@ class Sampler:
                     restarts += 1
                     going = [row == number % len(going) for row in range(len(going))]
                     continue
-                self._verified |= last if agreement.share_of(last) > _SURE else frozenset()
+                if late and agreement.share_of(last) > _SURE:
+                    self._verified |= last
                 if restarts > _MORE:
                     self._cleared.update(agreement.leaders)
                 for one in self._searches:

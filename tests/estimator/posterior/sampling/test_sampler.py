@@ -285,6 +285,19 @@ def test_before_attachments_converge_one_population_begins_anew_and_no_more_for_
     assert len(begun) == 1
 
 
+@pytest.mark.usefixtures("little")
+def test_what_led_before_readings_can_tell_is_put_to_the_test_again(
+    predictor: Predictor, begun: list[Discovery]
+) -> None:
+    data = draw(predictor, POINT, programs(6)[::-1], np.random.default_rng(2))
+    certain = make_sampler(predictor, effort=QUICK)
+    early = certain.learn(Likelihood(data[:3], NOISE))
+    assert early.modes[0].probability > 0.9
+    before = len(begun)
+    certain.learn(Likelihood(data, NOISE))
+    assert len(begun) == before + 1
+
+
 def test_given_attachments_are_searched_once_by_each_population(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
