@@ -53,8 +53,7 @@ def evidence(fork: tuple[Predictor, Array, Likelihood], seed: int = 1) -> tuple[
 def exact(fork: tuple[Predictor, Array, Likelihood]) -> tuple[float, int]:
     """With all sides tried of each body."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(tempering, "_TO_ALL_SIDES", 1)
-        patch.setattr(tempering._Run._fits_at, "__defaults__", (1,))
+        patch.setattr(tempering._Run._fits_at, "__defaults__", (1,))  # one in one to all sides
         return evidence(fork)
 
 
