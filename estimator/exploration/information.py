@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.body.arrays import Bodies, Flags
+from estimator.body.arrays import Bodies
 from estimator.body.morphology import Array
 from estimator.executors import Threads
 from estimator.exploration.best_programs import CANDIDATES, best_programs
@@ -85,8 +85,6 @@ _MORE_DRAWS: Final = 800  # readings drawn for each finalist
 _AT_ONCE: Final = 4096  # readings computed at once, whose bodies fit into a processor's cache
 _COMPETES: Final = 0.005  # share of the posterior from which a cause competes
 _AS_LIKELY: Final = 0.02  # of the best evidence, from which it does if the body would be another
-_OFF: Final = 2.0  # standard deviations from which a length is another
-_TRIFLE: Final = 0.01  # of a length's range, that these have at least
 _THICKER: Final = 1.4  # factor on radii under which a predicted pose must stay the same
 _PREDICTABLE: Final = math.radians(2.0)  # least path margin of a pose; else forks look best
 _PLUMB: Final = GRAVITY_TILTS[:1]
@@ -243,7 +241,9 @@ class Chooser:
         first = int(np.argmax(shares))
         evidences = shares / prior_probabilities(self._predictor.unknowns.table)[rows]
         likely = (evidences >= _AS_LIKELY * evidences.max()) & (shares > 0)
-        compete = (shares >= _COMPETES) | (likely & self._otherwise(posterior.values, which, first))
+        differ = self._predictor.unknowns.differ(posterior.values, posterior.values[which == first])
+        other = np.bincount(which, differ) > 0.5 * np.bincount(which)
+        compete = (shares >= _COMPETES) | (likely & other)
         if compete.sum() < 2:
             return (), posterior
         counts = np.where(compete, np.sqrt(evidences), 0.0)
@@ -251,17 +251,6 @@ class Chooser:
         weights = posterior.weights * (counts / np.where(compete, shares, 1.0))[which]
         order = np.argsort(-np.where(compete, shares, 0.0), kind="stable")[: compete.sum()]
         return tuple(rows[order].tolist()), replace(posterior, weights=weights / weights.sum())
-
-    def _otherwise(self, values: Array, which: NDArray[np.int64], first: int) -> Flags:
-        """Which groups of points have other attachments or lengths than the first group has."""
-        unknowns = self._predictor.unknowns
-        keys, lengths = unknowns.keys(values), values[:, unknowns.continuous]
-        known = {key for key, own in zip(keys, which == first, strict=True) if own}
-        of_first = lengths[which == first]
-        off = np.abs(lengths - np.median(of_first, axis=0))
-        far = np.any(off > _OFF * np.maximum(of_first.std(axis=0), _TRIFLE), axis=1)
-        other = far | np.array([key not in known for key in keys])
-        return np.bincount(which, other) > 0.5 * np.bincount(which)
 
     def _deviating(self, values: Array) -> NDArray[np.int64]:
         unknowns = self._predictor.unknowns

@@ -25,6 +25,8 @@ Attachments = tuple[int, ...]
 
 _MANY: Final = 24.0  # bits
 _BITS_LEARNT: Final = 6.0  # about attachments, by one interaction that moves few limbs
+_OFF: Final = 2.0  # standard deviations from which a length is another
+_TRIFLE: Final = 0.01  # of a length's range, that these have at least
 
 
 class Unknowns:
@@ -196,6 +198,19 @@ class Unknowns:
     def log_prior(self, values: Array) -> Array:
         """Logarithm of the prior of n points' attachments, to a constant; shape (n,)."""
         return self._genome.log_room(self.cube(values))
+
+    def differ(self, values: Array, known: Array) -> Flags:
+        """Which of n points have other attachments or lengths than some samples of a posterior.
+
+        Args:
+            values: The points, shape (n, size).
+            known: The samples, shape (m, size).
+        """
+        keys, lengths = set(self.keys(known)), known[:, self.continuous]
+        off = np.abs(values[:, self.continuous] - np.median(lengths, axis=0))
+        far: Flags = np.any(off > _OFF * np.maximum(lengths.std(axis=0), _TRIFLE), axis=1)
+        far |= [key not in keys for key in self.keys(values)]
+        return far
 
     def keys(self, values: Array) -> list[Attachments]:
         """Attachments of n points as tuples, which can be compared and counted."""

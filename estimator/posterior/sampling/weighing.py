@@ -33,6 +33,7 @@ _AT_ONCE: Final = 32  # sets weighed before it is decided whether more are neede
 _TOGETHER: Final = 2048  # readings times particles of the hypotheses in one task
 _ROWS: Final = 12  # of the table, whose wide components are fitted in one task
 _WEIGHED: Final = 10.0  # nats that a guess may lie below the best for a hypothesis to be weighed
+_PROBABLE: Final = 6.5  # nats that the guess of one may that makes no other body
 _FEWEST: Final = 48  # particles of one hypothesis, at least
 _FIRST: Final = 4  # a first weight has at most all particles divided by this,
 _SHARED: Final = 2  # and all first weights together this many times all particles
@@ -176,9 +177,11 @@ class Weigher:
         if not unknowns.table:
             return None
         screened = [close[0], 0]  # the best, also as first guessed
-        if self._strays([weights[row] for row in again] or weights):
+        strays = self._strays([weights[row] for row in again] or weights)
+        if strays:
             screened += [*close[:_LEADERS], *range(min(_LEADERS, len(weights)))]
-        self._add_wide(weights, self._screened(list(dict.fromkeys(screened)), weights))
+        causes = self._screened(list(dict.fromkeys(screened)), weights, strays=strays)
+        self._add_wide(weights, causes)
         self._weigh_causes_carefully(weights)
         return finer[-1]
 
@@ -242,13 +245,24 @@ class Weigher:
         fit = max(float(one.particles.fits.max()) for one in weights)
         return float(self._likelihood.best().sum()) - fit - MEAN_LOSS * float(read) >= _STRAYS
 
-    def _screened(self, rows: Sequence[int], weights: Sequence[_Weight]) -> list[Hypothesis]:
-        """What is worth weighing of the wide components that some sets may have, each once."""
+    def _screened(
+        self, rows: Sequence[int], weights: Sequence[_Weight], *, strays: bool
+    ) -> list[Hypothesis]:
+        """What is worth weighing of the wide components that some sets may have, each once.
+
+        What is improbable is if the body would be another, which a movement may test, and where the
+        best fit strays or a wide component leads: there guesses may be too low by several nats.
+        """
         guessed = [self._guessed(weights[row]) for row in rows]
-        least = max(guess for guess, _ in guessed) - _WEIGHED
         several = [(guess + one.log_prior, one) for _, some in guessed for guess, one in some]
         several.sort(key=lambda one: one[0])
-        causes = [one for guess, one in several if guess > least]
+        narrow = max(guess for guess, _ in guessed)
+        best = max([narrow, *(guess for guess, _ in several)])
+        known = max((weights[row] for row in rows), key=lambda one: one.log).particles.values
+        points = np.array([one.point for _, one in several]).reshape(-1, known.shape[1])
+        counts = self._predictor.unknowns.differ(points, known) | (strays or best > narrow)
+        least = (best - np.where(counts, _WEIGHED, _PROBABLE)).tolist()
+        causes = [one for (guess, one), low in zip(several, least, strict=True) if guess > low]
         return list({(one.wide, *self._sets([one])[0]): one for one in causes}.values())
 
     def _guessed(self, narrow: _Weight) -> tuple[float, Sequence[tuple[float, Hypothesis]]]:

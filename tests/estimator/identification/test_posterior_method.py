@@ -261,7 +261,7 @@ def test_a_robot_that_changes_on_the_way_is_not_explained(
     with serving(ModelRobot()) as uri:
         result = identify(
             tmp_path / "run",
-            changed(order(tmp_path, uri), interactions=3),
+            changed(order(tmp_path, uri), interactions=3, seed=1),
             IN_THIS_PROCESS,
             Listener(),
             report=without_plots,

@@ -46,3 +46,26 @@ def test_large_deviations_are_those_of_the_best_body_and_small_ones_means() -> N
     assert mean[[zero, jammed, dead]] == pytest.approx([0.025, -0.2, 1.0])
     assert np.count_nonzero(mean) == 3
     assert not np.any(unknowns.mean_deviations(values, values[0])[dead])
+
+
+def test_bodies_differ_by_their_attachments_or_by_lengths_that_samples_have_not() -> None:
+    problem = Problem.load("topological")
+    unknowns = Unknowns(Genome(problem, BODY), problem.table)
+    known = unknowns.as_stated(np.full((200, unknowns.genes_size), 0.5))
+    wide, narrow = unknowns.continuous[:2]
+    known[:, wide] += np.random.default_rng(0).normal(0.0, 0.05, len(known))
+    points = known[:1].repeat(7, axis=0)
+    points[:, wide] = 0.5
+    points[1, unknowns.choices[0]] = 0.01
+    points[2, wide], points[3, wide] = 0.58, 0.62
+    points[4, narrow], points[5, narrow] = 0.51, 0.53
+    points[6, unknowns.genes_size :] = 1.0  # deviations make no other body
+    assert unknowns.differ(points, known).tolist() == [
+        False,
+        True,
+        False,
+        True,
+        False,
+        True,
+        False,
+    ]

@@ -12,11 +12,12 @@ import pytest
 
 from estimator.body.morphology import Array, Base
 from estimator.executors import ThisProcess
-from estimator.parameters.table import deviating, prior_probabilities
+from estimator.parameters.table import deviating
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.model.gauss_newton import Free, GaussNewton
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.unknowns import Predictor, Unknowns
+from estimator.posterior.sampling import weighing
 from estimator.posterior.sampling.integrals import Hypothesis, Integrals
 from estimator.posterior.sampling.weighing import TELLING, Weigher
 from estimator.problem.genome import Genome
@@ -85,20 +86,21 @@ def test_causes_that_compete_are_weighed_with_more_moves(
     assert np.all(np.any(deviations[:, 1:] != 0, axis=-1))
 
 
-def test_what_the_readings_hardly_tell_from_the_robot_as_stated_has_points(
-    predictor: Predictor,
+@pytest.mark.parametrize(("interactions", "tried"), [(1, False), (2, True)])
+def test_what_is_improbable_has_points_if_the_body_would_be_another(
+    predictor: Predictor, monkeypatch: pytest.MonkeyPatch, interactions: int, tried: bool
 ) -> None:
-    """However improbable it was before: a movement may be chosen to test it."""
+    """A movement may be chosen to test it; after one interaction any lengths may be the body's."""
+    monkeypatch.setattr(weighing, "_PROBABLE", 0.0)
     point, likelihood = observed(predictor, 1.0)
-    weigher = Weigher(
-        predictor, likelihood, np.random.default_rng(1), workers=ThisProcess(), particles=PARTICLES
-    )
+    rng, workers, some = np.random.default_rng(1), Heard(), likelihood[:interactions]
+    weigher = Weigher(predictor, some, rng, workers=workers, particles=PARTICLES)
     modes = weigher.weighed(point[None], np.zeros(1), 16)
     table, first = predictor.unknowns.table, predictor.unknowns.genes_size
     with_points = set(deviating(table, modes.rare[:, first:]).tolist()) - {-1}
+    assert bool(with_points) == bool(workers.roughly) == tried
+    assert with_points <= {one.wide for one in workers.roughly}
     assert modes.rare_shares.sum() < 0.2
-    assert with_points
-    assert prior_probabilities(table)[list(with_points)].min() < 0.01
     assert np.all(deviating(table, modes.values[:, first:]) == -1)
 
 
