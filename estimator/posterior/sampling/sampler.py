@@ -25,7 +25,7 @@ from estimator.posterior.model.unknowns import Attachments, Cost, Predictor, Unk
 from estimator.posterior.posterior import Mode, Posterior, found_by_each, systematic
 from estimator.posterior.sampling.mixing import mixed
 from estimator.posterior.sampling.populations import Agreement, explored
-from estimator.posterior.sampling.weighing import TELLING, Weigher
+from estimator.posterior.sampling.weighing import Weigher
 
 ALGORITHM: Final = "evolutionary Monte Carlo"
 
@@ -89,8 +89,7 @@ class Sampler:
     ) -> None:
         self._effort = effort
         self._workers = workers
-        self._explores = unknowns.many
-        self._telling = unknowns.telling if self._explores else TELLING
+        self._explores, self._telling = unknowns.many, unknowns.telling
         self.predictor = Predictor(unknowns, physics or make_physics())
         self._deviations = np.zeros(len(unknowns.table))
         *own, common = seeds

@@ -4,7 +4,7 @@ What is weighed are *hypotheses*: a set of attachments with small deviations alo
 components of the table of parameters), or with one large one besides (a wide component). Each has
 an evidence (``tempering``); those of one set of attachments add up, times their priors. Where few
 readings leave many sets of attachments, these are weighed with few particles each and without wide
-components, unless no set explains ``TELLING`` and more interactions without one.
+components, unless no set explains the readings without one and these can tell attachments.
 """
 
 from __future__ import annotations
@@ -52,9 +52,6 @@ _RARE: Final = 4  # points of a wide component of which there would be fewer sam
 _DRAWN: Final = 32  # points of a set, with which the next search begins
 _DRAWN_OF: Final = 32  # sets at most, of which such points are kept
 _INTERVAL: Final = (0.05, 0.5, 0.95)
-
-TELLING: Final = 4
-"""Interactions from which on the readings should tell attachments."""
 
 
 class _Weight(NamedTuple):
@@ -153,7 +150,7 @@ class Weigher:
         """Replaces weights of the best sets by finer ones, and adds those of wide components.
 
         Where many sets are close to the best only wide components are added, and only where no set
-        explains them without one, from ``TELLING`` interactions on: of fewer that says how well
+        explains them without one, where readings can tell attachments: else that says how well
         was searched.
 
         Returns:
@@ -162,7 +159,7 @@ class Weigher:
         order = sorted(range(len(weights)), key=lambda row: -weights[row].log)
         close = [row for row in order if weights[row].log > weights[order[0]].log - _CLOSE]
         few, unknowns = len(close) <= _FEW, self._predictor.unknowns
-        tells = unknowns.table and len(self._likelihood) >= TELLING
+        tells = unknowns.table and len(self._likelihood) >= unknowns.telling
         if not few and not (tells and self._strays([weights[row] for row in close])):
             return None
         again = close if few and len(weights) > 1 else []

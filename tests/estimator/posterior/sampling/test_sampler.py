@@ -287,8 +287,9 @@ def test_before_attachments_converge_one_population_begins_anew_and_no_more_for_
 
 @pytest.mark.usefixtures("little")
 def test_what_led_before_readings_can_tell_is_put_to_the_test_again(
-    predictor: Predictor, begun: list[Discovery]
+    predictor: Predictor, begun: list[Discovery], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(predictor.unknowns, "telling", 4)
     data = draw(predictor, POINT, programs(6)[::-1], np.random.default_rng(2))
     certain = make_sampler(predictor, effort=QUICK)
     early = certain.learn(Likelihood(data[:3], NOISE))

@@ -19,7 +19,7 @@ from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.sampling import weighing
 from estimator.posterior.sampling.integrals import Hypothesis, Integrals
-from estimator.posterior.sampling.weighing import TELLING, Weigher
+from estimator.posterior.sampling.weighing import Weigher
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from tests.estimator.two_unknown_rows import NOISE, TWO_UNKNOWN_ROWS, draw, programs
@@ -114,17 +114,18 @@ def test_one_set_alone_is_weighed_once_and_several_twice(predictor: Predictor, s
     assert modes.shares.sum() == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize("interactions", [TELLING - 1, TELLING])
+@pytest.mark.parametrize(("interactions", "telling"), [(4, 5), (4, 4)])
 def test_of_many_sets_causes_are_asked_once_readings_should_tell_them(
-    predictor: Predictor, interactions: int
+    predictor: Predictor, monkeypatch: pytest.MonkeyPatch, interactions: int, telling: int
 ) -> None:
     """Of fewer, that no set explains them says how well was searched."""
+    monkeypatch.setattr(predictor.unknowns, "telling", telling)
     point, likelihood = observed(predictor, 1.3)
     rng, workers = np.random.default_rng(1), Heard()
     some = likelihood[:interactions]
     weigher = Weigher(predictor, some, rng, workers=workers, particles=PARTICLES)
     weigher.weighed(point[None].repeat(24, axis=0), np.zeros(24), 16)
-    assert bool(workers.starts) == (interactions == TELLING)
+    assert bool(workers.starts) == (interactions >= telling)
 
 
 @pytest.mark.parametrize("travel", [1.0, 1.2])
