@@ -140,7 +140,7 @@ class PosteriorMethod:
             physics=physics,
         )
         stored = store.posteriors()
-        self._learnt = len(stored)
+        self._summaries = [summary for summary, _ in stored]
         self._counters = stored[-1][1] if stored else Counters()
         self._started = time.monotonic()
         self._posterior = self._sampler.prior()
@@ -166,11 +166,11 @@ class PosteriorMethod:
 
     def done(self, number: int) -> float:
         """The work of an interaction that was learnt from already, else 0."""
-        return self.work(number) if number < self._learnt else 0.0
+        return self.work(number) if number < len(self._summaries) else 0.0
 
     def learn(self, number: int, observations: Sequence[Observation]) -> None:
         """Samples the posterior after an interaction."""
-        if number < self._learnt:
+        if number < len(self._summaries):
             return
         before, fitted = self._posterior, self._fitted(self._posterior, observations)
         self._posterior = self._sampler.learn(fitted.likelihood)
@@ -179,7 +179,7 @@ class PosteriorMethod:
         summary = summary.model_copy(update={"overturned": self._overturned(number, summary)})
         summary = self._doubted(summary, fitted)
         self._store.save_posterior(number, summary, self._cost(), self._sampler.state())
-        self._learnt = number + 1
+        self._summaries.append(summary)
         settings = self._store.settings
         self._listener.worked(
             self.work(number),
@@ -188,11 +188,10 @@ class PosteriorMethod:
 
     def posterior(self) -> FittedPosterior:
         """The posterior after the last interaction."""
-        stored, observations = self._store.posteriors(), self._store.observations()
-        if not stored:
-            return self._fitted(self._posterior, observations)
-        summary, _ = stored[-1]
-        fitted = self._fitted(self._posterior, observations)
+        fitted = self._fitted(self._posterior, self._store.observations())
+        if not self._summaries:
+            return fitted
+        summary = self._summaries[-1]
         return replace(fitted, best=np.array(summary.best), summary=summary)
 
     def is_sure(self, number: int) -> bool:
@@ -202,9 +201,9 @@ class PosteriorMethod:
         whatever the simulator said then.
         """
         wanted = self._store.settings.sure
-        if wanted is None or number != self._learnt - 1:
+        if wanted is None or number != len(self._summaries) - 1:
             return False
-        last = [summary for summary, _ in self._store.posteriors()[-2:]]
+        last = self._summaries[-2:]
         return bool(last[-1].simulated) or (
             len(last) == 2
             and all(
@@ -226,12 +225,11 @@ class PosteriorMethod:
         named = sum(cause.probability for cause in summary.causes)
         if named > _NAMED and not summary.unexplained:
             return None
-        stored = [one for one, _ in self._store.posteriors()[:number]]
-        known = [attachments_known(one, SURE, self._store) for one in stored]
+        known = [attachments_known(one, SURE, self._store) for one in self._summaries]
         sure = [at for at in range(1, number) if known[at - 1] and known[at]]
         if not sure:
             return None
-        was = np.array(stored[sure[-1]].best)
+        was = np.array(self._summaries[sure[-1]].best)
         left = probability_of(was, self._posterior, self._predictor, self._indistinguishable)
         return sure[-1] if left < 1 - SURE else None
 
@@ -246,7 +244,7 @@ class PosteriorMethod:
     def finish(self, observations: Sequence[Observation]) -> None:
         """Has some of the samples simulated, and reweights."""
         last = len(observations) - 1
-        summary, _ = self._store.posteriors()[last]
+        summary = self._summaries[last]
         if summary.simulated:
             return
         sampled = self._fitted(self._posterior, observations)
