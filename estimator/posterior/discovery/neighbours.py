@@ -205,7 +205,7 @@ _SAMPLED: Final = 0.05  # share of the points by which the order of interactions
 def ranked(
     points: Array, solver: GaussNewton, unknowns: Unknowns, rng: np.random.Generator
 ) -> Array:
-    """The points that fit best under wide noise, one of each set of attachments, best first.
+    """Those points that fit best under wide noise, one of each set of attachments, best first.
 
     Points are compared first by interactions in which their fits differ by about the median, and
     only the best of them by the others. Where fits differ most, bodies fall to one side or the
@@ -223,12 +223,14 @@ def ranked(
         spread = solver.rough_fits(points[sample]).std(axis=0)
         order, tried = np.argsort(np.abs(spread - np.median(spread)), kind="stable"), _TRIED_FIRST
     fits = solver.rough_fits(points, order[:tried]).sum(axis=1)
-    while tried < order.size:
+    while True:
         best = np.argsort(-fits, kind="stable")[: max(_FEWEST, round(_GO_ON * len(points)))]
-        points = points[best]
-        fits = fits[best] + solver.rough_fits(points, order[tried : 2 * tried]).sum(axis=1)
-        tried *= 2
-    return points[best_of_each(unknowns.keys(points), fits)]
+        points, fits = points[best], fits[best]
+        if tried < order.size:
+            fits = fits + solver.rough_fits(points, order[tried : 2 * tried]).sum(axis=1)
+            tried *= 2
+        if tried >= order.size:
+            return points[best_of_each(unknowns.keys(points), fits)]
 
 
 def with_subtrees_of_others(

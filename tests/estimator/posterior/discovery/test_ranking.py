@@ -33,8 +33,9 @@ def test_few_interactions_or_points_are_ranked_by_all(
     rng, lengths = np.random.default_rng(3), lengths_with(predictor, interactions)
     points = rng.random((count, POINT.size))
     best_first = ranked(points, lengths, predictor.unknowns, rng)
-    assert len(best_first) == len(set(predictor.unknowns.keys(points)))
-    assert np.all(np.diff(fits_of(best_first, lengths)) <= 1e-9)
+    truly = points[best_of_each(predictor.unknowns.keys(points), fits_of(points, lengths))]
+    assert len(best_first) >= 100
+    assert np.array_equal(best_first, truly[: len(best_first)])
 
 
 def test_what_fits_best_is_hardly_ever_lost_with_most_of_the_work_spared(
