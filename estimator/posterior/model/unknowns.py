@@ -200,12 +200,7 @@ class Unknowns:
         return self._genome.log_room(self.cube(values))
 
     def differ(self, values: Array, known: Array) -> Flags:
-        """Which of n points have other attachments or lengths than some samples of a posterior.
-
-        Args:
-            values: The points, shape (n, size).
-            known: The samples, shape (m, size).
-        """
+        """Which of n points have other attachments or lengths than m samples of a posterior."""
         keys, lengths = set(self.keys(known)), known[:, self.continuous]
         off = np.abs(values[:, self.continuous] - np.median(lengths, axis=0))
         far: Flags = np.any(off > _OFF * np.maximum(lengths.std(axis=0), _TRIFLE), axis=1)

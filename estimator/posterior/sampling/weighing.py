@@ -13,6 +13,7 @@ import math
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -173,12 +174,8 @@ class Weigher:
             weights[row] = one
         if not unknowns.table:
             return None
-        screened = [close[0], 0]  # the best, also as first guessed
         strays = self._strays([weights[row] for row in again] or weights)
-        if strays:
-            screened += [*close[:_LEADERS], *range(min(_LEADERS, len(weights)))]
-        causes = self._screened(list(dict.fromkeys(screened)), weights, strays=strays)
-        self._add_wide(weights, causes)
+        self._add_wide(weights, self._screened(close, weights, strays=strays))
         self._weigh_causes_carefully(weights)
         return finer[-1]
 
@@ -243,27 +240,29 @@ class Weigher:
         return float(self._likelihood.best().sum()) - fit - MEAN_LOSS * float(read) >= _STRAYS
 
     def _screened(
-        self, rows: Sequence[int], weights: Sequence[_Weight], *, strays: bool
+        self, close: Sequence[int], weights: Sequence[_Weight], *, strays: bool
     ) -> list[Hypothesis]:
-        """What is worth weighing of the wide components that some sets may have, each once.
+        """What is worth weighing of the wide components that the best sets may have, each once.
 
         What is improbable is if the body would be another, which a movement may test, and where the
         best fit strays or a wide component leads: there guesses may be too low by several nats.
         """
-        guessed = [self._guessed(weights[row]) for row in rows]
-        several = [(guess + one.log_prior, one) for _, some in guessed for guess, one in some]
-        several.sort(key=lambda one: one[0])
-        narrow = max(guess for guess, _ in guessed)
-        best = max([narrow, *(guess for guess, _ in several)])
-        known = max((weights[row] for row in rows), key=lambda one: one.log).particles.values
-        points = np.array([one.point for _, one in several]).reshape(-1, known.shape[1])
-        counts = self._predictor.unknowns.differ(points, known) | (strays or best > narrow)
+        rows = [close[0], 0]  # the best, also as first guessed
+        if strays:
+            rows += [*close[:_LEADERS], *range(min(_LEADERS, len(weights)))]
+        narrow = [weights[row] for row in dict.fromkeys(rows)]
+        guessed = sorted((pair for one in narrow for pair in self._guessed(one)), key=itemgetter(0))
+        best, leader = guessed[-1]
+        points = np.array([one.point for _, one in guessed])
+        known = max(narrow, key=lambda one: one.log).particles.values
+        counts = self._predictor.unknowns.differ(points, known) | strays | (leader.wide >= 0)
         least = (best - np.where(counts, _WEIGHED, _PROBABLE)).tolist()
-        causes = [one for (guess, one), low in zip(several, least, strict=True) if guess > low]
-        return list({(one.wide, *self._sets([one])[0]): one for one in causes}.values())
+        several = [one for (guess, one), low in zip(guessed, least, strict=True) if guess > low]
+        causes = {(one.wide, *self._sets([one])[0]): one for one in several if one.wide >= 0}
+        return list(causes.values())
 
-    def _guessed(self, narrow: _Weight) -> tuple[float, Sequence[tuple[float, Hypothesis]]]:
-        """Guessed evidences of a set: without wide components, and with each of the best ones."""
+    def _guessed(self, narrow: _Weight) -> list[tuple[float, Hypothesis]]:
+        """Guessed weights of a set: without wide components, and with each of the best ones."""
         unknowns, table = self._predictor.unknowns, self._predictor.unknowns.table
         priors = prior_probabilities(table)
         point = narrow.hypothesis.point
@@ -284,10 +283,11 @@ class Weigher:
         fitted.sort(key=lambda one: -one[0])  # whatever their priors: a movement may test them
         rows = list(dict.fromkeys(row for _, row, _ in fitted))[:_WIDE]
         logs = {row: math.log(priors[row]) for row in rows}
-        return guess, [
-            (of_row, narrow.hypothesis._replace(point=own, wide=row, log_prior=logs[row]))
-            for of_row, row, own in fitted
-            if row in rows
+        own = narrow.hypothesis
+        return [(guess, own)] + [
+            (of + logs[row], own._replace(point=better, wide=row, log_prior=logs[row]))
+            for of, row, better in fitted
+            if row in logs
         ]
 
     def _of(
