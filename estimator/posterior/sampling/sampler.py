@@ -16,6 +16,7 @@ from estimator.body.morphology import Array
 from estimator.errors import SearchStateError
 from estimator.physics.base import ArrayPhysics
 from estimator.posterior.checks.verdict import fit_of
+from estimator.posterior.discovery.beginning import Beginning
 from estimator.posterior.discovery.discovery import Discovery
 from estimator.posterior.discovery.population import Population
 from estimator.posterior.model.gauss_newton import GaussNewton
@@ -90,19 +91,20 @@ class Sampler:
         self._effort = effort
         self._workers = workers
         self._explores, self._telling = unknowns.many, unknowns.telling
+        self._restartable = bool(unknowns.choices.size) and not unknowns.many
         self.predictor = Predictor(unknowns, physics or make_physics())
         self._deviations = np.zeros(len(unknowns.table))
         *own, common = seeds
-        self._searches = []
-        for _, seed in zip(range(effort.populations), own, strict=True):
-            predictor = Predictor(unknowns.with_fixed_deviations(self._deviations), make_physics())
-            of_chains, of_search = map(np.random.default_rng, seed.spawn(2))
-            population = Population.of_prior(
-                predictor, of_chains, levels=effort.levels, chains_per_level=effort.chains_per_level
-            )
-            self._searches.append(
-                Discovery(population, predictor, of_search, explores=self._explores)
-            )
+        self._beginning = Beginning(
+            unknowns=unknowns,
+            make_physics=make_physics,
+            levels=effort.levels,
+            chains_per_level=effort.chains_per_level,
+        )
+        self._searches = [
+            self._beginning.search(self._deviations, seed)
+            for _, seed in zip(range(effort.populations), own, strict=True)
+        ]
         self._rng = np.random.default_rng(common)
         self._known: set[Attachments] = set() if unknowns.choices.size else {()}
         self._cleared: set[Attachments] = set()  # of which many rounds have found nothing better
@@ -199,7 +201,22 @@ class Sampler:
             bodies = [search.best() for search in self._searches]
             known.update(*(self.predictor.unknowns.keys(one.values) for one in bodies))
         agreement = self._discovered(likelihood, known, searched=explores)
-        return self._weighed(agreement, likelihood)
+        return self._weighed(agreement, likelihood, self._deviating(agreement, likelihood))
+
+    def _deviating(self, agreement: Agreement, likelihood: Likelihood) -> Array:
+        """Points with deviations without an amount, where readings can tell and are not explained.
+
+        Shape (n, size).
+        """
+        late = len(likelihood) >= self._telling
+        if not (self._restartable and late and agreement.fit.is_improvable):
+            return agreement.points[:0]
+        points, costs = self._beginning.found_with_each(
+            likelihood, self._effort.steps, self._rng, self._workers
+        )
+        for cost in costs:
+            self.predictor.add_cost(cost)
+        return points
 
     def _discovered(
         self, likelihood: Likelihood, known: set[Attachments], *, searched: bool
@@ -222,7 +239,6 @@ class Sampler:
             searched: Whether the searches have just explored: that was a round.
         """
         effort, late = self._effort, len(likelihood) >= self._telling
-        restartable = bool(self.predictor.unknowns.choices.size) and not self._explores
         solver = GaussNewton(self.predictor, likelihood)
         number, restarts = 0, 0
         going = [not searched] * len(self._searches)
@@ -239,7 +255,7 @@ class Sampler:
             restart = agreement.few and (improvable or apart)
             # also where many sets of attachments fit as badly
             restart |= agreement.explains_too_little and improvable
-            if restart and restartable:
+            if restart and self._restartable:
                 restarts += 1
                 lacking = [improvable or agreement.leader not in own for own in agreement.found]
                 going = [lacks or not any(lacking) for lacks in lacking]
@@ -254,7 +270,7 @@ class Sampler:
                 rounds += _MORE if restarts and late else 0
             if converged or number >= rounds:
                 last = self._converged(agreement) if agreed else frozenset()
-                if restartable and not (restarts or last <= self._verified):
+                if self._restartable and not (restarts or last <= self._verified):
                     restarts += 1
                     going = [row == number % len(going) for row in range(len(going))]
                     continue
@@ -293,13 +309,13 @@ class Sampler:
         modes = (replace(mode, point=complete(mode.point[None])[0]) for mode in posterior.modes)
         return replace(posterior, values=complete(posterior.values), modes=tuple(modes))
 
-    def _weighed(self, agreement: Agreement, likelihood: Likelihood) -> Posterior:
+    def _weighed(self, agreement: Agreement, likelihood: Likelihood, deviating: Array) -> Posterior:
         """Modes by their evidences, and samples."""
         predictor, effort, unknowns = self.predictor, self._effort, self.predictor.unknowns
         weigher = Weigher(
             predictor, likelihood, self._rng, workers=self._workers, particles=effort.particles
         )
-        modes = weigher.weighed(agreement.points, agreement.guesses, effort.samples)
+        modes = weigher.weighed(agreement.points, agreement.guesses, effort.samples, deviating)
         misfits = likelihood.misfits_of(predictor, np.vstack([modes.values, modes.rare]))
         both = likelihood.drawn_scales(misfits, self._rng)
         scales, of_rare = np.split(both, [len(modes.values)])

@@ -20,6 +20,7 @@ import numpy as np
 
 from estimator.body.morphology import Array
 from estimator.parameters.table import prior_probabilities
+from estimator.posterior.model.gauss_newton import GaussNewton
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.noise import MEAN_LOSS
 from estimator.posterior.model.sensor_data import SCALED
@@ -117,14 +118,19 @@ class Weigher:
         self._predictor, self._likelihood, self._rng = predictor, likelihood, rng
         self._workers, self._particles = workers, particles
         self._integrals = Integrals(predictor, likelihood)
+        self._solver = GaussNewton(predictor, likelihood)
 
-    def weighed(self, points: Array, guesses: Array, samples: int) -> WeighedModes:
+    def weighed(
+        self, points: Array, guesses: Array, samples: int, deviating: Array | None = None
+    ) -> WeighedModes:
         """The posterior over sets of attachments, deviations and lengths.
 
         Args:
             points: The best point of each set, shape (n, size).
             guesses: Of the sets' evidences, shape (n,).
             samples: How many points of the posterior are drawn.
+            deviating: Points with one wide component each that may explain the readings, too,
+                shape (m, size).
         """
         rows, log_chances = drawn(guesses, self._rng)
         points = self._predictor.unknowns.as_built(points[rows])
@@ -144,10 +150,10 @@ class Weigher:
             some = sets[len(weights) : len(weights) + _AT_ONCE]
             weights += self._of(some, each, thoroughness=int(alone))
             best = max(one.log for one in weights)
-        stated = self._weighed_again(weights)
+        stated = self._weighed_again(weights, points[:0] if deviating is None else deviating)
         return self._summed(weights, stated, samples)
 
-    def _weighed_again(self, weights: list[_Weight]) -> _Weight | None:
+    def _weighed_again(self, weights: list[_Weight], deviating: Array) -> _Weight | None:
         """Replaces weights of the best sets by finer ones, and adds those of wide components.
 
         Where many sets are close to the best only wide components are added, and only where no set
@@ -175,7 +181,8 @@ class Weigher:
         if not unknowns.table:
             return None
         strays = self._strays([weights[row] for row in again] or weights)
-        self._add_wide(weights, self._screened(close, weights, strays=strays))
+        causes = self._screened(close, weights, strays=strays)
+        self._add_wide(weights, causes + self._promising(deviating, weights))
         self._weigh_causes_carefully(weights)
         return finer[-1]
 
@@ -260,6 +267,18 @@ class Weigher:
         several = [one for (guess, one), low in zip(guessed, least, strict=True) if guess > low]
         causes = {(one.wide, *self._sets([one])[0]): one for one in several if one.wide >= 0}
         return list(causes.values())
+
+    def _promising(self, deviating: Array, weights: Sequence[_Weight]) -> list[Hypothesis]:
+        """Hypotheses of points with one wide component each, of those that fit well."""
+        unknowns = self._predictor.unknowns
+        wide = np.argmax(deviating[:, unknowns.genes_size :], axis=1)
+        logs = np.log(prior_probabilities(unknowns.table)[wide])
+        fits = self._solver.fits(deviating) + logs
+        best = max([*fits, *(one.particles.fits.max() for one in weights)])
+        return [
+            Hypothesis(deviating[n], wide=int(wide[n]), log_prior=float(logs[n]))
+            for n in np.flatnonzero(fits > best - _WEIGHED).tolist()
+        ]
 
     def _guessed(self, narrow: _Weight) -> list[tuple[float, Hypothesis]]:
         """Guessed weights of a set: without wide components, and with each of the best ones."""

@@ -1,0 +1,91 @@
+"""How searches begin, and searches of robots of which one thing is otherwise than stated.
+
+What either is so or not, such as exchanged plugs or a dead servo, changes what readings say of all
+bodies. The right one may explain them no better than others unless that is known, so it is no use
+to ask which of the bodies that were found without it explain them with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from estimator.body.morphology import Array
+from estimator.physics.base import ArrayPhysics
+from estimator.posterior.discovery.discovery import Discovery
+from estimator.posterior.discovery.population import Population
+from estimator.posterior.model.likelihood import Likelihood
+from estimator.posterior.model.unknowns import Cost, Predictor, Unknowns
+
+_BEST: Final = 4  # points of each search
+
+
+@dataclass(frozen=True, kw_only=True)
+class Beginning:
+    """How searches of a problem begin; travels to worker processes.
+
+    Attributes:
+        unknowns: The cube, with all that may deviate.
+        make_physics: Makes a back-end for each search.
+        levels: Of each population.
+        chains_per_level: On each.
+    """
+
+    unknowns: Unknowns
+    make_physics: Callable[[], ArrayPhysics]
+    levels: int
+    chains_per_level: int
+
+    def search(self, deviations: Array, seed: np.random.SeedSequence) -> Discovery:
+        """A search for bodies that all have these deviations, shape (rows,)."""
+        unknowns = self.unknowns
+        predictor = Predictor(unknowns.with_fixed_deviations(deviations), self.make_physics())
+        of_chains, of_search = map(np.random.default_rng, seed.spawn(2))
+        population = Population.of_prior(
+            predictor, of_chains, levels=self.levels, chains_per_level=self.chains_per_level
+        )
+        return Discovery(population, predictor, of_search, explores=unknowns.many)
+
+    def found_with_each(
+        self, likelihood: Likelihood, steps: int, rng: np.random.Generator, workers: Executor
+    ) -> tuple[Array, list[Cost]]:
+        """The best points with each wide component that has no amount, and what these cost.
+
+        Args:
+            likelihood: Of all observations.
+            steps: Of a round of the search.
+            rng: Seeds the searches.
+            workers: Do a search each; how many there are changes no result.
+
+        Returns:
+            Points, shape (n, size), and the costs.
+        """
+        table = self.unknowns.table
+        switches = [n for n, row in enumerate(table) if row.switch and row.may_deviate]
+        seeds = np.random.SeedSequence(int(rng.integers(2**32))).spawn(len(switches))
+        each = zip(np.eye(len(table))[switches], seeds, strict=True)
+        tasks = [(likelihood, steps, deviations, seed) for deviations, seed in each]
+        found, costs = [np.empty((0, self.unknowns.size))], []
+        for points, cost in workers.map(self.found_with_cost, tasks):
+            found.append(points)
+            costs.append(cost)
+        return np.concatenate(found), costs
+
+    def found_with_cost(
+        self, task: tuple[Likelihood, int, Array, np.random.SeedSequence]
+    ) -> tuple[Array, Cost]:
+        """The best points that one search finds, and its cost.
+
+        Args:
+            task: The observations, steps of a round, deviations, and a seed.
+        """
+        likelihood, steps, deviations, seed = task
+        search = self.search(deviations, seed)
+        search.observe(likelihood)
+        search.restart(steps)
+        best = search.search(steps).values[:_BEST]
+        return self.unknowns.with_deviations(best, deviations), search.predictor.cost
