@@ -52,7 +52,7 @@ class Beginning:
 
     def found_with_each(
         self, likelihood: Likelihood, steps: int, rng: np.random.Generator, workers: Executor
-    ) -> tuple[Array, list[Cost]]:
+    ) -> tuple[Array, Cost]:
         """The best points with each wide component that has no amount, and what these cost.
 
         Args:
@@ -62,7 +62,7 @@ class Beginning:
             workers: Do a search each; how many there are changes no result.
 
         Returns:
-            Points, shape (n, size), and the costs.
+            Points, shape (n, size), and the cost of all searches.
         """
         table = self.unknowns.table
         switches = [n for n, row in enumerate(table) if row.switch and row.may_deviate]
@@ -73,7 +73,7 @@ class Beginning:
         for points, cost in workers.map(self.found_with_cost, tasks):
             found.append(points)
             costs.append(cost)
-        return np.concatenate(found), costs
+        return np.concatenate(found), Cost(*map(sum, zip(Cost(0, 0), *costs, strict=True)))
 
     def found_with_cost(
         self, task: tuple[Likelihood, int, Array, np.random.SeedSequence]

@@ -201,22 +201,7 @@ class Sampler:
             bodies = [search.best() for search in self._searches]
             known.update(*(self.predictor.unknowns.keys(one.values) for one in bodies))
         agreement = self._discovered(likelihood, known, searched=explores)
-        return self._weighed(agreement, likelihood, self._deviating(agreement, likelihood))
-
-    def _deviating(self, agreement: Agreement, likelihood: Likelihood) -> Array:
-        """Points with deviations without an amount, where readings can tell and are not explained.
-
-        Shape (n, size).
-        """
-        late = len(likelihood) >= self._telling
-        if not (self._restartable and late and agreement.fit.is_improvable):
-            return agreement.points[:0]
-        points, costs = self._beginning.found_with_each(
-            likelihood, self._effort.steps, self._rng, self._workers
-        )
-        for cost in costs:
-            self.predictor.add_cost(cost)
-        return points
+        return self._weighed(agreement, likelihood)
 
     def _discovered(
         self, likelihood: Likelihood, known: set[Attachments], *, searched: bool
@@ -309,13 +294,22 @@ class Sampler:
         modes = (replace(mode, point=complete(mode.point[None])[0]) for mode in posterior.modes)
         return replace(posterior, values=complete(posterior.values), modes=tuple(modes))
 
-    def _weighed(self, agreement: Agreement, likelihood: Likelihood, deviating: Array) -> Posterior:
+    def _weighed(self, agreement: Agreement, likelihood: Likelihood) -> Posterior:
         """Modes by their evidences, and samples."""
         predictor, effort, unknowns = self.predictor, self._effort, self.predictor.unknowns
         weigher = Weigher(
             predictor, likelihood, self._rng, workers=self._workers, particles=effort.particles
         )
-        modes = weigher.weighed(agreement.points, agreement.guesses, effort.samples, deviating)
+        weighed = partial(weigher.weighed, agreement.points, agreement.guesses, effort.samples)
+        modes = weighed()
+        if self._restartable and len(likelihood) >= self._telling:
+            best = modes.points[int(np.argmax(modes.shares))]
+            if agreement.with_fit(fit_of(best, predictor, likelihood)).fit.is_improvable:
+                points, cost = self._beginning.found_with_each(
+                    likelihood, effort.steps, self._rng, self._workers
+                )
+                predictor.add_cost(cost)
+                modes = weighed(points)
         misfits = likelihood.misfits_of(predictor, np.vstack([modes.values, modes.rare]))
         both = likelihood.drawn_scales(misfits, self._rng)
         scales, of_rare = np.split(both, [len(modes.values)])

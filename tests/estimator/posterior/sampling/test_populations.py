@@ -177,7 +177,7 @@ def test_what_the_searches_agree_on_is_doubted_no_more_but_where_it_explains_too
         populations, "fit_of", lambda *body: Fit(unexplained=unexplained, excess=0.0)
     )
     monkeypatch.setattr(populations.Agreement, "coverage", 1.0)
-    monkeypatch.setattr(Sampler, "_weighed", lambda sampler, agreed, *others: agreed)
+    monkeypatch.setattr(Sampler, "_weighed", lambda sampler, agreed, data: agreed)
     one = sampler(many_legs)
     agreed: Any = one.learn(Likelihood(data, NOISE))
     assert one.state()["converged"] == ([] if alternatives else sorted(agreed.keys))
