@@ -302,7 +302,7 @@ class Sampler:
         )
         weighed = partial(weigher.weighed, agreement.points, agreement.guesses, effort.samples)
         modes = weighed()
-        if self._restartable and len(likelihood) >= self._telling:
+        if unknowns.table and self._restartable and len(likelihood) >= self._telling:
             best = modes.points[int(np.argmax(modes.shares))]
             if agreement.with_fit(fit_of(best, predictor, likelihood)).fit.is_improvable:
                 points, cost = self._beginning.found_with_each(
