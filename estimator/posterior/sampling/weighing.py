@@ -181,8 +181,10 @@ class Weigher:
         if not unknowns.table:
             return None
         strays = self._strays([weights[row] for row in again] or weights)
-        causes = self._screened(close, weights, strays=strays)
-        self._add_wide(weights, causes + self._promising(deviating, weights))
+        several = self._promising(deviating, weights)
+        several += self._screened(close, weights, strays=strays)
+        each = {(one.wide, *self._sets([one])[0]): one for one in several}
+        self._add_wide(weights, list(each.values()))
         self._weigh_causes_carefully(weights)
         return finer[-1]
 
@@ -249,7 +251,7 @@ class Weigher:
     def _screened(
         self, close: Sequence[int], weights: Sequence[_Weight], *, strays: bool
     ) -> list[Hypothesis]:
-        """What is worth weighing of the wide components that the best sets may have, each once.
+        """What is worth weighing of the wide components that the best sets may have, best last.
 
         What is improbable is if the body would be another, which a movement may test, and where the
         best fit strays or a wide component leads: there guesses may be too low by several nats.
@@ -265,8 +267,7 @@ class Weigher:
         counts = self._predictor.unknowns.differ(points, known) | strays | (leader.wide >= 0)
         least = (best - np.where(counts, _WEIGHED, _PROBABLE)).tolist()
         several = [one for (guess, one), low in zip(guessed, least, strict=True) if guess > low]
-        causes = {(one.wide, *self._sets([one])[0]): one for one in several if one.wide >= 0}
-        return list(causes.values())
+        return [one for one in several if one.wide >= 0]
 
     def _promising(self, deviating: Array, weights: Sequence[_Weight]) -> list[Hypothesis]:
         """Hypotheses of points with one wide component each, of those that fit well."""

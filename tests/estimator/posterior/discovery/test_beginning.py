@@ -17,6 +17,7 @@ from estimator.posterior.model.gauss_newton import GaussNewton
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.unknowns import Cost, Predictor, Unknowns
 from estimator.posterior.sampling import populations, sampler
+from estimator.posterior.sampling.integrals import Hypothesis
 from estimator.posterior.sampling.weighing import Weigher
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
@@ -118,3 +119,25 @@ def test_what_was_found_with_it_is_weighed_beside_what_was_found_without(
     assert (unknowns.keys(best) == unknowns.keys(true)) == given
     named = {unknowns.table[one.row].name: one.probability for one in modes.causes}
     assert (named.get(EXCHANGED, 0.0) > 0.9) == given
+
+
+def test_what_was_found_both_ways_is_weighed_once(
+    predictor: Predictor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    unknowns, likelihood = predictor.unknowns, felt(predictor, 4)
+    true = unknowns.points(GENES[None], {EXCHANGED: np.ones(1)})
+    added: list[Hypothesis] = []
+    add = Weigher._add_wide
+
+    def noted(own: Weigher, weights: Any, causes: Any) -> None:
+        added.extend(causes)
+        add(own, weights, causes)
+
+    monkeypatch.setattr(Weigher, "_add_wide", noted)
+    rng = np.random.default_rng(1)
+    weigher = Weigher(predictor, likelihood, rng, workers=ThisProcess(), particles=60)
+    weigher.weighed(unknowns.as_stated(GENES[None]), np.zeros(1), 16, np.vstack([true, true]))
+    each = [(one.wide, *unknowns.keys(one.point[None])[0]) for one in added]
+    (row,) = (n for n, one in enumerate(unknowns.table) if one.name == EXCHANGED)
+    assert row in {one.wide for one in added}
+    assert len(each) == len(set(each))
