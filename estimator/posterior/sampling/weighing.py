@@ -20,7 +20,6 @@ import numpy as np
 
 from estimator.body.morphology import Array
 from estimator.parameters.table import prior_probabilities
-from estimator.posterior.model.gauss_newton import GaussNewton
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.noise import MEAN_LOSS
 from estimator.posterior.model.sensor_data import SCALED
@@ -118,7 +117,6 @@ class Weigher:
         self._predictor, self._likelihood, self._rng = predictor, likelihood, rng
         self._workers, self._particles = workers, particles
         self._integrals = Integrals(predictor, likelihood)
-        self._solver = GaussNewton(predictor, likelihood)
 
     def weighed(
         self, points: Array, guesses: Array, samples: int, deviating: Array | None = None
@@ -271,10 +269,10 @@ class Weigher:
 
     def _promising(self, deviating: Array, weights: Sequence[_Weight]) -> list[Hypothesis]:
         """Hypotheses of points with one wide component each, of those that fit well."""
-        unknowns = self._predictor.unknowns
+        unknowns, likelihood = self._predictor.unknowns, self._likelihood
         wide = np.argmax(deviating[:, unknowns.genes_size :], axis=1)
         logs = np.log(prior_probabilities(unknowns.table)[wide])
-        fits = self._solver.fits(deviating) + logs
+        fits = likelihood.integrated(likelihood.misfits_of(self._predictor, deviating)) + logs
         best = max([*fits, *(one.particles.fits.max() for one in weights)])
         return [
             Hypothesis(deviating[n], wide=int(wide[n]), log_prior=float(logs[n]))
