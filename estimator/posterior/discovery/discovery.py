@@ -77,10 +77,9 @@ class Discovery:
 
     Attributes:
         population: As above, like ``predictor`` and ``rng``.
-        best_points: The best points that it found, shape (n, size), with which it begins when it
-            observes.
-        posterior_points: Points of the posterior with attachments that it found itself, shape
-            (n, size), with which it begins, too: new readings may move the best lengths far.
+        starts: Points with which it begins when it observes, shape (n, size): the best that it
+            found, and points of the posterior with attachments that it found itself, since new
+            readings may move the best lengths far.
         converged: Attachments on which all searches agreed after the last interaction, if on any;
             several where sensors hardly discriminate between them. While they explain the readings
             bodies near them are not tried again.
@@ -97,7 +96,7 @@ class Discovery:
         self.population = population
         self.predictor = predictor
         self.rng = rng
-        self.best_points, self.posterior_points = np.empty((2, 0, predictor.unknowns.size))
+        self.starts = np.empty((0, predictor.unknowns.size))
         self.converged: frozenset[Attachments] = frozenset()
         self._explores = explores
 
@@ -116,12 +115,11 @@ class Discovery:
         if joined_parts(predictor.unknowns) and len(likelihood) >= _SEVERAL:
             self._neighbours = Neighbours(predictor.unknowns, self._solver, self.rng)
         self._before, self._visited = _Visited(predictor), _Visited(predictor)
-        starts = np.concatenate([self.best_points, self.posterior_points])
-        fits = self._solver.fits(starts)
-        self._visited.add(starts, fits)
-        if self._explores and len(starts):  # with fewer attachments searches would agree too early
+        fits = self._solver.fits(self.starts)
+        self._visited.add(self.starts, fits)
+        if self._explores and len(fits):  # with fewer attachments searches would agree too early
             best = np.argsort(-fits, kind="stable")[:_STARTS]
-            self._visited.add(*self._solver.polished(starts[best]))
+            self._visited.add(*self._solver.polished(self.starts[best]))
 
     def search(self, steps: int) -> BestPoints:
         """One round.
@@ -144,7 +142,7 @@ class Discovery:
         if not self._has_converged():
             self._try_others(visited)
         bodies = self.best()
-        self.best_points = bodies.values[:_REMEMBERED]
+        self.starts = bodies.values[:_REMEMBERED]
         return bodies
 
     def best(self) -> BestPoints:

@@ -117,8 +117,7 @@ class Sampler:
             "populations": [search.population.state() for search in self._searches],
             "searching": [search.rng.bit_generator.state for search in self._searches],
             "random": self._rng.bit_generator.state,
-            "best_points": [search.best_points.tolist() for search in self._searches],
-            "posterior_points": [search.posterior_points.tolist() for search in self._searches],
+            "starts": [search.starts.tolist() for search in self._searches],
             "converged": sorted(self._searches[0].converged),
             "known": sorted(self._known),
             "cleared": sorted(self._cleared),
@@ -141,13 +140,11 @@ class Sampler:
             raise SearchStateError(
                 "the run was made with another version of the sampler: start a new run"
             )
-        names = ("populations", "searching", "best_points", "posterior_points")
+        names = ("populations", "searching", "starts")
         by_search = zip(self._searches, *(state[name] for name in names), strict=True)
-        for search, population, rng, *points in by_search:
-            search.best_points, search.posterior_points = (
-                np.array(some, dtype=float).reshape(-1, self.predictor.unknowns.genes_size)
-                for some in points
-            )
+        for search, population, rng, starts in by_search:
+            points = np.array(starts, dtype=float)
+            search.starts = points.reshape(-1, self.predictor.unknowns.genes_size)
             search.population = Population.from_state(population, search.predictor)
             search.rng.bit_generator.state = rng
             search.converged = frozenset(map(tuple, state["converged"]))
@@ -330,8 +327,8 @@ class Sampler:
             if own:
                 rows = self._rng.choice(own, effort.chains_per_level)
                 search.population.replace_coldest(unknowns.cube(values[rows]), scales[rows])
-            rows_found = [row for row, key in enumerate(keys) if key in found]
-            search.posterior_points = unknowns.cube(modes.drawn_of(rows_found))
+            draws = modes.drawn_of([row for row, key in enumerate(keys) if key in found])
+            search.starts = np.vstack([search.starts, unknowns.cube(draws)])
         self._known = set(keys)
         if unknowns.table:
             best = modes.points[int(np.argmax(modes.shares))]

@@ -51,9 +51,9 @@ def test_who_begins_anew_keeps_what_was_met(predictor: Predictor, data: SensorDa
     after = search.search(10)
     assert after.fits[0] >= before.fits[0]
     assert set(predictor.unknowns.keys(before.values)) <= set(predictor.unknowns.keys(after.values))
-    assert np.array_equal(search.best_points[0], after.values[0])
+    assert np.array_equal(search.starts[0], after.values[0])
     search.observe(Likelihood(data, NOISE))  # once more
-    assert set(predictor.unknowns.keys(search.best_points)) == set(
+    assert set(predictor.unknowns.keys(search.starts)) == set(
         predictor.unknowns.keys(search.best().values)
     )
 
@@ -65,11 +65,11 @@ def test_a_search_for_much_begins_with_lengths_to_which_any_of_its_best_starts_l
     population = Population.of_prior(predictor, rng, levels=4, chains_per_level=8)
     search = Discovery(population, predictor, rng, explores=True)
     lengths = predictor.unknowns.continuous
-    search.posterior_points = np.repeat(POINT[None], 20, axis=0)
-    search.posterior_points[:, lengths] = rng.random((20, lengths.size))
+    search.starts = np.repeat(POINT[None], 20, axis=0)
+    search.starts[:, lengths] = rng.random((20, lengths.size))
     search.observe(Likelihood(data, NOISE))
     solver = GaussNewton(predictor, Likelihood(data, NOISE))
-    _, led = solver.polished(search.posterior_points)
+    _, led = solver.polished(search.starts)
     assert led.min() < led.max() - 10  # not all do
     assert search.best().fits[0] == led.max()
 
@@ -90,9 +90,9 @@ def test_what_all_searches_agreed_on_is_only_watched_while_it_explains_all(
     rng = np.random.default_rng(1)
     population = Population.of_prior(predictor, rng, levels=4, chains_per_level=8)
     search = Discovery(population, predictor, rng, explores=False)
-    search.best_points = POINT[None]
+    search.starts = POINT[None]
     if agreed:
-        search.converged = frozenset(predictor.unknowns.keys(search.best_points))
+        search.converged = frozenset(predictor.unknowns.keys(search.starts))
     search.observe(Likelihood(data, NOISE))
     search.search(8)
     assert search.explains()

@@ -148,7 +148,7 @@ def test_a_search_that_does_not_wander_puts_them_right_too(
     chains, own = np.random.default_rng(5), np.random.default_rng(6)
     population = Population.of_prior(predictor, chains, levels=4, chains_per_level=8)
     search = Discovery(population, predictor, own, explores=False)
-    search.best_points = confused(truth, predictor.unknowns)[None]
+    search.starts = confused(truth, predictor.unknowns)[None]
     search.observe(Likelihood(data, NOISE))
     _, wanted = GaussNewton(predictor, Likelihood(data, NOISE)).polished(truth[None])
     assert search.best().fits[0] < wanted[0] - 10
@@ -178,9 +178,9 @@ def test_only_neighbours_of_what_all_agreed_on_and_explains_all_are_not_tried(
         known = confused(truth, predictor.unknowns)
     population = Population.of_prior(predictor, rng, levels=4, chains_per_level=8)
     search = Discovery(population, predictor, rng, explores=True)
-    search.best_points = known[None]
+    search.starts = known[None]
     if agreed:
-        search.converged = frozenset(predictor.unknowns.keys(search.best_points))
+        search.converged = frozenset(predictor.unknowns.keys(search.starts))
     search.observe(Likelihood(observed, NOISE))
     assert search.explains() is explains
     search.search(1)
@@ -202,6 +202,6 @@ def test_neighbours_are_tried_as_long_as_better_ones_are_found(
     monkeypatch.setattr(Neighbours, "of", of)
     population = Population.of_prior(predictor, rng, levels=4, chains_per_level=8)
     search = Discovery(population, predictor, rng, explores=True)
-    search.best_points = confused(truth, unknowns)[None]
+    search.starts = confused(truth, unknowns)[None]
     search.observe(Likelihood(data, NOISE))
     assert search.search(1).fits[0] == fits[-1]

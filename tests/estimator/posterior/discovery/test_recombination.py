@@ -77,7 +77,7 @@ def test_a_search_that_began_anew_takes_legs_from_what_was_met_before(
     chains, own = np.random.default_rng(5), np.random.default_rng(6)
     population = Population.of_prior(predictor, chains, levels=4, chains_per_level=8)
     search = Discovery(population, predictor, own, explores=False)
-    search.best_points = but_for(predictor.unknowns, 3)[None]
+    search.starts = but_for(predictor.unknowns, 3)[None]
     search.observe(Likelihood(data, NOISE))
     search.restart(1)
     population.replace_coldest(
