@@ -23,6 +23,7 @@ CAP = 0.2
 LITTLE = Effort(levels=4, chains_per_level=16, steps=30, rounds=1, particles=60, samples=64)
 QUICK = Effort(levels=4, chains_per_level=8, steps=10, rounds=1, particles=20, samples=64)
 NOISE = Noise(tilt=0.0065, clearance=0.0013)
+POINT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
 TWO_UNKNOWN_ROWS = """
 name = "two rows"
 description = "Two legs of which nothing is known, beside two that are known."

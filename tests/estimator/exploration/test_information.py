@@ -21,10 +21,9 @@ from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation
 from estimator.storage.run_config import Learn
 from tests.estimator.model_robot import PROBLEM, TRUE_LENGTHS, make_capabilities
-from tests.estimator.two_unknown_rows import CAP, MODALITIES, NOISE
+from tests.estimator.two_unknown_rows import CAP, MODALITIES, NOISE, POINT
 
 ENDS = np.radians([[-30.0, 30.0]] * 4)
-RIGHT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
 
 
 def chooser(predictor: Predictor) -> Chooser:
@@ -32,7 +31,7 @@ def chooser(predictor: Predictor) -> Chooser:
 
 
 def test_the_program_tells_apart_what_is_uncertain(predictor: Predictor) -> None:
-    points = np.tile(RIGHT, (40, 1))
+    points = np.tile(POINT, (40, 1))
     points[::2, 5] = 0.1  # hinge of the second leg: yaw instead of up
     choice = chooser(predictor).choose(
         Posterior.equally_likely(points), 0, np.random.default_rng(1)
@@ -47,7 +46,7 @@ def test_the_program_tells_apart_what_is_uncertain(predictor: Predictor) -> None
 
 def test_a_body_that_is_known_leaves_nothing_to_be_told(predictor: Predictor) -> None:
     choice = chooser(predictor).choose(
-        Posterior.equally_likely(np.tile(RIGHT, (20, 1))), 0, np.random.default_rng(1)
+        Posterior.equally_likely(np.tile(POINT, (20, 1))), 0, np.random.default_rng(1)
     )
     assert choice.bits == pytest.approx(0.0, abs=1e-6)
     assert choice.about == pytest.approx(np.zeros(7), abs=1e-6)
@@ -212,7 +211,7 @@ def test_a_movement_for_masses_leaves_them_narrower_than_one_for_lengths() -> No
 
 
 def test_what_is_asked_waits_until_attachments_are_settled(predictor: Predictor) -> None:
-    points = np.tile(RIGHT, (40, 1))
+    points = np.tile(POINT, (40, 1))
     points[::2, 5] = 0.1  # hinge of the second leg: yaw instead of up
     samples = Posterior.equally_likely(points)
     one, two = (

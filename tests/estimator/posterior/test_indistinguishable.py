@@ -24,12 +24,12 @@ from estimator.problem.problem import Problem
 from tests.estimator.conftest import BODY
 from tests.estimator.two_unknown_rows import (
     MODALITIES,
+    POINT,
     TWO_UNKNOWN_ROWS,
     equally_likely,
     programs,
 )
 
-POINT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
 MOUNT, HINGE, LENGTH = 0, 1, 2  # of leg 1
 MOVEMENTS = programs(300, seed=7)
 

@@ -18,9 +18,8 @@ from estimator.posterior.posterior import Mode, Posterior, systematic
 from estimator.posterior.summary import SAMPLES, information_gained, summarise
 from estimator.storage.posteriors import NotKnown, StoredPosterior
 from tests.estimator.exploration.test_few_limbs import genome_of
-from tests.estimator.two_unknown_rows import NOISE, draw, equally_likely, programs
+from tests.estimator.two_unknown_rows import NOISE, POINT, draw, equally_likely, programs
 
-POINT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
 COUNT = 40
 
 

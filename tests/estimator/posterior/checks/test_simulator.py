@@ -17,9 +17,8 @@ from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Mode, Posterior
 from estimator.readings.observation import Observation, PredictedReadings
-from tests.estimator.two_unknown_rows import CAP, MODALITIES, NOISE, draw, programs
+from tests.estimator.two_unknown_rows import CAP, MODALITIES, NOISE, POINT, draw, programs
 
-RIGHT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
 WRONG = np.array([0.9, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
 
 
@@ -57,9 +56,9 @@ def test_a_robot_with_a_large_deviation_may_have_something_else_instead() -> Non
 
 
 def test_a_body_that_the_simulator_contradicts_loses_its_weight(predictor: Predictor) -> None:
-    data = draw(predictor, RIGHT, programs(3, seed=9), np.random.default_rng(2))
+    data = draw(predictor, POINT, programs(3, seed=9), np.random.default_rng(2))
     simulated = recheck(
-        undecided(predictor, RIGHT, WRONG), predictor, Likelihood(data, NOISE), _Swapped()
+        undecided(predictor, POINT, WRONG), predictor, Likelihood(data, NOISE), _Swapped()
     )
     assert simulated.simulated == 16
     assert simulated.posterior.modes[0].attachments == predictor.unknowns.keys(WRONG[None])[0]
@@ -69,10 +68,10 @@ def test_a_body_that_the_simulator_contradicts_loses_its_weight(predictor: Predi
 
 def test_samples_are_simulated_by_their_weights(predictor: Predictor) -> None:
     """Some stand for what is improbable: these are hardly among them."""
-    data = draw(predictor, RIGHT, programs(3, seed=9), np.random.default_rng(2))
-    likelihood, longer = Likelihood(data, NOISE), RIGHT.copy()
+    data = draw(predictor, POINT, programs(3, seed=9), np.random.default_rng(2))
+    likelihood, longer = Likelihood(data, NOISE), POINT.copy()
     longer[[1, 4]] = 0.9
-    samples = undecided(predictor, RIGHT, longer)
+    samples = undecided(predictor, POINT, longer)
     (mode, _), weights = samples.modes, np.repeat([0.0999999, 1e-7], 10)
     one_set = replace(samples, modes=(replace(mode, probability=1.0),), weights=weights)
     checked = recheck(one_set, predictor, likelihood, _Swapped())

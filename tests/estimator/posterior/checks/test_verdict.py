@@ -15,9 +15,8 @@ from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Posterior
 from estimator.storage.posteriors import FitVerdict
-from tests.estimator.two_unknown_rows import NOISE, draw, equally_likely, programs
+from tests.estimator.two_unknown_rows import NOISE, POINT, draw, equally_likely, programs
 
-POINT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
 MOVED = programs(6, seed=4)
 EXPLAINED = FitVerdict(unexplained=(), noisy=(), contradicting=())
 

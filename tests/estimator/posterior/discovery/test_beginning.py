@@ -24,6 +24,7 @@ from estimator.problem.problem import Problem
 from tests.estimator.little_effort import little_search
 from tests.estimator.two_unknown_rows import (
     NOISE,
+    POINT,
     QUICK,
     TWO_UNKNOWN_ROWS,
     draw,
@@ -32,7 +33,6 @@ from tests.estimator.two_unknown_rows import (
 )
 
 EXCHANGED = "plugs of touch sensors 1 and 2 exchanged"
-GENES = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +44,7 @@ def predictor() -> Predictor:
 
 def felt(predictor: Predictor, count: int) -> Likelihood:
     """Of a robot with two plugs exchanged, in so many interactions."""
-    (true,) = predictor.unknowns.points(GENES[None], {EXCHANGED: np.ones(1)})
+    (true,) = predictor.unknowns.points(POINT[None], {EXCHANGED: np.ones(1)})
     return Likelihood(draw(predictor, true, programs(count), np.random.default_rng(2)), NOISE)
 
 
@@ -63,7 +63,7 @@ def test_the_body_is_found_with_what_is_otherwise(predictor: Predictor) -> None:
     assert cost.simulations > 1000 * len(switches)
     best = points[np.argmax(GaussNewton(predictor, likelihood).fits(points))]
     assert list(unknowns.amounts(best[None])) == [EXCHANGED]
-    assert unknowns.keys(best[None]) == unknowns.keys(unknowns.as_stated(GENES[None]))
+    assert unknowns.keys(best[None]) == unknowns.keys(unknowns.as_stated(POINT[None]))
 
 
 def test_of_a_robot_that_is_exactly_as_stated_nothing_is_searched_for(
@@ -93,7 +93,7 @@ def test_it_is_searched_for_where_readings_can_tell_and_are_explained_poorly(
 
     def noted(own: Beginning, likelihood: Likelihood, *_: Any) -> tuple[Any, Cost]:
         calls.append(likelihood)
-        return own.unknowns.as_stated(GENES[None])[:0], Cost(0, 0)
+        return own.unknowns.as_stated(POINT[None])[:0], Cost(0, 0)
 
     monkeypatch.setattr(Beginning, "found_with_each", noted)
     for module in (populations, sampler):
@@ -109,8 +109,8 @@ def test_what_was_found_with_it_is_weighed_beside_what_was_found_without(
     predictor: Predictor, given: bool
 ) -> None:
     unknowns, likelihood = predictor.unknowns, felt(predictor, 4)
-    true = unknowns.points(GENES[None], {EXCHANGED: np.ones(1)})
-    wrong = unknowns.as_stated(GENES[None])
+    true = unknowns.points(POINT[None], {EXCHANGED: np.ones(1)})
+    wrong = unknowns.as_stated(POINT[None])
     wrong[:, unknowns.choices[2]] += 0.5
     rng = np.random.default_rng(1)
     weigher = Weigher(predictor, likelihood, rng, workers=ThisProcess(), particles=60)
@@ -125,7 +125,7 @@ def test_what_was_found_both_ways_is_weighed_once(
     predictor: Predictor, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     unknowns, likelihood = predictor.unknowns, felt(predictor, 4)
-    true = unknowns.points(GENES[None], {EXCHANGED: np.ones(1)})
+    true = unknowns.points(POINT[None], {EXCHANGED: np.ones(1)})
     added: list[Hypothesis] = []
     add = Weigher._add_wide
 
@@ -136,7 +136,7 @@ def test_what_was_found_both_ways_is_weighed_once(
     monkeypatch.setattr(Weigher, "_add_wide", noted)
     rng = np.random.default_rng(1)
     weigher = Weigher(predictor, likelihood, rng, workers=ThisProcess(), particles=60)
-    weigher.weighed(unknowns.as_stated(GENES[None]), np.zeros(1), 16, np.vstack([true, true]))
+    weigher.weighed(unknowns.as_stated(POINT[None]), np.zeros(1), 16, np.vstack([true, true]))
     each = [(one.wide, *unknowns.keys(one.point[None])[0]) for one in added]
     (row,) = (n for n, one in enumerate(unknowns.table) if one.name == EXCHANGED)
     assert row in {one.wide for one in added}

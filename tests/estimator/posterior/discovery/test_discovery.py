@@ -14,9 +14,7 @@ from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
-from tests.estimator.two_unknown_rows import NOISE, draw, programs
-
-POINT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
+from tests.estimator.two_unknown_rows import NOISE, POINT, draw, programs
 
 
 @pytest.fixture

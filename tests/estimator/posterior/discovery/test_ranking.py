@@ -11,9 +11,7 @@ from estimator.posterior.model.gauss_newton import GaussNewton, best_of_each
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Predictor
-from tests.estimator.two_unknown_rows import NOISE, draw, programs
-
-POINT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
+from tests.estimator.two_unknown_rows import NOISE, POINT, draw, programs
 
 
 def fits_of(points: Array, lengths: GaussNewton) -> Array:

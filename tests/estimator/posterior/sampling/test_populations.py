@@ -19,9 +19,7 @@ from estimator.posterior.sampling import populations
 from estimator.posterior.sampling.populations import Agreement, attachments_found
 from estimator.posterior.sampling.sampler import Effort, Sampler
 from tests.estimator.exploration.test_few_limbs import genome_of
-from tests.estimator.two_unknown_rows import NOISE, draw, programs
-
-POINT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
+from tests.estimator.two_unknown_rows import NOISE, POINT, draw, programs
 
 
 def test_attachments_met_with_lengths_that_explain_nothing_are_not_met(

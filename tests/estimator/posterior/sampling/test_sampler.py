@@ -32,6 +32,7 @@ from tests.estimator.little_effort import little_search
 from tests.estimator.posterior.sampling.enumeration import NODES, WEIGHTS, distance, enumerated
 from tests.estimator.two_unknown_rows import (
     NOISE,
+    POINT,
     QUICK,
     TWO_UNKNOWN_ROWS,
     draw,
@@ -40,7 +41,6 @@ from tests.estimator.two_unknown_rows import (
 )
 
 WIDE = Noise(tilt=0.12, clearance=0.03)
-POINT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
 
 
 @pytest.fixture
