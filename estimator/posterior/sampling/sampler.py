@@ -34,6 +34,7 @@ _AGREED: Final = 0.8  # coverage by both populations at which they agree
 _EXPLORED: Final = 0.4  # coverage from which attachments are weighed while populations explore
 _MORE: Final = 4  # additional rounds where they do not
 _FEW_ROUNDS: Final = 3  # at most, where many attachments are open and a round is long
+_NEGLIGIBLE: Final = 0.05  # share of the posterior that the last round may have added
 _SURE: Final = 0.9  # share of some attachments from which no others are looked for
 
 
@@ -105,6 +106,7 @@ class Sampler:
             for _, seed in zip(range(effort.populations), own, strict=True)
         ]
         self._rng = np.random.default_rng(common)
+        self._known: set[Attachments] = set() if unknowns.choices.size else {()}
         self._cleared: set[Attachments] = set()  # of which many rounds have found nothing better
         self._verified: set[Attachments] = set()  # beside which a restart has found little
 
@@ -117,6 +119,7 @@ class Sampler:
             "random": self._rng.bit_generator.state,
             "starts": [search.starts.tolist() for search in self._searches],
             "converged": sorted(self._searches[0].converged),
+            "known": sorted(self._known),
             "cleared": sorted(self._cleared),
             "verified": sorted(self._verified),
             "deviations": self._deviations.tolist(),
@@ -146,8 +149,8 @@ class Sampler:
             search.rng.bit_generator.state = rng
             search.converged = frozenset(map(tuple, state["converged"]))
         self._rng.bit_generator.state = state["random"]
-        self._cleared, self._verified = (
-            set(map(tuple, state[name])) for name in ("cleared", "verified")
+        self._known, self._cleared, self._verified = (
+            set(map(tuple, state[name])) for name in ("known", "cleared", "verified")
         )
         self._search_with(np.array(state["deviations"], dtype=float))
 
@@ -179,6 +182,7 @@ class Sampler:
         Args:
             likelihood: Of all of them.
         """
+        known = set(self._known)
         for search in self._searches:
             search.observe(likelihood)
         explores = self._explores and not self._searches[0].converged
@@ -191,15 +195,19 @@ class Sampler:
             )
             if len(likelihood) < self._telling and share < _EXPLORED:
                 return self._completed(exploring)
-        agreement = self._discovered(likelihood, searched=explores)
+            bodies = [search.best() for search in self._searches]
+            known.update(*(self.predictor.unknowns.keys(one.values) for one in bodies))
+        agreement = self._discovered(likelihood, known, searched=explores)
         return self._weighed(agreement, likelihood)
 
-    def _discovered(self, likelihood: Likelihood, *, searched: bool) -> Agreement:
+    def _discovered(
+        self, likelihood: Likelihood, known: set[Attachments], *, searched: bool
+    ) -> Agreement:
         """Searches in rounds, until the populations have converged.
 
-        They have when the readings are explained and the populations agree. The more interactions,
-        the more rounds are allowed: few readings leave many bodies, and the next reading tells more
-        than another round.
+        They have when the readings are explained, the populations agree, and the last round has
+        added next to nothing to the posterior. The more interactions, the more rounds are allowed:
+        few readings leave many bodies, and the next reading tells more than another round.
         Where populations that should agree do not, or the readings are explained poorly, all
         chains restart: one pose that ended on another branch may have led them far from the truth.
         A population that has found the best body rests until the others have found it. Once that
@@ -209,6 +217,7 @@ class Sampler:
 
         Args:
             likelihood: Of all observations.
+            known: Attachments that were found before.
             searched: Whether the searches have just explored: that was a round.
         """
         effort, late = self._effort, len(likelihood) >= self._telling
@@ -219,6 +228,8 @@ class Sampler:
             self._search(going, restarts=restarts > 0)
             bodies = [search.best() for search in self._searches]
             agreement = Agreement.of(bodies, self._deviations, solver)
+            fresh = 1 - agreement.share_of(known)
+            known.update(agreement.keys)
             number += 1
             agreed = agreement.explained and agreement.coverage >= _AGREED
             improvable = agreement.fit.is_improvable and agreement.leader not in self._cleared
@@ -230,7 +241,7 @@ class Sampler:
                 restarts += 1
                 lacking = [improvable or agreement.leader not in own for own in agreement.found]
                 going = [lacks or not any(lacking) for lacks in lacking]
-            converged = agreement.adequate_fit and agreed
+            converged = agreement.adequate_fit and agreed and fresh <= _NEGLIGIBLE
             if self._explores:
                 going = [True] * len(self._searches)
                 converged |= agreement.explained and not late
@@ -318,6 +329,7 @@ class Sampler:
                 search.population.replace_coldest(unknowns.cube(values[rows]), scales[rows])
             draws = modes.drawn_of([row for row, key in enumerate(keys) if key in found])
             search.starts = np.vstack([search.starts, unknowns.cube(draws)])
+        self._known = set(keys)
         if unknowns.table:
             best = modes.points[int(np.argmax(modes.shares))]
             agreement = agreement.with_fit(fit_of(best, predictor, likelihood))

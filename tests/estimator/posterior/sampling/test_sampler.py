@@ -215,7 +215,7 @@ def test_where_there_are_many_modes_those_that_are_drawn_stand_for_all() -> None
 
 def test_the_state_of_another_version_is_refused_in_words(predictor: Predictor) -> None:
     state = make_sampler(predictor).state()
-    del state["verified"]
+    del state["known"]
     with pytest.raises(SearchStateError, match="another version of the sampler: start a new run"):
         make_sampler(predictor).restore(state)
 
