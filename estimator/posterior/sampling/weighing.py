@@ -75,7 +75,7 @@ class WeighedModes:
         causes: Wide components by their share of the posterior, the most probable first.
         as_stated: Points of the best set without any deviations, shape (m, size); ``None``: not
             computed, or no deviations are open.
-        draws: Some points of each set.
+        draws: Points of each set, more spread out than its posterior.
     """
 
     points: Array
@@ -89,7 +89,7 @@ class WeighedModes:
     draws: Sequence[Array]
 
     def drawn_of(self, rows: Sequence[int]) -> Array:
-        """Some points of the most probable of the sets of these rows, shape (m, size)."""
+        """Some particles of the most probable of the sets of these rows, shape (n, size)."""
         likely = sorted(rows, key=lambda row: -self.shares[row])[:_DRAWN_OF]
         return np.concatenate([self.points[:0], *(self.draws[row] for row in likely)])
 
@@ -360,7 +360,7 @@ class Weigher:
         for row in range(len(sets)):
             own = max(np.flatnonzero(mode == row).tolist(), key=lambda number: shares[number])
             particles = weights[own].particles
-            draws.append(particles.values[:_DRAWN])
+            draws.append(self._spread_out(particles.values))
             points.append(particles.values[int(np.argmax(particles.fits))])
         several = [weights[row].particles.values for row in np.flatnonzero(rare).tolist()]
         several = [own[:: len(own) // _RARE][:_RARE] for own in several]
@@ -393,6 +393,18 @@ class Weigher:
             values[number][place] = equilibrated
             self._predictor.add_cost(cost)
         return values
+
+    def _spread_out(self, values: Array) -> Array:
+        """Some particles, in half of which the least known length is drawn from its prior.
+
+        The next reading may make lengths probable that hardly are so far.
+        """
+        drawn = values[self._rng.integers(len(values), size=_DRAWN)].copy()
+        lengths = self._predictor.unknowns.continuous
+        if lengths.size:
+            column = lengths[int(np.argmax(values[:, lengths].std(axis=0)))]
+            drawn[::2, column] = self._rng.random(len(drawn[::2]))
+        return drawn
 
     def _causes(self, weights: Sequence[_Weight], shares: Array) -> tuple[CauseShare, ...]:
         unknowns, causes = self._predictor.unknowns, []
