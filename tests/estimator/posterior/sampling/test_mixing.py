@@ -12,8 +12,8 @@ from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.sampling.mixing import mixed
 from estimator.posterior.sampling.weighing import WeighedModes
 from tests.estimator.posterior.sampling.enumeration import distance, enumerated
-from tests.estimator.posterior.sampling.test_sampler import POINT, WIDE
-from tests.estimator.two_unknown_rows import NOISE, draw, programs
+from tests.estimator.posterior.sampling.test_sampler import WIDE
+from tests.estimator.two_unknown_rows import NOISE, POINT, draw, programs
 
 _SAMPLES = 1024
 
