@@ -26,35 +26,33 @@ class Normals:
         mean: Shape (g, p, d).
         root: Of the covariance, shape (g, p, d, d).
         inverse: Of the root.
-        slopes: How lengths depend on θ, shape (g, p, θ, lengths).
     """
 
     mean: Array
     root: Array
     inverse: Array
-    slopes: Array
 
     @classmethod
-    def around(cls, peaks: Array, precision: Array, normal: Flags, counts: Array) -> Normals:
+    def around(cls, peaks: Array, precision: Array, normal: Flags, counts: float) -> Normals:
         """Normal approximations of the posterior at its peaks, with the readings counting less.
 
         Args:
             peaks: Of each set, shape (g, p, d).
             precision: Of lengths and θ there, the prior's included, shape (g, p, d, d).
             normal: Which are θ, shape (d,); they come last.
-            counts: Share of the readings' information that counts in each set, shape (g,).
+            counts: Share of the readings' information that counts.
         """
-        prior, share = np.diag(np.where(normal, 1.0, PRIOR)), counts[:, None, None, None]
-        flatter = prior + share * (precision - prior)
+        prior = np.diag(np.where(normal, 1.0, PRIOR))
+        flatter = prior + counts * (precision - prior)
         covariance = np.asarray(np.linalg.inv(flatter))
         covariance += np.diag(np.where(normal, 0.0, _AT_LEAST**2))
         theta = np.where(normal, peaks, 0.0)  # only θ is drawn to its prior's mean
-        climb = share * (precision @ theta[..., None])
+        climb = counts * (precision @ theta[..., None])
         mean = np.where(normal, 0.0, peaks) + np.linalg.solve(flatter, climb)[..., 0]
-        return cls.of(mean, covariance, int(np.count_nonzero(~normal)))
+        return cls.of(mean, covariance)
 
     @classmethod
-    def with_covariance_of(cls, x: Array, lengths: int) -> Normals:
+    def with_covariance_of(cls, x: Array) -> Normals:
         """With particles' covariance, shape (g, n, d); the fewer, the more it is shrunk."""
         _, count, size = x.shape
         mean, each = x.mean(axis=1, keepdims=True), np.arange(size)
@@ -62,19 +60,13 @@ class Normals:
         variance = covariance[:, each, each] + _LEAST
         covariance *= count / (count + size)
         covariance[:, each, each] = variance
-        return cls.of(mean, covariance[:, None], lengths)
+        return cls.of(mean, covariance[:, None])
 
     @classmethod
-    def of(cls, mean: Array, covariance: Array, lengths: int) -> Normals:
-        """By means of shape (g, p, d) and covariances; lengths come first."""
+    def of(cls, mean: Array, covariance: Array) -> Normals:
+        """By means of shape (g, p, d) and covariances."""
         root = np.asarray(np.linalg.cholesky(covariance))
-        theta, both = covariance[..., lengths:, lengths:], covariance[..., lengths:, :lengths]
-        return cls(
-            mean=mean,
-            root=root,
-            inverse=np.asarray(np.linalg.inv(root)),
-            slopes=np.asarray(np.linalg.solve(theta, both)),
-        )
+        return cls(mean=mean, root=root, inverse=np.asarray(np.linalg.inv(root)))
 
     def coloured(self, normal: Array) -> Array:
         """Standard normal draws, shape (g, n, d), as draws around each peak, (p, g, n, d)."""

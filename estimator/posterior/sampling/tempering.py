@@ -13,16 +13,13 @@ densities, in steps that each keep a share of the particles' effective sample si
 
 F is the information of the readings, D the precision of the prior.
 
-Between two powers they are moved by proposals that their points before shape: differential
-evolution; steps along some axes of a normal distribution with the covariance of those points, which
-leave that distribution invariant (preconditioned Crank-Nicolson); and such steps of random subsets
-of θ alone that leave its prior invariant, lengths following as they depend on θ. Several sets of
-attachments are computed side by side, each with powers of its own. Noise factors are integrated on
-a grid.
+Between two powers they are moved along some axes of a normal distribution with the covariance of
+their points before, by steps that leave it invariant (preconditioned Crank-Nicolson). Several sets
+of attachments are computed side by side, each with powers of its own. Noise factors are integrated
+on a grid.
 
 So few moves are enough for the evidence, but particles with common ancestors stay correlated: those
-that become samples of the posterior are moved for longer, by the normal distribution at the peak
-and by differences of the points that they began with (``equilibrated``).
+that become samples of the posterior are moved for longer (``equilibrated``).
 
 How carefully a robot was built is unknown: the spreads that care decides have a factor in common,
 whose logarithm is one more θ. The others are in units of the spreads times that factor, so that
@@ -33,6 +30,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -52,9 +50,7 @@ _NEAR: Final = 0.9  # weight of the normal distributions around peaks in the sta
 _COUNTS: Final = 0.5  # share of the readings' information in their precision
 _MOVES: Final = 3  # after each step towards the posterior
 _EQUILIBRATING: Final = 2  # moves of samples in the end, for each dimension
-_JITTER: Final = 1e-3  # of differential evolution, in standard deviations of these points
-_KINDS: Final = (0.2, 0.5, 0.3)  # shares of the three kinds of moves, in the order above
-_SHORTEST: Final = 0.5  # shortest Crank-Nicolson step; the longest is 1, an independent draw
+_SHORTEST: Final = 0.2  # shortest Crank-Nicolson step; the longest is 1, an independent draw
 _BISECTIONS: Final = 30
 _NOWHERE: Final = -1e9  # log-likelihood where lengths are out of their ranges
 _TO_ALL_SIDES: Final = 8  # one in so many proposals may fall to any side
@@ -147,11 +143,10 @@ class _Run:
 
     def __init__(self, target: Target, count: int, arrived: Array | None = None) -> None:
         self._target, self._count, self._rng = target, count, target.rng
-        self._peaks, self._precision, self._normal = target.in_own_units()
-        self._lengths = int(np.count_nonzero(~self._normal))
-        groups = np.arange(len(self._peaks))
-        counts = np.full(groups.size, _COUNTS)
-        self._start = Normals.around(self._peaks, self._precision, self._normal, counts)
+        self._around = partial(Normals.around, *target.in_own_units())
+        self._lengths = int(np.count_nonzero(~target.free.normal))
+        groups = np.arange(len(target.peaks))
+        self._start = self._around(_COUNTS)
         self._ess = np.full(groups.size, float(count))
         self._x = self._drawn_at_start() if arrived is None else arrived
         interactions = len(target.likelihood)
@@ -162,7 +157,7 @@ class _Run:
         self._log_evidence = np.zeros(groups.size)
 
     def _drawn_at_start(self) -> Array:
-        sets, peaks, size = self._peaks.shape
+        sets, peaks, size = self._start.mean.shape
         normal = self._rng.standard_normal((sets, self._count, size))
         drawn = normal.copy()
         drawn[..., : self._lengths] = self._rng.random((sets, self._count, self._lengths))
@@ -172,7 +167,7 @@ class _Run:
 
     def _log_start(self, x: Array, groups: Columns) -> Array:
         """Log-density of the start distribution, shape (g, n), at points of shape (g, n, d)."""
-        each = math.log(_NEAR / self._peaks.shape[1])
+        each = math.log(_NEAR / self._start.mean.shape[1])
         near = each + self._start.log_densities(x, groups)
         prior = math.log(1 - _NEAR) + self._log_prior(x)
         log_density: Array = np.logaddexp.reduce([prior, *near])
@@ -187,20 +182,17 @@ class _Run:
             if not going.size:
                 break
             self._go_on(going)
-            others = self._x[going].copy()
-            around = Normals.with_covariance_of(others, self._lengths)
+            around = Normals.with_covariance_of(self._x[going])
             for _ in range(moves):
-                self._move(going, others, around)
+                self._move(going, around)
         self._weigh_other_sides(groups)
         return [self._particles(group) for group in groups.tolist()]
 
     def equilibrated(self) -> Array:
         """Points of the posterior of the only set after further moves, shape (count, size)."""
-        only = np.zeros(1, dtype=np.intp)
-        around = Normals.around(self._peaks, self._precision, self._normal, np.ones(1))
-        others = self._x.copy()
+        only, around = np.zeros(1, dtype=np.intp), self._around(1.0)
         for _ in range(_EQUILIBRATING * self._x.shape[2]):
-            self._move(only, others, around)
+            self._move(only, around)
         self._weigh_other_sides(only)
         return self._values(only.repeat(self._count), self._x[0])
 
@@ -281,81 +273,32 @@ class _Run:
             for array in (self._x, self._fits, self._base):
                 array[group] = array[group, rows]
 
-    def _move(self, groups: Columns, others: Array, around: Normals) -> None:
-        """Moves particles by proposals of all kinds, a share by each.
+    def _move(self, groups: Columns, around: Normals) -> None:
+        """Proposes for the particles of some sets, and accepts by Metropolis-Hastings.
 
         Args:
             groups: Sets whose particles are moved.
-            others: Points that are not moved, whose differences are proposed, shape (g, n, d).
-            around: Normal distributions that proposals leave invariant.
+            around: One normal distribution of each, which proposals along some of its axes leave
+                invariant.
         """
         x = self._x[groups]
-        proposed, kept = x.copy(), np.zeros(x.shape[:2])
-        kinds = [self._along_differences, self._towards, self._theta_alone]
-        ends = np.cumsum(_KINDS[: 3 if self._lengths < x.shape[2] else 2])
-        places = (self._rng.permutation(x.shape[1]) + self._rng.random()) / x.shape[1]
-        kind = np.searchsorted(ends, places * ends[-1], side="right")
-        for number, propose in enumerate(kinds):
-            rows = np.flatnonzero(kind == number)
-            if rows.size:
-                proposed[:, rows], kept[:, rows] = propose(x[:, rows], others, around)
-        self._accept(groups, proposed, kept)
-
-    def _accept(self, groups: Columns, proposed: Array, kept: Array) -> None:
-        """Metropolis-Hastings; ``kept``: log-ratios of densities that proposals leave invariant."""
-        x, fits = self._x[groups], self._fits_at(proposed, groups)
-        base = self._log_start(proposed, groups)
+        shape = (*x.shape[:2], 1)
+        (white,) = around.whitened(x)
+        some = self._rng.random(x.shape) < self._rng.random(shape)
+        pace = np.where(some, np.exp(self._rng.uniform(math.log(_SHORTEST), 0.0, shape)), 0.0)
+        moved = np.sqrt(1 - pace**2) * white + pace * self._rng.standard_normal(x.shape)
+        (proposed,) = around.coloured(moved)
+        fits, base = self._fits_at(proposed, groups), self._log_start(proposed, groups)
         powers = self._powers[groups, None]
         before = powers * (self._fits[groups] + self._log_prior(x))
         before += (1 - powers) * self._base[groups]
         after = powers * (fits + self._log_prior(proposed)) + (1 - powers) * base
-        chances = after - before + kept
+        chances = after - before + log_normal(white) - log_normal(moved)
         taken = (fits > _NOWHERE) & (np.log(self._rng.random(chances.shape)) < chances)
         for array, new in ((self._x, proposed), (self._fits, fits), (self._base, base)):
             part = array[groups]
             part[taken] = new[taken]
             array[groups] = part
-
-    def _along_differences(self, x: Array, others: Array, around: Normals) -> tuple[Array, Array]:
-        """Differential evolution; a tenth of the steps are whole differences, from peak to peak."""
-        groups, count, size = x.shape
-        pairs = self._rng.integers(others.shape[1], size=(2, groups, count))
-        each = np.arange(groups)[:, None]
-        difference = others[each, pairs[0]] - others[each, pairs[1]]
-        chosen = self._rng.random((groups, count, size)) < self._rng.random((groups, count, 1))
-        dimensions = np.maximum(chosen.sum(axis=2, keepdims=True), 1)
-        pace = 2.38 / np.sqrt(2 * dimensions) * self._rng.uniform(0.3, 1.1, (groups, count, 1))
-        pace = np.where(self._rng.random((groups, count, 1)) < 0.1, 1.0, pace)
-        spread = _JITTER * self._rng.standard_normal((groups, count, size))
-        step = pace * difference + spread * others.std(axis=1)[:, None]
-        return x + np.where(chosen, step, 0.0), np.zeros((groups, count))
-
-    def _towards(self, x: Array, others: Array, around: Normals) -> tuple[Array, Array]:
-        """Leaves a normal distribution invariant, along some of its axes (Crank-Nicolson)."""
-        peak = self._peak_of_each(x, around)
-        white = np.choose(peak, around.whitened(x))
-        some = self._rng.random(x.shape) < self._rng.random((*x.shape[:2], 1))
-        pace = np.where(some, self._pace(x), 0.0)
-        moved = np.sqrt(1 - pace**2) * white + pace * self._rng.standard_normal(x.shape)
-        proposed = np.choose(peak, around.coloured(moved))
-        return proposed, log_normal(white) - log_normal(moved)
-
-    def _theta_alone(self, x: Array, others: Array, around: Normals) -> tuple[Array, Array]:
-        """Leaves the prior of θ invariant; lengths follow (Crank-Nicolson)."""
-        theta, pace = x[..., self._lengths :], self._pace(x)
-        chosen = self._rng.random(theta.shape) < self._rng.random((*x.shape[:2], 1))
-        drawn = np.sqrt(1 - pace**2) * theta + pace * self._rng.standard_normal(theta.shape)
-        moved = np.where(chosen, drawn, theta)
-        follow = np.swapaxes((moved - theta)[:, None] @ around.slopes, 0, 1)
-        lengths = x[..., : self._lengths] + np.choose(self._peak_of_each(x, around), follow)
-        return np.concatenate([lengths, moved], axis=2), log_normal(theta) - log_normal(moved)
-
-    def _peak_of_each(self, x: Array, around: Normals) -> Columns:
-        return self._rng.integers(around.mean.shape[1], size=(*x.shape[:2], 1))
-
-    def _pace(self, x: Array) -> Array:
-        pace: Array = np.exp(self._rng.uniform(math.log(_SHORTEST), 0.0, (*x.shape[:2], 1)))
-        return pace
 
 
 def _share(ratios: Array, powers: Array) -> Array:
