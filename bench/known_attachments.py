@@ -59,7 +59,7 @@ def inside(run: BodyRun) -> dict[str, Any]:
     likelihood = Likelihood(SensorData.of(observed, tuple(MODALITIES), robot.cap), noise)
     integrals, effort = Integrals(predictor, likelihood), Effort()
     known = Hypothesis(unknowns.as_stated(unknowns.cube(body[None]))[0])
-    ((one, particles),), _ = integrals.with_cost(([known], effort.particles, 1, run.seed))
+    ((one, particles),), _ = integrals.with_cost(([known], effort.particles, True, run.seed))
     rows = np.resize(rng.permutation(len(particles.own)), effort.samples)
     equilibrated, _ = integrals.equilibrated_with_cost((one, particles.own[rows], run.seed))
 

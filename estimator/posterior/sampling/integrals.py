@@ -73,24 +73,23 @@ class Integrals:
         self._by_care = self._first + np.flatnonzero([one.by_care for one in table])
 
     def with_cost(
-        self, task: tuple[Sequence[Hypothesis], int, int, int]
+        self, task: tuple[Sequence[Hypothesis], int, bool, int]
     ) -> tuple[list[tuple[Hypothesis, Particles]], Cost]:
         """Particles of hypotheses, these with their best points, and the cost of computing them.
 
         Args:
             task: Hypotheses with equally many columns open, the number of particles of each,
-                thoroughness (0: particles start from one peak, 1: from several; above: with so
-                many times the moves), and a seed.
+                whether these start around several peaks, and a seed.
         """
-        hypotheses, particles, thoroughness, seed = task
+        hypotheses, particles, several_peaks, seed = task
         before, rng = self._predictor.cost, np.random.default_rng(seed)
         points = np.array([one.point for one in hypotheses])
         free = Free.with_parameters(
             self._predictor.unknowns, [self.opened(one) for one in hypotheses]
         )
-        peaks = self._peaks(points, hypotheses, free, rng if thoroughness else None)
+        peaks = self._peaks(points, hypotheses, free, rng if several_peaks else None)
         target = self._target(hypotheses, peaks, free, rng)
-        results = tempered(target, particles, max(thoroughness, 1))
+        results = tempered(target, particles)
         better = (one._replace(point=own[0]) for one, own in zip(hypotheses, peaks, strict=True))
         return list(zip(better, results, strict=True)), self._predictor.cost.since(before)
 

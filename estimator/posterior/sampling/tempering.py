@@ -109,15 +109,14 @@ class Target:
         return own, precision, normal
 
 
-def tempered(target: Target, particles: int, times: int = 1) -> list[Particles]:
+def tempered(target: Target, particles: int) -> list[Particles]:
     """Evidence and particles of several sets of attachments.
 
     Args:
         target: Their posteriors.
         particles: For each; even.
-        times: Factor on the number of moves after each step towards the posterior.
     """
-    return _Run(target, particles).finished(times * _MOVES)
+    return _Run(target, particles).finished()
 
 
 def equilibrated(target: Target, own: Array) -> Array:
@@ -173,8 +172,8 @@ class _Run:
         log_density: Array = np.logaddexp.reduce([prior, *near])
         return log_density
 
-    def finished(self, moves: int) -> list[Particles]:
-        """Particles of the posterior, reached with so many moves after each step."""
+    def finished(self) -> list[Particles]:
+        """Particles of the posterior."""
         groups = np.arange(len(self._x))
         self._resample(groups, np.where(self._fits > _NOWHERE, 0.0, _NOWHERE))
         for _ in range(_MOST_STEPS):
@@ -183,7 +182,7 @@ class _Run:
                 break
             self._go_on(going)
             around = Normals.with_covariance_of(self._x[going])
-            for _ in range(moves):
+            for _ in range(_MOVES):
                 self._move(going, around)
         self._weigh_other_sides(groups)
         return [self._particles(group) for group in groups.tolist()]

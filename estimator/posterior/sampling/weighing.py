@@ -45,8 +45,6 @@ _LEADERS: Final = 3  # sets that are screened for wide components where the best
 _WIDE: Final = 12  # wide components of a set that are weighed, at most
 _OTHERS: Final = 24  # sets not screened that are weighed with the leading wide component
 _WORTH: Final = 5.0  # nats below the best weight within which rough weights are made finer
-_COMPETES: Final = 2.0  # nats below the best weight within which wide components are rivals
-_CAREFULLY: Final = 3  # factor on the moves with which rivals are weighed
 _EQUILIBRATED: Final = 16  # samples of one hypothesis from which on they are equilibrated
 _IN_ONE_TASK: Final = 128  # samples in one task
 _RARE: Final = 4  # points of a wide component of which there would be fewer samples
@@ -146,7 +144,7 @@ class Weigher:
         best = -math.inf
         while len(weights) < len(sets) and hoped[len(weights)] >= best - _WEIGHED:
             some = sets[len(weights) : len(weights) + _AT_ONCE]
-            weights += self._of(some, each, thoroughness=int(alone))
+            weights += self._of(some, each, several_peaks=alone)
             best = max(one.log for one in weights)
         stated = self._weighed_again(weights, points[:0] if deviating is None else deviating)
         return self._summed(weights, stated, samples)
@@ -183,7 +181,6 @@ class Weigher:
         several += self._screened(close, weights, strays=strays)
         each = {(one.wide, *self._sets([one])[0]): one for one in several}
         self._add_wide(weights, list(each.values()))
-        self._weigh_causes_carefully(weights)
         return finer[-1]
 
     def _add_wide(self, weights: list[_Weight], causes: Sequence[Hypothesis]) -> None:
@@ -191,31 +188,14 @@ class Weigher:
         rough = self._of(causes, _FEWEST)
         leader = max([*weights, *rough], key=lambda one: one.log).hypothesis
         if leader.wide >= 0:
-            rough += self._of(self._others_with(leader, rough, weights), _FEWEST, thoroughness=0)
+            others = self._others_with(leader, rough, weights)
+            rough += self._of(others, _FEWEST, several_peaks=False)
         rough.sort(key=lambda one: -one.log)
         best = max(one.log for one in [*rough, *weights])
         # Where one leads others may be as probable, or other sets with it.
         least = best - (_WEIGHED if leader.wide >= 0 else _WORTH)
-        self._make_finer(rough, [n for n, one in enumerate(rough) if one.log > least][:_WIDE])
-        weights += rough
-
-    def _weigh_causes_carefully(self, weights: list[_Weight]) -> None:
-        """Replaces the best weights by less noisy ones if wide components are among them.
-
-        The more hypotheses are weighed, the higher the largest error of an evidence.
-        """
-        best = max(one.log for one in weights)
-        rows = [row for row, one in enumerate(weights) if one.log > best - _COMPETES]
-        if any(weights[row].hypothesis.wide >= 0 for row in rows):
-            self._make_finer(weights, rows, thoroughness=_CAREFULLY)
-
-    def _make_finer(
-        self, weights: list[_Weight], rows: Sequence[int], *, thoroughness: int = 1
-    ) -> None:
-        some = [weights[row].hypothesis for row in rows]
-        finer = self._of(some, self._particles, thoroughness=thoroughness)
-        for row, one in zip(rows, finer, strict=True):
-            weights[row] = one
+        probable = [one.hypothesis for one in rough if one.log > least][:_WIDE]
+        weights += self._of(probable, self._particles) + rough[len(probable) :]
 
     def _others_with(
         self, leader: Hypothesis, rough: Sequence[_Weight], narrow: Sequence[_Weight]
@@ -309,12 +289,12 @@ class Weigher:
         ]
 
     def _of(
-        self, hypotheses: Sequence[Hypothesis], particles: int, *, thoroughness: int = 1
+        self, hypotheses: Sequence[Hypothesis], particles: int, *, several_peaks: bool = True
     ) -> list[_Weight]:
         """Weights of hypotheses, with their points replaced by better ones.
 
         Hypotheses without deviations, which have fewer dimensions, have half as many particles.
-        ``thoroughness``: see ``Integrals.with_cost``.
+        ``several_peaks``: whether particles start around more than one.
         """
         groups: dict[int, list[int]] = {}
         for number, one in enumerate(hypotheses):
@@ -330,7 +310,7 @@ class Weigher:
         for batch, seed in zip(batches, seeds, strict=True):
             several = [hypotheses[number] for number in batch]
             each = particles // 2 if several[0].as_stated else particles
-            tasks.append((several, each // 2 * 2, thoroughness, seed))
+            tasks.append((several, each // 2 * 2, several_peaks, seed))
         weights: dict[int, _Weight] = {}
         done = self._workers.map(self._integrals.with_cost, tasks)
         for batch, (results, cost) in zip(batches, done, strict=True):

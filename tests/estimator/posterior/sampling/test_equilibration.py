@@ -27,7 +27,7 @@ def test_lengths_of_many_limbs_stray_as_far_as_they_should() -> None:
         programs = np.radians(rng.uniform(-30, 30, (8, len(problem.motors.driven))))
         likelihood = Likelihood(draw(predictor, point, programs, rng), NOISE)
         integrals = Integrals(predictor, likelihood)
-        ((one, particles),), _ = integrals.with_cost(([Hypothesis(point)], 32, 1, 1))
+        ((one, particles),), _ = integrals.with_cost(([Hypothesis(point)], 32, True, 1))
         equilibrated, cost = integrals.equilibrated_with_cost((one, particles.own, 2))
         assert equilibrated.shape == particles.values.shape
         assert cost.simulations > 0

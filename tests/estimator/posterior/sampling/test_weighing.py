@@ -29,19 +29,17 @@ PARTICLES = 96
 
 
 class Heard(ThisProcess):
-    """Notes how thoroughly hypotheses were weighed, and how many without a wide component."""
+    """Notes which hypotheses were weighed, and how many without a wide component."""
 
     def __init__(self) -> None:
         super().__init__()
-        self.thoroughness: list[int] = []
         self.as_built = 0
         self.starts: list[Array] = []
         self.roughly: list[Hypothesis] = []
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         if fn.__name__ == Integrals.with_cost.__name__:
-            hypotheses, particles, thoroughness, _ = args[0]
-            self.thoroughness.append(thoroughness)
+            hypotheses, particles, *_ = args[0]
             self.as_built += sum(one.wide < 0 and not one.as_stated for one in hypotheses)
             if particles < PARTICLES:
                 self.roughly += [one for one in hypotheses if one.wide >= 0]
@@ -69,7 +67,7 @@ def observed(predictor: Predictor, travel: float) -> tuple[Array, Likelihood]:
 
 
 @pytest.mark.parametrize(("travel", "named"), [(1.0, False), (1.3, True)])
-def test_causes_that_compete_are_weighed_with_more_moves(
+def test_a_cause_is_named_where_there_is_one(
     predictor: Predictor, travel: float, named: bool
 ) -> None:
     point, likelihood = observed(predictor, travel)
@@ -80,7 +78,6 @@ def test_causes_that_compete_are_weighed_with_more_moves(
         for one in weigher.weighed(point[None], np.zeros(1), 16).causes
     }
     assert (causes.get(CAUSE, 0.0) > 0.5) == named
-    assert (max(workers.thoroughness) > 1) == named
     deviations = np.array(workers.starts)[..., predictor.unknowns.genes_size :]
     assert np.all(deviations[:, 0] == 0)  # small deviations may stand in for a large one
     assert np.all(np.any(deviations[:, 1:] != 0, axis=-1))
