@@ -22,7 +22,6 @@ from estimator.posterior.sampling.sampler import Effort
 _LITTLE: Final = Effort(levels=4, chains_per_level=8, steps=10, rounds=1, particles=60, samples=16)
 
 _WEIGHING: Final = (
-    (weighing, "_CAREFULLY", 1),
     (integrals, "_ANYWHERE", 100),
     (integrals, "_DRAWN", 300),
     (tempering, "_MOVES", 2),

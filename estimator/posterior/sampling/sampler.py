@@ -297,16 +297,18 @@ class Sampler:
         weigher = Weigher(
             predictor, likelihood, self._rng, workers=self._workers, particles=effort.particles
         )
-        weighed = partial(weigher.weighed, agreement.points, agreement.guesses, effort.samples)
-        modes = weighed()
-        if unknowns.table and self._restartable and len(likelihood) >= self._telling:
-            best = modes.points[int(np.argmax(modes.shares))]
-            if agreement.with_fit(fit_of(best, predictor, likelihood)).fit.is_improvable:
-                points, cost = self._beginning.found_with_each(
-                    likelihood, effort.steps, self._rng, self._workers
-                )
-                predictor.add_cost(cost)
-                modes = weighed(points)
+        weigher.weigh(agreement.points, agreement.guesses)
+        if unknowns.table:
+            agreement = agreement.with_fit(fit_of(weigher.best, predictor, likelihood))
+        late = self._restartable and len(likelihood) >= self._telling
+        if unknowns.table and late and agreement.fit.is_improvable:
+            points, cost = self._beginning.found_with_each(
+                likelihood, effort.steps, self._rng, self._workers
+            )
+            predictor.add_cost(cost)
+            weigher.weigh_causes(points)
+            agreement = agreement.with_fit(fit_of(weigher.best, predictor, likelihood))
+        modes = weigher.summed(effort.samples)
         misfits = likelihood.misfits_of(predictor, np.vstack([modes.values, modes.rare]))
         both = likelihood.drawn_scales(misfits, self._rng)
         scales, of_rare = np.split(both, [len(modes.values)])
@@ -330,11 +332,9 @@ class Sampler:
             draws = modes.drawn_of([row for row, key in enumerate(keys) if key in found])
             search.starts = np.vstack([search.starts, unknowns.cube(draws)])
         self._known = set(keys)
-        if unknowns.table:
+        if unknowns.table and not self._explores:
             best = modes.points[int(np.argmax(modes.shares))]
-            agreement = agreement.with_fit(fit_of(best, predictor, likelihood))
-            if not self._explores:
-                self._search_with(unknowns.mean_deviations(values, best))
+            self._search_with(unknowns.mean_deviations(values, best))
         found_by = found_by_each(keys, agreement.found).tolist()
         posterior = replace(
             Posterior.equally_likely(values, scales),

@@ -115,18 +115,15 @@ class Weigher:
         self._predictor, self._likelihood, self._rng = predictor, likelihood, rng
         self._workers, self._particles = workers, particles
         self._integrals = Integrals(predictor, likelihood)
+        self._weights: list[_Weight] = []
+        self._stated: _Weight | None = None  # of the best set without any deviations
 
-    def weighed(
-        self, points: Array, guesses: Array, samples: int, deviating: Array | None = None
-    ) -> WeighedModes:
-        """The posterior over sets of attachments, deviations and lengths.
+    def weigh(self, points: Array, guesses: Array) -> None:
+        """Weighs sets of attachments, the best of them with wide components, too.
 
         Args:
             points: The best point of each set, shape (n, size).
             guesses: Of the sets' evidences, shape (n,).
-            samples: How many points of the posterior are drawn.
-            deviating: Points with one wide component each that may explain the readings, too,
-                shape (m, size).
         """
         rows, log_chances = drawn(guesses, self._rng)
         points = self._predictor.unknowns.as_built(points[rows])
@@ -140,31 +137,45 @@ class Weigher:
         alone = len(sets) == 1  # weighed with all particles at once, and not again
         each = min(_SHARED * self._particles // near, self._particles // _FIRST)
         each = self._particles if alone else max(each, _FEWEST)
-        weights: list[_Weight] = []
-        best = -math.inf
+        weights, best = self._weights, -math.inf
         while len(weights) < len(sets) and hoped[len(weights)] >= best - _WEIGHED:
             some = sets[len(weights) : len(weights) + _AT_ONCE]
             weights += self._of(some, each, several_peaks=alone)
             best = max(one.log for one in weights)
-        stated = self._weighed_again(weights, points[:0] if deviating is None else deviating)
-        return self._summed(weights, stated, samples)
+        self._weigh_again()
 
-    def _weighed_again(self, weights: list[_Weight], deviating: Array) -> _Weight | None:
+    @property
+    def best(self) -> Array:
+        """The best point of the most probable hypothesis, shape (size,)."""
+        particles = max(self._weights, key=lambda one: one.log).particles
+        best: Array = particles.values[int(np.argmax(particles.fits))]
+        return best
+
+    def weigh_causes(self, points: Array) -> None:
+        """Weighs points with one wide component each, too, shape (n, size), if they fit well."""
+        unknowns, likelihood = self._predictor.unknowns, self._likelihood
+        wide = np.argmax(points[:, unknowns.genes_size :], axis=1)
+        logs = np.log(prior_probabilities(unknowns.table)[wide])
+        fits = likelihood.integrated(likelihood.misfits_of(self._predictor, points)) + logs
+        least = max([*fits, *(one.particles.fits.max() for one in self._weights)]) - _WEIGHED
+        several = zip(points, wide.tolist(), logs.tolist(), strict=True)
+        causes = [Hypothesis(point, wide=row, log_prior=log) for point, row, log in several]
+        self._add_wide([one for one, fit in zip(causes, fits, strict=True) if fit > least])
+
+    def _weigh_again(self) -> None:
         """Replaces weights of the best sets by finer ones, and adds those of wide components.
 
         Where many sets are close to the best only wide components are added, and only where no set
         explains them without one, where readings can tell attachments: else that says how well
         was searched.
-
-        Returns:
-            The weight of the best set without any deviations; ``None``: not computed.
         """
+        weights = self._weights
         order = sorted(range(len(weights)), key=lambda row: -weights[row].log)
         close = [row for row in order if weights[row].log > weights[order[0]].log - _CLOSE]
         few, unknowns = len(close) <= _FEW, self._predictor.unknowns
         tells = unknowns.table and len(self._likelihood) >= unknowns.telling
         if not few and not (tells and self._strays([weights[row] for row in close])):
-            return None
+            return
         again = close if few and len(weights) > 1 else []
         hypotheses = [weights[row].hypothesis for row in again]
         if unknowns.table:
@@ -174,21 +185,20 @@ class Weigher:
         finer = self._of(hypotheses, self._particles)
         for row, one in zip(again, finer[: len(again)], strict=True):
             weights[row] = one
-        if not unknowns.table:
-            return None
-        strays = self._strays([weights[row] for row in again] or weights)
-        several = self._promising(deviating, weights)
-        several += self._screened(close, weights, strays=strays)
-        each = {(one.wide, *self._sets([one])[0]): one for one in several}
-        self._add_wide(weights, list(each.values()))
-        return finer[-1]
+        if unknowns.table:
+            self._stated = finer[-1]
+            strays = self._strays([weights[row] for row in again] or weights)
+            self._add_wide(self._screened(close, strays=strays))
 
-    def _add_wide(self, weights: list[_Weight], causes: Sequence[Hypothesis]) -> None:
+    def _add_wide(self, causes: Sequence[Hypothesis]) -> None:
         """Adds weights of hypotheses with wide components, finer ones where these are probable."""
-        rough = self._of(causes, _FEWEST)
+        weights = self._weights
+        known = {(one.hypothesis.wide, *self._key(one.hypothesis)) for one in weights}
+        fresh = {(one.wide, *self._key(one)): one for one in causes}
+        rough = self._of([one for key, one in fresh.items() if key not in known], _FEWEST)
         leader = max([*weights, *rough], key=lambda one: one.log).hypothesis
         if leader.wide >= 0:
-            others = self._others_with(leader, rough, weights)
+            others = self._others_with(leader, [*weights, *rough])
             rough += self._of(others, _FEWEST, several_peaks=False)
         rough.sort(key=lambda one: -one.log)
         best = max(one.log for one in [*rough, *weights])
@@ -197,28 +207,26 @@ class Weigher:
         probable = [one.hypothesis for one in rough if one.log > least][:_WIDE]
         weights += self._of(probable, self._particles) + rough[len(probable) :]
 
-    def _others_with(
-        self, leader: Hypothesis, rough: Sequence[_Weight], narrow: Sequence[_Weight]
-    ) -> list[Hypothesis]:
+    def _others_with(self, leader: Hypothesis, weights: Sequence[_Weight]) -> list[Hypothesis]:
         """Hypotheses of sets that were not screened, with the wide component of the leading one.
 
         Under that deviation other sets may explain the readings than without it.
         """
-        own = [one.hypothesis for one in rough if one.hypothesis.wide == leader.wide]
-        best_first = [one.hypothesis for one in sorted(narrow, key=lambda one: -one.log)]
-        known, choices = set(self._sets(own)), self._predictor.unknowns.choices
+        best_first = [one.hypothesis for one in sorted(weights, key=lambda one: -one.log)]
+        known = {self._key(one) for one in best_first if one.wide == leader.wide}
+        choices = self._predictor.unknowns.choices
         others: list[Hypothesis] = []
-        for key, one in zip(self._sets(best_first), best_first, strict=True):
-            if key not in known and len(others) < _OTHERS:
-                known.add(key)
+        for one in best_first:
+            if self._key(one) not in known and len(others) < _OTHERS:
+                known.add(self._key(one))
                 point = leader.point.copy()
                 point[choices] = one.point[choices]
                 others.append(leader._replace(point=point, log_chance=one.log_chance))
         return others
 
-    def _sets(self, hypotheses: Sequence[Hypothesis]) -> list[Attachments]:
-        """The set of attachments of each."""
-        return self._predictor.unknowns.keys(np.array([one.point for one in hypotheses]))
+    def _key(self, one: Hypothesis) -> Attachments:
+        """Its set of attachments."""
+        return self._predictor.unknowns.keys(one.point[None])[0]
 
     def _strays(self, weights: Sequence[_Weight]) -> bool:
         """Whether the best fit of these lies farther from the readings than noise explains."""
@@ -226,15 +234,13 @@ class Weigher:
         fit = max(float(one.particles.fits.max()) for one in weights)
         return float(self._likelihood.best().sum()) - fit - MEAN_LOSS * float(read) >= _STRAYS
 
-    def _screened(
-        self, close: Sequence[int], weights: Sequence[_Weight], *, strays: bool
-    ) -> list[Hypothesis]:
+    def _screened(self, close: Sequence[int], *, strays: bool) -> list[Hypothesis]:
         """What is worth weighing of the wide components that the best sets may have, best last.
 
         What is improbable is if the body would be another, which a movement may test, and where the
         best fit strays or a wide component leads: there guesses may be too low by several nats.
         """
-        rows = [close[0], 0]  # the best, also as first guessed
+        weights, rows = self._weights, [close[0], 0]  # the best, also as first guessed
         if strays:
             rows += [*close[:_LEADERS], *range(min(_LEADERS, len(weights)))]
         narrow = [weights[row] for row in dict.fromkeys(rows)]
@@ -246,18 +252,6 @@ class Weigher:
         least = (best - np.where(counts, _WEIGHED, _PROBABLE)).tolist()
         several = [one for (guess, one), low in zip(guessed, least, strict=True) if guess > low]
         return [one for one in several if one.wide >= 0]
-
-    def _promising(self, deviating: Array, weights: Sequence[_Weight]) -> list[Hypothesis]:
-        """Hypotheses of points with one wide component each, of those that fit well."""
-        unknowns, likelihood = self._predictor.unknowns, self._likelihood
-        wide = np.argmax(deviating[:, unknowns.genes_size :], axis=1)
-        logs = np.log(prior_probabilities(unknowns.table)[wide])
-        fits = likelihood.integrated(likelihood.misfits_of(self._predictor, deviating)) + logs
-        best = max([*fits, *(one.particles.fits.max() for one in weights)])
-        return [
-            Hypothesis(deviating[n], wide=int(wide[n]), log_prior=float(logs[n]))
-            for n in np.flatnonzero(fits > best - _WEIGHED).tolist()
-        ]
 
     def _guessed(self, narrow: _Weight) -> list[tuple[float, Hypothesis]]:
         """Guessed weights of a set: without wide components, and with each of the best ones."""
@@ -321,10 +315,10 @@ class Weigher:
                 weights[number] = _Weight(one, result, log)
         return [weights[number] for number in range(len(hypotheses))]
 
-    def _summed(
-        self, weights: Sequence[_Weight], stated: _Weight | None, samples: int
-    ) -> WeighedModes:
-        keys = self._sets([one.hypothesis for one in weights])
+    def summed(self, samples: int) -> WeighedModes:
+        """The posterior over sets of attachments, deviations and lengths, with so many samples."""
+        weights, stated = self._weights, self._stated
+        keys = [self._key(one.hypothesis) for one in weights]
         sets = {key: number for number, key in enumerate(dict.fromkeys(keys))}
         mode = np.array([sets[key] for key in keys])
         shares = softmax(np.array([one.log for one in weights]))

@@ -16,7 +16,7 @@ from estimator.posterior.discovery.beginning import Beginning
 from estimator.posterior.model.gauss_newton import GaussNewton
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.unknowns import Cost, Predictor, Unknowns
-from estimator.posterior.sampling import populations, sampler
+from estimator.posterior.sampling import populations, sampler, weighing
 from estimator.posterior.sampling.integrals import Hypothesis
 from estimator.posterior.sampling.weighing import Weigher
 from estimator.problem.genome import Genome
@@ -114,7 +114,10 @@ def test_what_was_found_with_it_is_weighed_beside_what_was_found_without(
     wrong[:, unknowns.choices[2]] += 0.5
     rng = np.random.default_rng(1)
     weigher = Weigher(predictor, likelihood, rng, workers=ThisProcess(), particles=60)
-    modes = weigher.weighed(wrong, np.zeros(1), 16, true if given else None)
+    weigher.weigh(wrong, np.zeros(1))
+    if given:
+        weigher.weigh_causes(true)
+    modes = weigher.summed(16)
     best = modes.points[[np.argmax(modes.shares)]]
     assert (unknowns.keys(best) == unknowns.keys(true)) == given
     named = {unknowns.table[one.row].name: one.probability for one in modes.causes}
@@ -127,16 +130,18 @@ def test_what_was_found_both_ways_is_weighed_once(
     unknowns, likelihood = predictor.unknowns, felt(predictor, 4)
     true = unknowns.points(POINT[None], {EXCHANGED: np.ones(1)})
     added: list[Hypothesis] = []
-    add = Weigher._add_wide
+    weights_of = Weigher._of
 
-    def noted(own: Weigher, weights: Any, causes: Any) -> None:
-        added.extend(causes)
-        add(own, weights, causes)
+    def noted(own: Weigher, hypotheses: Any, particles: int, **how: Any) -> Any:
+        if particles == weighing._FEWEST:
+            added.extend(hypotheses)
+        return weights_of(own, hypotheses, particles, **how)
 
-    monkeypatch.setattr(Weigher, "_add_wide", noted)
+    monkeypatch.setattr(Weigher, "_of", noted)
     rng = np.random.default_rng(1)
     weigher = Weigher(predictor, likelihood, rng, workers=ThisProcess(), particles=60)
-    weigher.weighed(unknowns.as_stated(POINT[None]), np.zeros(1), 16, np.vstack([true, true]))
+    weigher.weigh(unknowns.as_stated(POINT[None]), np.zeros(1))
+    weigher.weigh_causes(np.vstack([true, true]))
     each = [(one.wide, *unknowns.keys(one.point[None])[0]) for one in added]
     (row,) = (n for n, one in enumerate(unknowns.table) if one.name == EXCHANGED)
     assert row in {one.wide for one in added}

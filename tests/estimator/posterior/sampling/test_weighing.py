@@ -73,9 +73,9 @@ def test_a_cause_is_named_where_there_is_one(
     point, likelihood = observed(predictor, travel)
     rng, workers = np.random.default_rng(1), Heard()
     weigher = Weigher(predictor, likelihood, rng, workers=workers, particles=PARTICLES)
+    weigher.weigh(point[None], np.zeros(1))
     causes = {
-        predictor.unknowns.table[one.row].name: one.probability
-        for one in weigher.weighed(point[None], np.zeros(1), 16).causes
+        predictor.unknowns.table[one.row].name: one.probability for one in weigher.summed(16).causes
     }
     assert (causes.get(CAUSE, 0.0) > 0.5) == named
     deviations = np.array(workers.starts)[..., predictor.unknowns.genes_size :]
@@ -92,7 +92,8 @@ def test_what_is_improbable_has_points_if_the_body_would_be_another(
     point, likelihood = observed(predictor, 1.0)
     rng, workers, some = np.random.default_rng(1), Heard(), likelihood[:interactions]
     weigher = Weigher(predictor, some, rng, workers=workers, particles=PARTICLES)
-    modes = weigher.weighed(point[None], np.zeros(1), 16)
+    weigher.weigh(point[None], np.zeros(1))
+    modes = weigher.summed(16)
     table, first = predictor.unknowns.table, predictor.unknowns.genes_size
     with_points = set(deviating(table, modes.rare[:, first:]).tolist()) - {-1}
     assert bool(with_points) == bool(workers.roughly) == tried
@@ -106,7 +107,8 @@ def test_one_set_alone_is_weighed_once_and_several_twice(predictor: Predictor, s
     point, likelihood = observed(predictor, 1.0)
     rng, workers = np.random.default_rng(1), Heard()
     weigher = Weigher(predictor, likelihood, rng, workers=workers, particles=PARTICLES)
-    modes = weigher.weighed(point[None].repeat(sets, axis=0), np.zeros(sets), 16)
+    weigher.weigh(point[None].repeat(sets, axis=0), np.zeros(sets))
+    modes = weigher.summed(16)
     assert workers.as_built == (1 if sets == 1 else 4)
     assert modes.shares.sum() == pytest.approx(1.0)
 
@@ -121,7 +123,7 @@ def test_of_many_sets_causes_are_asked_once_readings_should_tell_them(
     rng, workers = np.random.default_rng(1), Heard()
     some = likelihood[:interactions]
     weigher = Weigher(predictor, some, rng, workers=workers, particles=PARTICLES)
-    weigher.weighed(point[None].repeat(24, axis=0), np.zeros(24), 16)
+    weigher.weigh(point[None].repeat(24, axis=0), np.zeros(24))
     assert bool(workers.starts) == (interactions >= telling)
 
 
@@ -206,7 +208,7 @@ def test_what_two_sets_lead_to_is_weighed_once(
     true, likelihood, predictor, angle, hinge = jammed
     rng, workers = np.random.default_rng(1), Heard()
     weigher = Weigher(predictor, likelihood, rng, workers=workers, particles=PARTICLES)
-    weigher.weighed(on_other_hinges(true, angle, hinge), np.array([0.0, 0.1]), 16)
+    weigher.weigh(on_other_hinges(true, angle, hinge), np.array([0.0, 0.1]))
     points = np.array([one.point for one in workers.roughly])
     rows = [one.wide for one in workers.roughly]
     keys = list(zip(rows, predictor.unknowns.keys(points), strict=True))
