@@ -32,30 +32,21 @@ the sampler's figure, since too many moved parts cost more than too few."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class LimbGenes:
-    """One limb: a part that nothing sits on, with all that it sits on; or one part.
-
-    Attributes:
-        motors: That move it.
-        choices: Columns of the genes that say how its parts are attached.
-    """
-
-    motors: Columns
-    choices: Columns
-
-
-@dataclass(frozen=True, kw_only=True)
 class Limbs:
-    """The limbs of a problem's bodies.
+    """The limbs of a problem's bodies: parts that nothing sits on, with all that they sit on.
+
+    Or each part by itself, where it is not known which sits on which.
 
     Attributes:
-        limbs: Each of them.
+        motors: That move each of them.
+        choices: Columns of the genes that say how the parts of each are attached.
         open: Entropy of the attachments of all moved limbs, bits, at most.
         unlearnt: Entropy of all attachments before the first interaction, bits, where samples may
             agree sooner than they should; else 0.
     """
 
-    limbs: tuple[LimbGenes, ...]
+    motors: tuple[Columns, ...]
+    choices: tuple[Columns, ...]
     open: float
     unlearnt: float
 
@@ -74,19 +65,15 @@ def limbs_of(unknowns: Unknowns) -> Limbs:
     else:
         tips = sorted(set(range(len(parents))) - set(parents))
         chains, most = [_down_from(tip, parents) for tip in tips], _OPEN
-    limbs = tuple(
-        LimbGenes(
-            motors=motors[chain][motors[chain] >= 0],
-            choices=np.flatnonzero(
-                [gene.part in chain and gene.is_choice for gene in unknowns.genes]
-            ),
-        )
+    choices = tuple(
+        np.flatnonzero([gene.part in chain and gene.is_choice for gene in unknowns.genes])
         for chain in chains
     )
     unlearnt = 0.0
     if unknowns.parents.any():
-        unlearnt = sum(float(np.log2(unknowns.counts[limb.choices]).sum()) for limb in limbs)
-    return Limbs(limbs=limbs, open=most, unlearnt=unlearnt)
+        unlearnt = sum(float(np.log2(unknowns.counts[own]).sum()) for own in choices)
+    moved = tuple(motors[chain][motors[chain] >= 0] for chain in chains)
+    return Limbs(motors=moved, choices=choices, open=most, unlearnt=unlearnt)
 
 
 def _down_from(tip: int, parents: Sequence[int]) -> list[int]:
@@ -116,7 +103,7 @@ def with_few_limbs(
         interactions: Number of interactions that the samples are after.
         rng: Draws the orders.
     """
-    bits = np.array([_entropy(decided[:, limb.choices]) for limb in limbs.limbs])
+    bits = np.array([_entropy(decided[:, own]) for own in limbs.choices])
     if bits.size:  # it is not known which limbs samples are wrong about: shared evenly
         bits += max(limbs.unlearnt - _BITS_LEARNT * interactions - bits.sum(), 0.0) / bits.size
     if bits.sum() <= limbs.open:
@@ -126,7 +113,7 @@ def with_few_limbs(
     moved[:, 0] = True
     still = np.ones(programs.shape, dtype=bool)
     for row, limb in zip(*np.nonzero(moved), strict=True):
-        still[row, limbs.limbs[order[row, limb]].motors] = False
+        still[row, limbs.motors[order[row, limb]]] = False
     return np.where(still, 0.0, programs)
 
 

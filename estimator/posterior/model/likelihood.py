@@ -208,7 +208,7 @@ class Likelihood:
 
     def _sides(self, predictor: Predictor, values: Array) -> Array:
         """Sum of ``LIKELY`` over the sides to which a body may fall, shape (n, k), at least 1."""
-        count, likely = len(GRAVITY_TILTS), np.exp(_LOG_LIKELY)
+        count = len(GRAVITY_TILTS)
         shape = len(values), len(self.data), count
         rows, interactions, branches = np.indices(shape).reshape(3, -1)
         readings = predictor.read(
@@ -226,7 +226,7 @@ class Likelihood:
                 fresh &= apart(side, other, self.noise) | ~counts
             sides.append(other)
             counted.append(fresh)
-        total: Array = likely @ np.array(counted)
+        total: Array = LIKELY @ np.array(counted)
         return total.reshape(len(values), len(self.data))
 
     def _unexplained(self, misfits: Array, interactions: Columns) -> Columns:

@@ -75,6 +75,12 @@ class Particles(NamedTuple):
     fits: Array
     ess: float
 
+    @property
+    def best(self) -> Array:
+        """The point that fits best, shape (size,)."""
+        best: Array = self.values[np.argmax(self.fits)]
+        return best
+
 
 @dataclass(frozen=True, kw_only=True)
 class Target:

@@ -147,9 +147,7 @@ class Weigher:
     @property
     def best(self) -> Array:
         """The best point of the most probable hypothesis, shape (size,)."""
-        particles = max(self._weights, key=lambda one: one.log).particles
-        best: Array = particles.values[int(np.argmax(particles.fits))]
-        return best
+        return max(self._weights, key=lambda one: one.log).particles.best
 
     def weigh_causes(self, points: Array) -> None:
         """Weighs points with one wide component each, too, shape (n, size), if they fit well."""
@@ -257,8 +255,7 @@ class Weigher:
         """Guessed weights of a set: without wide components, and with each of the best ones."""
         unknowns, table = self._predictor.unknowns, self._predictor.unknowns.table
         priors = prior_probabilities(table)
-        point = narrow.hypothesis.point
-        best = narrow.particles.values[int(np.argmax(narrow.particles.fits))]
+        own, point, best = narrow.hypothesis, narrow.hypothesis.point, narrow.particles.best
         kinds = [[-1]]
         for switch in (True, False):
             rows = [n for n, one in enumerate(table) if one.switch == switch and one.may_deviate]
@@ -275,7 +272,6 @@ class Weigher:
         fitted.sort(key=lambda one: -one[0])  # whatever their priors: a movement may test them
         rows = list(dict.fromkeys(row for _, row, _ in fitted))[:_WIDE]
         logs = {row: math.log(priors[row]) for row in rows}
-        own = narrow.hypothesis
         return [(guess, own)] + [
             (of + logs[row], own._replace(point=better, wide=row, log_prior=logs[row]))
             for of, row, better in fitted
@@ -335,7 +331,7 @@ class Weigher:
             own = max(np.flatnonzero(mode == row).tolist(), key=lambda number: shares[number])
             particles = weights[own].particles
             draws.append(self._spread_out(particles.values))
-            points.append(particles.values[int(np.argmax(particles.fits))])
+            points.append(particles.best)
         several = [weights[row].particles.values for row in np.flatnonzero(rare).tolist()]
         several = [own[:: len(own) // _RARE][:_RARE] for own in several]
         behind = np.array([one.particles.ess for one in weights])

@@ -30,13 +30,13 @@ def moved(programs: Array) -> Flags:
 @pytest.mark.parametrize(("name", "joints"), [("hexapod-12", 2), ("hexapod-18", 3)])
 def test_limbs_are_chains_from_the_tip_to_the_main_body(name: str, joints: int) -> None:
     genome = genome_of(name)
-    limbs = limbs_of(Unknowns(genome)).limbs
-    assert len(limbs) == 6
-    for leg, limb in enumerate(limbs):
-        assert sorted(limb.motors.tolist()) == [leg + 6 * row for row in range(joints)]
-        parts = [genome.genes[column].part for column in limb.choices.tolist()]
-        traits = [genome.genes[column].trait for column in limb.choices.tolist()]
-        assert sorted(set(parts)) == sorted(limb.motors.tolist())
+    limbs = limbs_of(Unknowns(genome))
+    assert len(limbs.motors) == 6
+    for leg, (motors, choices) in enumerate(zip(limbs.motors, limbs.choices, strict=True)):
+        assert sorted(motors.tolist()) == [leg + 6 * row for row in range(joints)]
+        parts = [genome.genes[column].part for column in choices.tolist()]
+        traits = [genome.genes[column].trait for column in choices.tolist()]
+        assert sorted(set(parts)) == sorted(motors.tolist())
         assert sorted(traits) == ["hinge"] * joints + ["mount"] * joints
 
 
@@ -55,9 +55,9 @@ def test_parts_that_may_sit_on_each_other_are_moved_one_or_two_at_a_time(
 ) -> None:
     genome, rng = genome_of(name), np.random.default_rng(1)
     limbs = limbs_of(Unknowns(genome))
-    assert [limb.motors.tolist() for limb in limbs.limbs] == [[part] for part in range(driven)]
-    for part, limb in enumerate(limbs.limbs):
-        assert {genome.genes[column].part for column in limb.choices.tolist()} == {part}
+    assert [motors.tolist() for motors in limbs.motors] == [[part] for part in range(driven)]
+    for part, choices in enumerate(limbs.choices):
+        assert {genome.genes[column].part for column in choices.tolist()} == {part}
     programs = rng.uniform(0.1, 0.5, (300, driven))
     decided = genome.choices(rng.random((200, genome.size)))
     few = with_few_limbs(programs, limbs, decided, 0, rng)
@@ -78,7 +78,7 @@ def test_few_legs_move_while_all_is_open_and_all_once_it_is_known() -> None:
     assert np.array_equal(together[:, 0], together[:, 1])  # both joints of a leg
     known = np.tile(samples[:1], (200, 1))
     assert with_few_limbs(programs, limbs, genome.choices(known), 12, rng) is programs
-    legs = np.concatenate([limb.choices for limb in limbs.limbs[:3]])
+    legs = np.concatenate(limbs.choices[:3])
     half = samples.copy()
     half[:, legs] = samples[0, legs]
     some = with_few_limbs(programs, limbs, genome.choices(half), 0, rng)
