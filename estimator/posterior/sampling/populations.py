@@ -100,7 +100,7 @@ class Agreement:
         )
 
     def with_fit(self, fit: Fit) -> Self:
-        """With the fit of a body with deviations, if that is better."""
+        """With the fit of another body, if that is better."""
         return replace(self, fit=min(self.fit, fit, key=lambda one: (one.unexplained, one.excess)))
 
     @property

@@ -48,7 +48,7 @@ class Effort:
         chains_per_level: On each.
         steps: Of one round of the search.
         rounds: Of the search, at most.
-        particles: For the evidence of one set of attachments, at most; even.
+        particles: For the evidence of one set of attachments, at most.
         samples: Of the posterior; a multiple of 8, since chains go on from them in two parts.
     """
 
@@ -298,8 +298,7 @@ class Sampler:
             predictor, likelihood, self._rng, workers=self._workers, particles=effort.particles
         )
         weigher.weigh(agreement.points, agreement.guesses)
-        if unknowns.table:
-            agreement = agreement.with_fit(fit_of(weigher.best, predictor, likelihood))
+        agreement = agreement.with_fit(fit_of(weigher.best, predictor, likelihood))
         late = self._restartable and len(likelihood) >= self._telling
         if unknowns.table and late and agreement.fit.is_improvable:
             points, cost = self._beginning.found_with_each(

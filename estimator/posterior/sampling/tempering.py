@@ -120,7 +120,7 @@ def tempered(target: Target, particles: int) -> list[Particles]:
 
     Args:
         target: Their posteriors.
-        particles: For each; even.
+        particles: For each.
     """
     return _Run(target, particles).finished()
 
@@ -190,7 +190,6 @@ class _Run:
             around = Normals.with_covariance_of(self._x[going])
             for _ in range(_MOVES):
                 self._move(going, around)
-        self._weigh_other_sides(groups)
         return [self._particles(group) for group in groups.tolist()]
 
     def equilibrated(self) -> Array:
@@ -198,15 +197,7 @@ class _Run:
         only, around = np.zeros(1, dtype=np.intp), self._around(1.0)
         for _ in range(_EQUILIBRATING * self._x.shape[2]):
             self._move(only, around)
-        self._weigh_other_sides(only)
         return self._values(only.repeat(self._count), self._x[0])
-
-    def _weigh_other_sides(self, groups: Columns) -> None:
-        """Weighs particles by what sides explain to which none has fallen before."""
-        before, self._fits = self._fits, self._fits_at(self._x, groups, one_in=1)
-        missed = np.flatnonzero(np.any(self._fits != before, axis=1))
-        if missed.size:
-            self._resample(missed, (self._fits - before)[missed])
 
     def _particles(self, group: int) -> Particles:
         return Particles(

@@ -100,7 +100,7 @@ class Weigher:
         likelihood: Of the observations.
         rng: Seeds the tasks, and draws sets and samples.
         workers: Do a task for some hypotheses each; how many there are changes no result.
-        particles: Of one hypothesis, at most; even.
+        particles: Of one hypothesis, at most.
     """
 
     def __init__(
@@ -300,7 +300,7 @@ class Weigher:
         for batch, seed in zip(batches, seeds, strict=True):
             several = [hypotheses[number] for number in batch]
             each = particles // 2 if several[0].as_stated else particles
-            tasks.append((several, each // 2 * 2, several_peaks, seed))
+            tasks.append((several, each, several_peaks, seed))
         weights: dict[int, _Weight] = {}
         done = self._workers.map(self._integrals.with_cost, tasks)
         for batch, (results, cost) in zip(batches, done, strict=True):

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 
-from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.posterior.model.gauss_newton import Free, GaussNewton
 from estimator.posterior.model.likelihood import Likelihood
@@ -63,22 +60,3 @@ def test_few_sides_tried_give_the_same_evidence_for_less(
     found, readings = evidence(fork)
     assert found == pytest.approx(exact[0], abs=0.15)
     assert readings < 0.6 * exact[1]
-
-
-def test_a_side_that_no_particle_has_fallen_to_is_weighed_in_the_end(
-    fork: tuple[Predictor, Array, Likelihood],
-    exact: tuple[float, int],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    real, to_all = Likelihood.misfits_of, []
-
-    def blind(self: Likelihood, *args: Any, sides: Flags | None = None, **kwargs: Any) -> Array:
-        if sides is not None:
-            to_all.extend([True] * bool(sides.all()))
-            sides = sides & (len(to_all) > 1)  # all sides are tried at the start, and in the end
-        return real(self, *args, sides=sides, **kwargs)
-
-    monkeypatch.setattr(Likelihood, "misfits_of", blind)
-    found, _ = evidence(fork)
-    assert len(to_all) == 2
-    assert found == pytest.approx(exact[0], abs=0.3)
