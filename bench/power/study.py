@@ -9,6 +9,7 @@ from bench.power.built import BUILT, built_trials
 from bench.power.faults import fault_trials, odd_trials
 from bench.power.robots import BODIES, Robot, from_prior, shipped
 from bench.power.trial import Trial
+from estimator.problem.problem import Problem
 from sim_robot.world.body import DEFAULT
 
 REPORTED: Final = "reported"
@@ -25,8 +26,10 @@ FAULTY: Final = ("faults", "odd robots")
 
 SUBJECTS: Final[Mapping[str, str]] = {
     "whole body": "The problem `topological` on the default robot: nothing is known but the number "
-    "of legs and their\nthickness.",
-    KNOWN_ATTACHMENTS: "The problem `parametric`: how the parts hang together is known.",
+    "of legs and their\nthickness. *As stated*: the robot is taken to be just as the problem says "
+    "otherwise (`exact = true`).",
+    KNOWN_ATTACHMENTS: "The problem `parametric`: how the parts hang together is known. *As "
+    "stated* as above.",
     "eight parts": "The problems `topological-20` and `-24` on the default robot.",
     "other bodies": "`topological` on robots that differ from the default one, and from any model.",
     "another engine": "`topological` on the default robot in MuJoCo's world, which shares "
@@ -66,12 +69,19 @@ def study(seeds: tuple[int, ...]) -> Groups:
     return {
         "whole body": (
             Trial(name="posterior, information", seeds=seeds),
+            Trial(name="posterior, as stated", seeds=seeds, problem=_exact("topological")),
             Trial(name="posterior, disagreement", seeds=four, explore="disagreement"),
             Trial(name="posterior, random", seeds=four, explore="random"),
             Trial(name="paper", seeds=seeds, method="paper", interactions=9),
         ),
         KNOWN_ATTACHMENTS: (
             Trial(name="posterior, information", seeds=seeds, problem="parametric", interactions=4),
+            Trial(
+                name="posterior, as stated",
+                seeds=seeds,
+                problem=_exact("parametric"),
+                interactions=4,
+            ),
             Trial(
                 name="posterior, random",
                 seeds=four,
@@ -100,3 +110,8 @@ def study(seeds: tuple[int, ...]) -> Groups:
             Trial(name="topological-24", seeds=ten, problem="topological-24", interactions=16),
         ),
     }
+
+
+def _exact(problem: str) -> str:
+    """The text of a problem of a robot that is just as it says."""
+    return f"{Problem.load(problem).source}\n[uncertain]\nexact = true\n"
