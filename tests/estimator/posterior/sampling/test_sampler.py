@@ -233,7 +233,8 @@ def test_nothing_is_certain_of_four_interactions_that_are_explained_poorly(
     predictor: Predictor, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     data = draw(predictor, POINT, programs(5, seed=4), np.random.default_rng(2))
-    monkeypatch.setattr(populations, "fit_of", lambda *body: Fit(unexplained=0, excess=1.5))
+    for module in (populations, sampler):
+        monkeypatch.setattr(module, "fit_of", lambda *body: Fit(unexplained=0, excess=1.5))
     believing = make_sampler(predictor, effort=QUICK)
     assert not believing.learn(Likelihood(data[:4], NOISE)).adequate_fit
     assert believing.learn(Likelihood(data, NOISE)).adequate_fit
