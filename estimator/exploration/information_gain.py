@@ -31,7 +31,7 @@ from estimator.posterior.model.noise import (
 from estimator.posterior.model.sensor_data import DENSITIES, SCALED
 from estimator.readings.observation import PredictedReadings
 
-_PAIRS: Final = 16_384  # of a reading and a sample at once: they fit into a processor's cache
+_PAIRS: Final = 131_072  # of a reading and a sample at once: a megabyte of densities
 _LEAST: Final = -60.0  # logarithm of a density that is negligible; the exponential of less is slow
 
 
