@@ -18,13 +18,16 @@ from pathlib import Path
 
 from bench.peers.comparison import Row, rows_of, table
 from bench.peers.peers import PEERS
-from bench.power.trial import Trial
+from bench.power.trial import Trial, as_stated
 
 
 def main() -> None:
     """Prints the table, and leaves ``peers.csv`` and ``peers.md``."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--problem", default="topological")
+    parser.add_argument(
+        "--exact", action="store_true", help="ours takes the robot to be just as stated, too"
+    )
     parser.add_argument("--interactions", type=int, default=6)
     parser.add_argument("--explore", help="rule that chooses movements; default: the method's")
     parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1])
@@ -33,9 +36,10 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("runs/peers"))
     options = parser.parse_args()
     trial = Trial(
-        name=f"{options.problem} {options.interactions} {options.explore or 'chosen'}",
+        name=f"{options.problem}{' as stated' * options.exact} {options.interactions} "
+        f"{options.explore or 'chosen'}",
         seeds=tuple(options.seeds),
-        problem=options.problem,
+        problem=as_stated(options.problem) if options.exact else options.problem,
         interactions=options.interactions,
         explore=options.explore,
     )

@@ -8,8 +8,7 @@ from typing import Final
 from bench.power.built import BUILT, built_trials
 from bench.power.faults import fault_trials, odd_trials
 from bench.power.robots import BODIES, Robot, from_prior, shipped
-from bench.power.trial import Trial
-from estimator.problem.problem import Problem
+from bench.power.trial import Trial, as_stated
 from sim_robot.world.body import DEFAULT
 
 REPORTED: Final = "reported"
@@ -69,7 +68,7 @@ def study(seeds: tuple[int, ...]) -> Groups:
     return {
         "whole body": (
             Trial(name="posterior, information", seeds=seeds),
-            Trial(name="posterior, as stated", seeds=seeds, problem=_exact("topological")),
+            Trial(name="posterior, as stated", seeds=seeds, problem=as_stated("topological")),
             Trial(name="posterior, disagreement", seeds=four, explore="disagreement"),
             Trial(name="posterior, random", seeds=four, explore="random"),
             Trial(name="paper", seeds=seeds, method="paper", interactions=9),
@@ -79,7 +78,7 @@ def study(seeds: tuple[int, ...]) -> Groups:
             Trial(
                 name="posterior, as stated",
                 seeds=seeds,
-                problem=_exact("parametric"),
+                problem=as_stated("parametric"),
                 interactions=4,
             ),
             Trial(
@@ -110,8 +109,3 @@ def study(seeds: tuple[int, ...]) -> Groups:
             Trial(name="topological-24", seeds=ten, problem="topological-24", interactions=16),
         ),
     }
-
-
-def _exact(problem: str) -> str:
-    """The text of a problem of a robot that is just as it says."""
-    return f"{Problem.load(problem).source}\n[uncertain]\nexact = true\n"

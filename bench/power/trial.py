@@ -23,6 +23,7 @@ from estimator.identification.method import Listener
 from estimator.identification.run import identify
 from estimator.physics.backends import IN_THIS_PROCESS
 from estimator.physics.statics import StaticsPhysics
+from estimator.problem.problem import Problem
 from estimator.report.result import Result
 from estimator.report.run_files import write_report
 from estimator.reproduction.harness import BriefRun
@@ -62,6 +63,11 @@ class Trial:
     method: MethodName = "posterior"
     explore: str | None = None
     robot: Robot = Robot(body=shipped(DEFAULT))
+
+
+def as_stated(problem: str) -> str:
+    """The text of a problem of a robot that is taken to be just as it says, by its name or file."""
+    return f"{Problem.load(problem).source}\n[uncertain]\nexact = true\n"
 
 
 class Step(BaseModel):
