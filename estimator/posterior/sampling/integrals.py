@@ -87,7 +87,7 @@ class Integrals:
         free = Free.with_parameters(
             self._predictor.unknowns, [self.opened(one) for one in hypotheses]
         )
-        peaks = self._peaks(points, hypotheses, free, rng if several_peaks else None)
+        peaks = self._peaks(points, free, rng if several_peaks else None)
         target = self._target(hypotheses, peaks, free, rng)
         results = tempered(target, particles)
         better = (one._replace(point=own[0]) for one, own in zip(hypotheses, peaks, strict=True))
@@ -136,18 +136,11 @@ class Integrals:
         flags: Flags = np.isin(free.columns, self._by_care) & (free.columns != wide)
         return flags
 
-    def _peaks(
-        self,
-        points: Array,
-        hypotheses: Sequence[Hypothesis],
-        free: Free,
-        rng: np.random.Generator | None,
-    ) -> Array:
+    def _peaks(self, points: Array, free: Free, rng: np.random.Generator | None) -> Array:
         """Peaks of the posterior of each hypothesis, shape (n, peaks, size), the best first.
 
         Args:
             points: One of each hypothesis, shape (n, size), from which fits start.
-            hypotheses: Of n sets of attachments.
             free: What is open.
             rng: Draws further starts; ``None``: fits start from ``points`` alone.
         """
