@@ -25,8 +25,8 @@ FAULTY: Final = ("faults", "odd robots")
 
 SUBJECTS: Final[Mapping[str, str]] = {
     "whole body": "The problem `topological` on the default robot: nothing is known but the number "
-    "of legs and their\nthickness. *As stated*: the robot is taken to be just as the problem says "
-    "otherwise (`exact = true`).",
+    "of legs and their\nthickness. *As stated*: all else is taken to be just as the problem says "
+    "(`exact = true`).",
     KNOWN_ATTACHMENTS: "The problem `parametric`: how the parts hang together is known. *As "
     "stated* as above.",
     "eight parts": "The problems `topological-20` and `-24` on the default robot.",
