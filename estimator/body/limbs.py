@@ -66,9 +66,8 @@ def _reaches(morphology: Morphology, members_of: Mapping[int, Sequence[int]]) ->
     several = {root: members for root, members in members_of.items() if len(members) > 1}
     if not several:
         return {}
-    planar = np.zeros(morphology.motors)
-    origins, rotations = part_frames(morphology, planar)
-    far_ends = tips(morphology, planar)
+    origins, rotations = frames = part_frames(morphology, np.zeros(morphology.motors))
+    far_ends = tips(morphology, frames)
     return {
         root: max(float((far_ends[one] - origins[root]) @ rotations[root, :, 0]) for one in members)
         for root, members in several.items()

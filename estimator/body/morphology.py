@@ -354,9 +354,9 @@ def _frames(morphology: Morphology, angles: Sequence[float]) -> tuple[Array, Arr
     return origins, rotations
 
 
-def tips(morphology: Morphology, program: Sequence[float] | Array) -> Array:
-    """Outermost point of each part in the body frame, m, shape (parts, 3)."""
-    origins, rotations = part_frames(morphology, program)
+def tips(morphology: Morphology, frames: tuple[Array, Array]) -> Array:
+    """Outermost point of each part in the body frame, m, shape (parts, 3), by ``part_frames``."""
+    origins, rotations = frames
     lengths = np.array([part.length for part in morphology.parts], dtype=float)
     far_ends: Array = origins + lengths[:, None] * rotations[:, :, 0]
     return far_ends

@@ -79,7 +79,7 @@ def _possible_values(models: FittedPosterior, column: int) -> str:
 
 
 _DRAWS: Final = 100  # readings drawn for each program
-_FEWEST: Final = 50  # bodies by which candidates are compared
+_FEWEST: Final = 25  # bodies by which candidates are compared
 _THINNED: Final = slice(None, None, 2)  # the bodies by which all but finalists are compared
 _MORE_DRAWS: Final = 800  # readings drawn for each finalist
 _AT_ONCE: Final = 4096  # readings computed at once, whose bodies fit into a processor's cache

@@ -27,10 +27,14 @@ def table_1() -> Morphology:
     return body(*upper, *lower)
 
 
+def ends(of: Morphology, program: Any) -> Any:
+    return tips(of, part_frames(of, program))
+
+
 def test_planar_legs_reach_as_far_as_table_1_says() -> None:
     reach = 0.070 + 0.095 + 0.125
     expected = [(0, reach, 0), (reach, 0, 0), (0, -reach, 0), (-reach, 0, 0)]
-    assert tips(table_1(), np.zeros(4))[4:] == pytest.approx(np.array(expected), abs=1e-12)
+    assert ends(table_1(), np.zeros(4))[4:] == pytest.approx(np.array(expected), abs=1e-12)
 
 
 def test_mass_and_reach() -> None:
@@ -44,7 +48,7 @@ def test_mass_and_reach() -> None:
 
 
 def test_a_positive_hip_lifts_the_whole_leg() -> None:
-    left = tips(table_1(), [math.radians(30), 0, 0, 0])[4]
+    left = ends(table_1(), [math.radians(30), 0, 0, 0])[4]
     assert left == pytest.approx([0, 0.070 + 0.220 * math.cos(math.pi / 6), 0.110])
 
 
@@ -60,7 +64,7 @@ def test_a_positive_hip_lifts_the_whole_leg() -> None:
     ],
 )
 def test_a_right_angle_turns_the_front_leg(hinge: int, moved: tuple[int, int, int]) -> None:
-    tip = tips(body(replace(LEG, hinge=hinge)), [math.pi / 2])[0]
+    tip = ends(body(replace(LEG, hinge=hinge)), [math.pi / 2])[0]
     expected = np.array([0.070, 0, 0]) + 0.1 * np.array(moved if any(moved) else (1, 0, 0))
     assert tip == pytest.approx(expected, abs=1e-12)
 
@@ -68,7 +72,7 @@ def test_a_right_angle_turns_the_front_leg(hinge: int, moved: tuple[int, int, in
 @pytest.mark.parametrize(("hinge", "up"), [(4, -1), (5, 1)])
 def test_rolling_turns_what_sits_on_the_side(hinge: int, up: int) -> None:
     twig = Part(parent=0, mount=0, hinge=2, length=0.08, radius=0.006)
-    tip = tips(body(replace(LEG, hinge=hinge), twig), [math.pi / 2])[1]
+    tip = ends(body(replace(LEG, hinge=hinge), twig), [math.pi / 2])[1]
     assert tip == pytest.approx([0.070 + 0.05, 0, up * 0.08], abs=1e-12)
 
 
@@ -91,7 +95,7 @@ def test_length_is_measured_to_the_outermost_tip(length: float, radius: float) -
     part = replace(LEG, length=length, radius=radius)
     assert part.far + radius == pytest.approx(length)
     assert part.near <= part.far
-    assert tips(body(part), [0.0])[0][0] == pytest.approx(0.070 + length)
+    assert ends(body(part), [0.0])[0][0] == pytest.approx(0.070 + length)
 
 
 def test_mass_is_that_of_a_capsule() -> None:
