@@ -22,7 +22,7 @@ from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Posterior, systematic
 
 SAMPLES: Final = 16
-"""Samples simulated, shared out among the modes by their probability."""
+"""Samples simulated, shared out among the modes by their probability; of one alone half of them."""
 
 STEP: Final = 1 / 240  # s
 
@@ -69,9 +69,10 @@ def recheck(
     values, scales, owners = [], [], []
     modes = [mode for mode in posterior.modes[:_RIVALS] if mode.probability >= _WORTH]
     modes = modes or list(posterior.modes[:1])
+    shared_out = SAMPLES if len(modes) > 1 else SAMPLES // 2
     for index, mode in enumerate(modes):
         own = np.array([key == mode.attachments for key in keys])
-        count = max(_FEWEST, round(SAMPLES * mode.probability)) if own.any() else 0
+        count = max(_FEWEST, round(shared_out * mode.probability)) if own.any() else 0
         chosen = systematic(np.where(own, posterior.weights, 0.0), count, 0.5)
         values.append(posterior.values[chosen] if count else mode.point[None])
         scales.append(posterior.scales[chosen] if count else np.zeros((1, 2)))

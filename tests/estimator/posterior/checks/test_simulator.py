@@ -75,8 +75,8 @@ def test_samples_are_simulated_by_their_weights(predictor: Predictor) -> None:
     (mode, _), weights = samples.modes, np.repeat([0.0999999, 1e-7], 10)
     one_set = replace(samples, modes=(replace(mode, probability=1.0),), weights=weights)
     checked = recheck(one_set, predictor, likelihood, _Swapped())
-    assert checked.simulated == 16
-    assert checked.ess == pytest.approx(16)
+    assert checked.simulated == 8
+    assert checked.ess == pytest.approx(8)
 
 
 def test_where_engines_differ_the_simulator_has_the_last_word(predictor: Predictor) -> None:
