@@ -57,7 +57,7 @@ class Answer:
 
 
 class Target:
-    """The log-likelihood of points of the unit cube, noise factors integrated out; counts calls.
+    """The log-likelihood of points of the unit cube, noise factors integrated out.
 
     Everybody falls as statics has it, with coarse steps: as cheap as our own search has it.
 
@@ -69,7 +69,6 @@ class Target:
     Attributes:
         best: Best point so far, shape (size,).
         fit: Its log-likelihood.
-        evaluations: How many bodies it was asked for.
     """
 
     def __init__(self, predictor: Predictor, likelihood: Likelihood, seconds: float):
@@ -77,7 +76,7 @@ class Target:
         self.unknowns = predictor.unknowns
         self._likelihood = likelihood
         self._ends = time.process_time() + seconds
-        self.best, self.fit, self.evaluations = np.full(self.unknowns.size, 0.5), -np.inf, 0
+        self.best, self.fit = np.full(self.unknowns.size, 0.5), -np.inf
 
     def __call__(self, points: Array) -> Array:
         """Of n points, shape (n, size)."""
@@ -87,7 +86,6 @@ class Target:
         misfits = self._likelihood.misfits_of(self.predictor, values, branches=0)
         fits = self._likelihood.integrated(misfits)
         fits[self.unknowns.forbidden(values)] = _IMPOSSIBLE
-        self.evaluations += len(values)
         row = int(np.argmax(fits))
         if fits[row] > self.fit:
             self.best, self.fit = values[row].copy(), float(fits[row])

@@ -109,7 +109,6 @@ class MuJoCoWorld(World):
         self._main = self._model.body(body.base).id
         joints = [self._model.joint(motor.name) for motor in body.motors]
         self._places = [int(joint.qposadr[0]) for joint in joints]
-        self._rates = [int(joint.dofadr[0]) for joint in joints]
         self._sensor_of = {
             self._model.body(link).id: name for name, group in body.touch.items() for link in group
         }
