@@ -69,6 +69,7 @@ def recheck(
     values, scales, owners = [], [], []
     modes = [mode for mode in posterior.modes[:_RIVALS] if mode.probability >= _WORTH]
     modes = modes or list(posterior.modes[:1])
+    # one alone has nothing to be weighed against
     shared_out = SAMPLES if len(modes) > 1 else SAMPLES // 2
     for index, mode in enumerate(modes):
         own = np.array([key == mode.attachments for key in keys])

@@ -48,7 +48,8 @@ _WORTH: Final = 5.0  # nats below the best weight within which rough weights are
 _EQUILIBRATED: Final = 16  # samples of one hypothesis from which on they are equilibrated
 _IN_ONE_TASK: Final = 128  # samples in one task
 _RARE: Final = 4  # points of a wide component of which there would be fewer samples
-_DRAWN: Final = 32  # points of a set, with which the next search begins, of so many sets at most
+_DRAWN: Final = 32  # points of a set, with which the next search begins
+_DRAWN_OF: Final = 32  # sets at most, of which such points are kept
 _INTERVAL: Final = (0.05, 0.5, 0.95)
 
 
@@ -87,7 +88,7 @@ class WeighedModes:
 
     def drawn_of(self, rows: Sequence[int]) -> Array:
         """Some particles of the most probable of the sets of these rows, shape (n, size)."""
-        likely = sorted(rows, key=lambda row: -self.shares[row])[:_DRAWN]
+        likely = sorted(rows, key=lambda row: -self.shares[row])[:_DRAWN_OF]
         return np.concatenate([self.points[:0], *(self.draws[row] for row in likely)])
 
 
