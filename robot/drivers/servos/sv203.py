@@ -33,7 +33,7 @@ import serial
 from robot.drivers.buses import Buses
 from robot.drivers.servos.servo_bus import check_counts, check_outputs
 from robot.drivers.servos.sv203_line import SV203Line
-from robot.errors import CommandError, DeviceDataError, DeviceError, DeviceTimeoutError
+from robot.errors import CommandError, DeviceDataError, DeviceTimeoutError
 from robot.host.clock import Clock
 from robot.toml_sections import Section
 
@@ -318,9 +318,11 @@ class SV203:
     def _look_for_reset(self, output: int) -> None:
         """A board that answers only when it is selected anew was reset since it last was."""
         board = self._board_of(output)
-        try:
-            self._line.ask(_cell(output), select=f"BD{board}", board=self._called(board))
-        except DeviceError:
+        for _ in range(_ATTEMPTS):
+            with suppress(DeviceTimeoutError, DeviceDataError):
+                self._line.ask(_cell(output), select=f"BD{board}", board=self._called(board))
+                break
+        else:
             return
         self.forget()
         raise DeviceDataError(

@@ -196,9 +196,7 @@ def test_a_reset_is_noticed_although_nobody_asks(kind: type[Hold | Relax | Stop]
         deadline = time.monotonic() + 120
         while bench.state() != "fault":
             assert time.monotonic() < deadline, bench.state()
-        reason = robot.controller.snapshot().reason or ""
-        # a board that resets between its selection and a question does not answer that
-        assert "reset" in reason or "did not answer RR" in reason
+        assert "reset" in (robot.controller.snapshot().reason or "")
         robot.controller.shut_down()
 
 

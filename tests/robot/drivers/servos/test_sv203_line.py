@@ -193,6 +193,16 @@ def test_one_wrong_but_sound_answer_is_not_taken_for_a_reset() -> None:
     assert driver.verify({1: 128, 2: 128}) == []
 
 
+@pytest.mark.parametrize("lost", [0, 1, 2])
+def test_a_reset_is_named_although_answers_are_lost(lost: int) -> None:
+    deselected = [b""] * 3
+    replies = iter([b"200\r", *deselected, *[b""] * lost, b"128\r"])
+    driver = on_line(Line(lambda: next(replies)), InstantClock())
+    driver.read_counts([1])
+    with pytest.raises(DeviceDataError, match="not selected any more: it was reset"):
+        driver.read_counts([1])
+
+
 @pytest.mark.parametrize("where", ["reset_input_buffer", "write", "read_until"])
 @pytest.mark.parametrize(
     "failure",
