@@ -201,7 +201,6 @@ def plot_differences(path: Path, everything: Sequence[Compared]) -> None:
         axes.set(xscale="log", yscale="log", xlim=(_LEAST, 180), ylim=(5e-4, 1))
         axes.set(title=compared.problem, xlabel="difference of tilt (°)")
     panels[0].set_ylabel("share that differs by more")
-    panels[0].legend(frameon=False, fontsize=6, loc="lower left")
     _save(figure, path)
 
 
@@ -216,12 +215,11 @@ def plot_risk(path: Path, everything: Sequence[Compared]) -> None:
         axes.set(title=compared.problem, xlabel="poses kept, largest margins first (%)")
         axes.set(xlim=(0, 100), ylim=(0, 8))
     panels[0].set_ylabel("of these, over 0.5° apart (%)")
-    panels[0].legend(frameon=False, fontsize=7, loc="upper left")
     _save(figure, path)
 
 
 def _panels(count: int) -> tuple[Figure, list[Axes]]:
-    figure = Figure(figsize=(3.2 * count, 3.2), layout="constrained")
+    figure = Figure(figsize=(3.2 * count, 3.6), layout="constrained")
     FigureCanvasAgg(figure)
     panels = figure.subplots(1, count, sharey=True, squeeze=False)
     return figure, list(panels[0])
@@ -234,5 +232,7 @@ def _tail(axes: Axes, values: Array, label: str, colour: str, line: str) -> None
 
 
 def _save(figure: Figure, path: Path) -> None:
+    lines = figure.axes[0].get_legend_handles_labels()
+    figure.legend(*lines, loc="outside lower center", ncols=4, frameon=False, fontsize=8)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=_DPI)
