@@ -319,7 +319,7 @@ def _last_errors(one: Figures) -> tuple[float, ...]:
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_MARKERS: Final = "os^D"
+_MARKERS: Final = "os^Dvp"
 _SHADE: Final = 0.15  # opacity of the 95 % interval
 
 
@@ -329,9 +329,11 @@ def plot_success(runs: Runs) -> Figure:
     Args:
         runs: A group's; each trial is a line.
     """
-    figure = new_figure(8.4, 3.4)
+    figure = new_figure(8.4, 3.6)
     by_movement, by_seconds = figure.subplots(1, 2, sharey=True)
-    for (trial, figures), colour, marker in zip(runs, COLOURS, _MARKERS, strict=False):
+    for (trial, figures), colour, marker in zip(
+        runs, itertools.cycle(COLOURS), itertools.cycle(_MARKERS)
+    ):
         steps = list(by_interaction(figures))
         shares = np.array([share_right(some) for some in steps])
         seconds = [np.mean([step.cpu_seconds for _, step in some]) for some in steps]
@@ -349,5 +351,5 @@ def plot_success(runs: Runs) -> Figure:
     by_seconds.set(xlabel="CPU of the estimator (s), in the mean", xscale="log")
     by_seconds.xaxis.set_major_formatter(ticker.FormatStrFormatter("%g"))
     handles, names = by_movement.get_legend_handles_labels()
-    figure.legend(handles, names, loc="outside upper right", ncols=len(runs), frameon=False)
+    figure.legend(handles, names, loc="outside upper right", ncols=3, frameon=False)
     return figure

@@ -12,7 +12,7 @@ from lxml import etree
 
 from bench.power.__main__ import main
 from bench.power.robots import Robot
-from bench.power.study import SEEDS, study
+from bench.power.study import PICTURES, SEEDS, study
 from bench.power.tables import overview, plot_success, run_rows, write_tables
 from bench.power.trial import Figures, Step, Trial, TrialRun
 from bench.prior_bodies import drawn_body
@@ -171,6 +171,15 @@ def test_the_picture_has_a_line_for_each_method() -> None:
     ]
     assert points == [[[[1, 0.5]], [[1, 1]]], [[[20, 0.5]], [[20, 1]]]]
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["one method", "another"]
+
+
+@pytest.mark.parametrize("group", PICTURES)
+def test_no_method_of_a_group_is_left_out_of_its_picture(group: str) -> None:
+    trials = study(SEEDS["development"])[group]
+    figure = plot_success([(trial, [figures(1, 12, 0.99)]) for trial in trials])
+    names = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert names == [trial.name for trial in trials]
+    assert all(len(axes.lines) == len(trials) for axes in figure.axes)
 
 
 def test_what_a_run_does_not_stand_by_is_no_statement() -> None:
