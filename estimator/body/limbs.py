@@ -6,12 +6,12 @@ where one part ends and the next begins. For a quadruped with locked knees the l
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from estimator.body.morphology import BASE, Array, Morphology, part_frames, tips
+from estimator.body.morphology import BASE, Array, Morphology
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +42,6 @@ def limbs(morphology: Morphology) -> tuple[Limb, ...]:
         root: [index for index, group in enumerate(groups) if group == root]
         for root in sorted(set(groups))
     }
-    reaches = _reaches(morphology, members_of)
     unordered = []
     for root, members in members_of.items():
         part = morphology.parts[root]
@@ -54,24 +53,22 @@ def limbs(morphology: Morphology) -> tuple[Limb, ...]:
                 parent=BASE if parent is None else parent,
                 mount=morphology.mount(root).name,
                 hinge=morphology.hinge(root).name,
-                length=reaches.get(root, part.length),
+                length=_reach(morphology, members),
                 sensors=tuple(sorted(sensor for sensor in sensors if sensor is not None)),
             )
         )
     return tuple(sorted(unordered, key=lambda limb: (limb.motor is None, limb.motor or 0)))
 
 
-def _reaches(morphology: Morphology, members_of: Mapping[int, Sequence[int]]) -> dict[int, float]:
-    """How far each limb of several rigid parts extends along its first, m, by its first part."""
-    several = {root: members for root, members in members_of.items() if len(members) > 1}
-    if not several:
-        return {}
-    origins, rotations = frames = part_frames(morphology, np.zeros(morphology.motors))
-    far_ends = tips(morphology, frames)
-    return {
-        root: max(float((far_ends[one] - origins[root]) @ rotations[root, :, 0]) for one in members)
-        for root, members in several.items()
-    }
+def _reach(morphology: Morphology, members: Sequence[int]) -> float:
+    """How far a limb, made of the rigid parts ``members``, extends along the first of them, m."""
+    parts, root = morphology.parts, members[0]
+    starts, turns = {root: 0.0}, {root: np.eye(3)}  # along the first one, and beside it
+    for index in members[1:]:
+        turn = turns[parts[index].parent]
+        starts[index] = starts[parts[index].parent] + float(turn[0] @ morphology.place(index))
+        turns[index] = turn @ morphology.turn(index, 0.0)
+    return max(starts[one] + float(turns[one][0, 0]) * parts[one].length for one in members)
 
 
 def driven_limbs(body: Morphology) -> tuple[Limb, ...]:

@@ -266,7 +266,7 @@ class Morphology:
     @cached_property
     def planar_height(self) -> float:
         """Height of the body frame in the planar pose: its lowest point is on the ground, m."""
-        origins, turns = _frames(self, [0.0] * len(self.parts))
+        origins, turns = _planar_frames(self)
         lowest = self.base.size[2] / 2
         for part, origin, turn in zip(self.parts, origins, turns, strict=True):
             below = part.below(turn[2])
@@ -327,39 +327,19 @@ class Morphology:
         ]
 
 
-def part_frames(morphology: Morphology, program: Sequence[float] | Array) -> tuple[Array, Array]:
-    """Forward kinematics.
-
-    Args:
-        morphology: A body of n parts.
-        program: Angle of each motor, rad.
-
-    Returns:
-        Origins, shape (n, 3), m, and rotations, shape (n, 3, 3), of the parts' frames in the
-        body frame.
-    """
-    return _frames(morphology, morphology.part_angles(program))
-
-
-def _frames(morphology: Morphology, angles: Sequence[float]) -> tuple[Array, Array]:
-    """Frames of the parts where each part's hinge has an angle, rad."""
-    origins = np.empty((len(angles), 3))
-    rotations = np.empty((len(angles), 3, 3))
-    for index, (part, angle) in enumerate(zip(morphology.parts, angles, strict=True)):
+def _planar_frames(morphology: Morphology) -> tuple[Array, Array]:
+    """Origins, m, and rotations of the parts' frames in the planar pose, as the body lies."""
+    origins, rotations = (
+        np.empty((len(morphology.parts), 3)),
+        np.empty((len(morphology.parts), 3, 3)),
+    )
+    for index, part in enumerate(morphology.parts):
         on_base = part.parent == BASE
         turn = np.eye(3) if on_base else rotations[part.parent]
         start = np.zeros(3) if on_base else origins[part.parent]
         origins[index] = start + turn @ np.array(morphology.place(index))
-        rotations[index] = turn @ morphology.turn(index, angle)
+        rotations[index] = turn @ morphology.turn(index, 0.0)
     return origins, rotations
-
-
-def tips(morphology: Morphology, frames: tuple[Array, Array]) -> Array:
-    """Outermost point of each part in the body frame, m, shape (parts, 3), by ``part_frames``."""
-    origins, rotations = frames
-    lengths = np.array([part.length for part in morphology.parts], dtype=float)
-    far_ends: Array = origins + lengths[:, None] * rotations[:, :, 0]
-    return far_ends
 
 
 def box_inertia(size: Vector, mass: float) -> Vector:

@@ -9,8 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from estimator.body.morphology import BASE, Base, Morphology, Part, part_frames, tips
+from estimator.body.morphology import BASE, Base, Morphology, Part
 from estimator.errors import MorphologyError
+from tests.estimator.kinematics import part_frames, tips
 
 BODY = Base(size=(0.14, 0.14, 0.085), mass=1.0)
 LEG = Part(parent=BASE, mount=1, hinge=2, length=0.1, radius=0.006, motor=0)
@@ -28,7 +29,7 @@ def table_1() -> Morphology:
 
 
 def ends(of: Morphology, program: Any) -> Any:
-    return tips(of, part_frames(of, program))
+    return tips(of, program)
 
 
 def test_planar_legs_reach_as_far_as_table_1_says() -> None:

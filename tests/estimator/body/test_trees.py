@@ -9,19 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from estimator.body.morphology import (
-    BASE,
-    Array,
-    Base,
-    Morphology,
-    Part,
-    part_frames,
-)
+from estimator.body.morphology import BASE, Array, Base, Morphology, Part
 from estimator.body.mounts import HINGES, SIDES
 from estimator.evaluation.truth.body import true_limbs
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
+from tests.estimator.kinematics import part_frames
 from tests.estimator.physics.four_legs import assert_links_where_kinematics_says
 from tests.estimator.urdf_bodies import write_urdf
 

@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimator.body.morphology import BASE, Array, Base, Morphology, Part, part_frames
+from estimator.body.morphology import BASE, Array, Base, Morphology, Part
 from estimator.body.mounts import BaseMount
 from estimator.physics.base import Pair, Physics
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.readings.observation import PredictedReadings
+from tests.estimator.kinematics import part_frames
 
 MakeBody = Callable[[np.random.Generator], Morphology]
 BODY = Base(size=(0.14, 0.14, 0.085), mass=1.0)

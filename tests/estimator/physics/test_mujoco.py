@@ -9,12 +9,13 @@ import mujoco
 import numpy as np
 import pytest
 
-from estimator.body.morphology import Morphology, part_frames
+from estimator.body.morphology import Morphology
 from estimator.errors import PhysicsError
 from estimator.physics import mujoco as back_end
 from estimator.physics.base import WorldSettings
 from estimator.physics.mujoco import MuJoCoPhysics, build
 from estimator.physics.statics import StaticsPhysics
+from tests.estimator.kinematics import part_frames
 from tests.estimator.physics.four_legs import MakeBody, legs, random_pairs, read_one
 
 WORLD = WorldSettings()

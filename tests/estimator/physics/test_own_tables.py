@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from estimator.body.arrays import Bodies
-from estimator.body.morphology import BASE, Base, Morphology, Part, part_frames
+from estimator.body.morphology import BASE, Base, Morphology, Part
 from estimator.body.mounts import PartMount
 from estimator.physics.base import WorldSettings
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import StaticsPhysics
 from tests.estimator.conftest import MakeBody
+from tests.estimator.kinematics import part_frames
 from tests.estimator.physics.four_legs import assert_links_where_kinematics_says
 from tests.estimator.physics.test_statics_wild import assert_rests
 

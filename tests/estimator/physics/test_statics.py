@@ -12,12 +12,13 @@ import numpy as np
 import pytest
 
 from estimator.body.arrays import Bodies, Integers
-from estimator.body.morphology import BASE, Array, Base, Morphology, Part, part_frames
+from estimator.body.morphology import BASE, Array, Base, Morphology, Part
 from estimator.errors import MorphologyError, PhysicsError
 from estimator.physics.base import WorldSettings
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import PACE, StaticsPhysics
 from estimator.readings.observation import PredictedReadings
+from tests.estimator.kinematics import part_frames
 from tests.estimator.physics.four_legs import (
     BELLY,
     BODY,

@@ -9,18 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from estimator.body.morphology import (
-    BASE,
-    Array,
-    Base,
-    Morphology,
-    Part,
-    PartShape,
-    part_frames,
-)
+from estimator.body.morphology import BASE, Array, Base, Morphology, Part, PartShape
 from estimator.physics.base import Pair, WorldSettings
 from estimator.physics.statics import StaticsPhysics
 from estimator.readings.observation import PredictedReadings
+from tests.estimator.kinematics import part_frames
 
 STATICS = StaticsPhysics(WorldSettings(clearance_cap=1e9))
 BODY = Base(size=(0.14, 0.14, 0.085), mass=1.0)

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimator.body.morphology import BASE, Base, Morphology, Part, part_frames, rotation, tips
+from estimator.body.morphology import BASE, Base, Morphology, Part, rotation
 from estimator.evaluation.truth.urdf import Urdf, read_urdf
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.readings.observation import Observation
@@ -23,6 +23,7 @@ from estimator.report.camera import (
 from estimator.report.scene import MAIN_BODY, Solid, at_rest, model_links, robot_links, solids_of
 from estimator.report.shown_bodies import observation_of
 from estimator.reproduction.robot_process import print_body
+from tests.estimator.kinematics import tips
 
 MakeBody = Callable[[np.random.Generator], Morphology]
 HIPS = {"hip_left": 0, "hip_front": 1, "hip_right": 2, "hip_back": 3}
@@ -84,7 +85,7 @@ def test_solids_are_where_the_kinematics_says(random_tree: MakeBody) -> None:
         for item in solids
         if item.kind == "box"
     ]
-    for tip, part in zip(tips(body, part_frames(body, angles)), body.parts, strict=True):
+    for tip, part in zip(tips(body, angles), body.parts, strict=True):
         ends = faces if part.shape == "box" else spheres
         reach = [float(np.linalg.norm(middle - tip)) - radius for middle, radius in ends]
         assert min(map(abs, reach)) < 1e-9

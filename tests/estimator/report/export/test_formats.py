@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from estimator.body.morphology import BASE, Base, Morphology, Part, PartShape, part_frames
+from estimator.body.morphology import BASE, Base, Morphology, Part, PartShape
 from estimator.body.mounts import BaseMount
 from estimator.physics.base import WorldSettings
 from estimator.physics.pybullet import PyBulletPhysics
@@ -26,6 +26,7 @@ from protocol.system.process import native_output_discarded
 from protocol.wire.capabilities import Joint
 from sim_robot.world.body import load_body
 from sim_robot.world.simulation import open_world
+from tests.estimator.kinematics import part_frames
 
 with native_output_discarded():
     import pybullet

@@ -15,7 +15,7 @@ import pytest
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
-from estimator.body.morphology import Base, part_frames, tips
+from estimator.body.morphology import Base
 from estimator.errors import EstimatorError
 from estimator.readings.observation import Observation
 from estimator.report.canvas import leg_colour
@@ -23,6 +23,7 @@ from estimator.report.live.live_page import KINDS, instances, posed
 from estimator.report.live.run_view import RunState
 from tests.browser import watched_page
 from tests.estimator.conftest import BODY, MakeBody
+from tests.estimator.kinematics import tips
 from tests.estimator.report.live.followed_run import FollowedRun
 
 if TYPE_CHECKING:
@@ -123,7 +124,7 @@ def test_every_part_is_drawn_where_it_is(random_tree: MakeBody) -> None:
     boxes, _, spheres = (instances([solids], kind) for kind in KINDS)
     middle = boxes.positions[0]
     assert boxes.scales[0] == pytest.approx(BODY.size)
-    outermost = tips(body, part_frames(body, LEVEL.angles)) + middle
+    outermost = tips(body, LEVEL.angles) + middle
     bars = np.array([part.shape == "box" for part in body.parts])
     reached = spheres.positions[1::2] - outermost[~bars]  # from the tip to the far sphere's middle
     radii = np.array([part.radius for part in body.parts])[~bars]

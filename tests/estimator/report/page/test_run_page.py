@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from estimator.body.morphology import part_frames, tips
 from estimator.cli.command_line import app
 from estimator.report.evaluations import SCORE, TRUTH
 from estimator.report.page.run_page import PageSources
 from estimator.report.summarise import summarise
 from estimator.storage.store import RunStore
 from tests.browser import watched_page
+from tests.estimator.kinematics import tips
 from tests.estimator.report.made_runs import capabilities_with, made_run
 from tests.estimator.report.page.screenshots import LOOKS, take_screenshots
 
@@ -74,11 +74,11 @@ def test_the_page_poses_bodies_as_our_own_kinematics_do(run: Path, browser: Brow
             page.locator("#whose").select_option(str(chosen))
             body = genome.decode(np.array(mode.genes))
             page.locator("#poses button", has_text="2").click()
-            assert ends(page) == pytest.approx(tips(body, part_frames(body, performed)), abs=6e-5)
+            assert ends(page) == pytest.approx(tips(body, performed), abs=6e-5)
             for joint, angle in enumerate(angles):
                 slide(page, joint, angle)
             assert "by hand" in page.locator("#pose-says").inner_text()
-            expected = tips(body, part_frames(body, np.radians(angles)))
+            expected = tips(body, np.radians(angles))
             assert ends(page) == pytest.approx(expected, abs=6e-5)
         assert page.locator("#sliders output").all_inner_texts()[:2] == ["-25.0°", "30.0°"]
 
