@@ -11,7 +11,7 @@ determine: by them the next program is chosen, and from them the chains go on.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -86,8 +86,11 @@ class Agreement:
             first = np.argsort(-guesses, kind="stable")[:_FITTED]
             points[first], guesses[first] = solver.evidences_as_built(considered[first])
             fit = fit_of(points[int(np.argmax(guesses))], predictor, likelihood)
+        best_fits = dict(
+            zip(unknowns.keys(considered), solver.fits(considered).tolist(), strict=True)
+        )
         found = [
-            attachments_found(unknowns.with_deviations(one.values, deviations), considered, solver)
+            attachments_found(unknowns.with_deviations(one.values, deviations), best_fits, solver)
             for one in bodies
         ]
         return cls(
@@ -153,24 +156,23 @@ class Agreement:
         return float(sum(shares[row] for row, key in enumerate(self.keys) if key in some))
 
 
-def attachments_found(values: Array, points: Array, solver: GaussNewton) -> set[Attachments]:
+def attachments_found(
+    values: Array, best_fits: Mapping[Attachments, float], solver: GaussNewton
+) -> set[Attachments]:
     """Sets of attachments that a population has found with a fit about as good as the best known.
 
     Args:
         values: Its points, shape (n, size).
-        points: The best point of each set that is considered, of any population, shape (m, size).
+        best_fits: Of the sets that are considered, of any population.
         solver: Computes fits.
     """
     unknowns = solver.predictor.unknowns
     keys = unknowns.keys(values)
     if not unknowns.choices.size:
         return set(keys)  # all have the same
-    best = dict(zip(unknowns.keys(points), solver.fits(points).tolist(), strict=True))
-    rows = [row for row, key in enumerate(keys) if key in best]
-    fits = solver.fits(values[rows])
-    return {
-        keys[row] for row, fit in zip(rows, fits, strict=True) if fit > best[keys[row]] - _AS_GOOD
-    }
+    rows = [row for row, key in enumerate(keys) if key in best_fits]
+    own = zip((keys[row] for row in rows), solver.fits(values[rows]), strict=True)
+    return {key for key, fit in own if fit > best_fits[key] - _AS_GOOD}
 
 
 _BEHIND: Final = 12.0  # nats below the best fit beyond which a chain is a straggler

@@ -31,9 +31,9 @@ def test_attachments_met_with_lengths_that_explain_nothing_are_not_met(
     best, _ = solver.polished(POINT[None])
     elsewhere = best.copy()
     elsewhere[:, predictor.unknowns.continuous] = 0.95
-    (key,) = predictor.unknowns.keys(best)
+    (key,), (fit,) = predictor.unknowns.keys(best), solver.fits(best)
     for values, found in ((best, {key}), (elsewhere, set())):
-        assert attachments_found(values, best, solver) == found
+        assert attachments_found(values, {key: fit}, solver) == found
 
 
 def test_attachments_about_as_probable_as_the_leaders_lead_too() -> None:
