@@ -60,14 +60,15 @@ def propose(
     kinds = rng.choice(len(shares), len(rows), p=shares)
     lengths = unknowns.continuous
     if lengths.size:
-        chosen = np.flatnonzero(kinds == Move.LENGTHS)
+        chosen = np.flatnonzero(kinds == Move.LENGTHS)[:, None]
         steps = _random_steps(len(chosen), lengths.size, rng)
-        fresh[np.ix_(chosen, lengths)] = reflected(fresh[np.ix_(chosen, lengths)] + steps)
-        chosen = np.flatnonzero(kinds == Move.DIFFERENCE)
-        directions = values[partners[chosen]][:, :, lengths]
-        steps = _factors(len(chosen), lengths.size, rng) * (directions[:, 0] - directions[:, 1])
+        fresh[chosen, lengths] = reflected(fresh[chosen, lengths] + steps)
+        chosen = np.flatnonzero(kinds == Move.DIFFERENCE)[:, None]
+        first, second = partners[chosen[:, 0]].T[..., None]
+        steps = _factors(len(chosen), lengths.size, rng)
+        steps = steps * (values[first, lengths] - values[second, lengths])
         steps += rng.normal(0, _JITTER, steps.shape)
-        fresh[np.ix_(chosen, lengths)] = reflected(fresh[np.ix_(chosen, lengths)] + steps)
+        fresh[chosen, lengths] = reflected(fresh[chosen, lengths] + steps)
     for kind, count in ((Move.ONE_GENE, 1), (Move.TWO_GENES, 2)):
         chosen = np.flatnonzero(kinds == kind)
         for _ in range(count):
@@ -77,7 +78,7 @@ def propose(
     which = rng.integers(len(unknowns.parts), size=chosen.size)
     for part, columns in enumerate(unknowns.parts.values()):
         those = chosen[which == part]
-        fresh[np.ix_(those, columns)] = rng.random((those.size, columns.size))
+        fresh[those[:, None], columns] = rng.random((those.size, columns.size))
     if unknowns.places:
         exchange_places(fresh, values[rows], unknowns)
         _swap(fresh, np.flatnonzero(kinds == Move.SWAP), unknowns, rng)
@@ -98,8 +99,8 @@ def _swap(fresh: Array, chosen: Columns, unknowns: Unknowns, rng: np.random.Gene
         fresh[rows, columns[first]], fresh[rows, columns[second]] = other, one
         rehinged = rng.random(rows.size) < _REHINGED
         for part, own in enumerate(hinges):
-            those = rows[rehinged & ((first == part) | (second == part)), 0]
-            fresh[np.ix_(those, own)] = rng.random((those.size, own.size))
+            those = rows[rehinged & ((first == part) | (second == part))]
+            fresh[those, own] = rng.random((those.size, own.size))
 
 
 def exchange_parts(
@@ -116,7 +117,7 @@ def exchange_parts(
     first, second = one.copy(), other.copy()
     which = rng.integers(len(unknowns.parts), size=len(one))
     for part, columns in enumerate(unknowns.parts.values()):
-        cells = np.ix_(np.flatnonzero(which == part), columns)
+        cells = np.flatnonzero(which == part)[:, None], columns
         first[cells], second[cells] = other[cells], one[cells]
     return first, second
 

@@ -90,8 +90,8 @@ class Neighbours:
         points = before.copy()
         several = np.repeat(cells / unknowns.counts[choices], _LENGTHS, axis=0)
         points[:, choices] = np.tile(several, (len(leaders), 1))
-        drawn = np.arange(len(points)) % _LENGTHS > 0
-        points[np.ix_(drawn, lengths)] = self._rng.random((np.count_nonzero(drawn), lengths.size))
+        drawn = np.flatnonzero(np.arange(len(points)) % _LENGTHS)[:, None]
+        points[drawn, lengths] = self._rng.random((len(drawn), lengths.size))
         exchange_places(points, before, unknowns)
         return unknowns.permitted(points)
 
