@@ -203,6 +203,7 @@ class Bodies:
                 mounts=tuple(base_mounts),
                 centre=(rest[0], rest[1], rest[2]),
                 accelerometer=(rest[3], rest[4]),
+                round=bool(self.base[row, ROUND]),
             ),
             parts=tuple(parts),
             density=1.0,

@@ -123,6 +123,37 @@ def test_joined_bodies_keep_their_own_mounts_and_hinges() -> None:
         assert own.tolist() == other.tolist()
 
 
+ROUND = Base(
+    size=(0.2, 0.2, 0.03),
+    mass=0.8,
+    round=True,
+    centre=(0.01, 0.0, -0.004),
+    accelerometer=(0.1, 0.2),
+)
+
+
+@pytest.mark.parametrize("base", [BODY, ROUND])
+def test_bodies_become_the_objects_that_they_were_made_of(base: Base) -> None:
+    bar, shin = SMALL.parts
+    legs = (replace(bar, shape="box", zero=0.1, density=800.0), replace(shin, mount=2))
+    bodies = Bodies.of([replace(SMALL, base=base), replace(SMALL, base=base, parts=legs)])
+    again = Bodies.of(bodies.objects())
+    for item in fields(Bodies):
+        if item.name not in ("mount", "hinge", "base_mounts", "part_mounts", "hinges"):
+            first, second = getattr(bodies, item.name), getattr(again, item.name)
+            assert second == pytest.approx(first), item.name
+    for table, numbers, column in (
+        ("base_mounts", "mount", 0),
+        ("part_mounts", "mount", 1),
+        ("hinges", "hinge", 0),
+        ("hinges", "hinge", 1),
+    ):
+        first, second = (
+            getattr(some, table)[getattr(some, numbers)[:, column]] for some in (bodies, again)
+        )
+        assert second == pytest.approx(first), (table, column)
+
+
 @pytest.mark.parametrize(
     ("name", "value", "sentence"),
     [
