@@ -8,7 +8,7 @@
     config = RunConfig(robot="tcp://127.0.0.1:5750", problem="topological", seed=1)
     result = identify("runs/first", config)
 
-Each is imported when it is first asked for, so that ``import estimator`` loads no library.
+A name is imported when it is first asked for, so that ``import estimator`` loads no library.
 
 ======================= =========================================================================
 Name                    What it is
@@ -27,17 +27,17 @@ Name                    What it is
 ``OBJECTIVES``          how badly a model fits: ``Objective``; ``LargestError``, ``RobustMeanError``
 ``SEARCHES``            what optimises the paper's population: ``Search``;
                         ``DeterministicCrowding``
-``Registry``            what the four above are
+``Registry``            implementations by name: the class of the four above
 ``Problem``             what is known and what is to be found, a TOML file
 ``Genome``              the code between genes and bodies
 ``Observation``         what a robot observed in one interaction
 ``EstimatorError``      what can go wrong; the other errors derive from it
 ======================= =========================================================================
 
-The rooms, from the top down; a room imports only from those below it:
+The subpackages, from the top down; each imports only from those below it:
 
 ================== ==============================================================================
-Room               What is in it
+Subpackage         What is in it
 ================== ==============================================================================
 ``cli``            the command line; beside it ``api``, for programs
 ``reproduction``   studies of many runs, resumed by the same command: the paper's figures

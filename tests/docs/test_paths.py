@@ -26,15 +26,15 @@ def test_the_paths_and_links_of_a_page_lead_somewhere(page: Path) -> None:
     assert not sorted(str(path) for path in named | linked if not path.exists())
 
 
-def test_the_rooms_of_the_architecture_are_those_that_there_are() -> None:
+def test_the_subpackages_of_the_architecture_are_those_that_there_are() -> None:
     text = section("extending", "Architecture")
     header, _, *rows = re.findall(r"^\|.*\|$", text[text.index("| `protocol/` | `robot/`") :], re.M)
     packages = re.findall(r"`(\w+)/`", header)
     cells = [[cell.strip() for cell in row.strip("|").split("|")] for row in rows]
     for column, package in enumerate(packages):
         drawn = [re.findall(r"^`(\w+)`", row[column]) for row in cells if len(row) == 4]
-        rooms = {path.parent.name for path in (ROOT / package).glob("*/__init__.py")}
-        assert {room for one in drawn for room in one} == rooms, package
+        there = {path.parent.name for path in (ROOT / package).glob("*/__init__.py")}
+        assert {name for one in drawn for name in one} == there, package
 
 
 def test_targets_that_are_named_to_contributors_exist() -> None:
