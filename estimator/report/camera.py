@@ -17,6 +17,9 @@ from estimator.report.scene import MAIN_BODY, Solid
 from estimator.report.shown_bodies import ShownBody
 from protocol.text import printable
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 WIDTH: Final = 480
 HEIGHT: Final = 360
 _ELEVATION, _AZIMUTH = 30.0, -32.0  # degrees, towards the camera: ahead of the robot, to its right
@@ -25,13 +28,13 @@ _ZOOM: Final = 1.3  # the sphere around the main body fills the height
 _LIGHT: Final = np.array([0.28, -0.39, 0.88])
 _AMBIENT: Final = 0.55  # share of the light that comes from everywhere
 _GROUND: Final = (0.93, 0.93, 0.90)
-_SHADE: Final = 0.86  # of shadows and lines on the ground, times the ground's colour
+_SHADE: Final = 0.86  # brightness of shadows and lines on the ground, relative to the ground's
 _MESH: Final = 0.1
-"""Lines on the ground, m apart, so that lengths can be read off."""
-_SEEN: Final = 3.0  # radii of ground on either side
+"""Distance between the lines on the ground, m; lengths can be read off them."""
+_SEEN: Final = 3.0  # ground that is drawn on either side, in radii
 _BODY: Final = (0.36, 0.41, 0.50)
 _AROUND: Final = 20  # faces around a cylinder or a sphere
-_ALONG: Final = 6  # along a box's edge or a cylinder: small faces are sorted by distance rightly
+_ALONG: Final = 6  # faces along a box's edge or cylinder: small ones are sorted by distance rightly
 
 Picture = NDArray[np.uint8]
 
@@ -46,21 +49,21 @@ def take_picture(solids: Sequence[Solid], radius: float) -> Picture:
     """Renders a scene, seen from where a sphere around the main body fills the picture.
 
     Args:
-        solids: In the world, m.
-        radius: Of that sphere, m: the same for scenes that are to be compared.
+        solids: Solids of the scene, in the world's frame, m.
+        radius: Radius of that sphere, m: the same for scenes that are to be compared.
 
     Returns:
-        Red, green and blue, shape (``HEIGHT``, ``WIDTH``, 3).
+        Red, green and blue of each pixel, shape (``HEIGHT``, ``WIDTH``, 3).
     """
     figure = new_figure(WIDTH / DPI, HEIGHT / DPI)
-    figure.set_layout_engine("none")  # one panel, all of it
+    figure.set_layout_engine("none")  # its one panel fills the figure
     figure.set_facecolor(_GROUND)
     canvas = importlib.import_module("matplotlib.backends.backend_agg").FigureCanvasAgg(figure)
     square = (0, (1 - WIDTH / HEIGHT) / 2, 1, WIDTH / HEIGHT)  # as wide as the picture
     axes: Any = figure.add_axes(square, projection="3d", computed_zorder=False)
     middle = next(item.place for item in solids if item.limb == MAIN_BODY).copy()
     top = max(item.place[2] + max(item.size) / 2 for item in solids)
-    middle[2] = top / 2  # of a tall body head and feet are in the picture
+    middle[2] = top / 2  # so that a tall body is in the picture from head to feet
     _aim(axes, middle, radius)
     faces, colours = _shaded(solids)
     art3d = importlib.import_module("mpl_toolkits.mplot3d.art3d")
@@ -90,7 +93,7 @@ def _aim(axes: Any, middle: Array, radius: float) -> None:
 
 
 def _mesh(radius: float) -> Array:
-    """Lines on the ground as their two ends, m, shape (lines, 2, 3)."""
+    """Two ends of each line on the ground, m, shape (lines, 2, 3)."""
     count = math.ceil(_SEEN * radius / _MESH)
     at, end = _MESH * np.arange(-count, count + 1), _MESH * count
     lines = np.zeros((2, len(at), 2, 3))
@@ -143,7 +146,7 @@ def _surfaces(item: Solid) -> Iterator[Array]:
 
 
 def _ring(turn: Array, radii: Array, heights: Array) -> Array:
-    """Points around z, shape (turns, heights, 3)."""
+    """Points on circles around z, shape (turns, heights, 3)."""
     return np.stack([radii * np.cos(turn), radii * np.sin(turn), heights + 0 * turn], axis=-1)
 
 
@@ -159,20 +162,17 @@ def _colour(limb: int) -> tuple[float, ...]:
     return tuple(int(text[start : start + 2], 16) / 255 for start in (1, 3, 5))
 
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 PANELS: Final = 3
-"""Bodies in a picture, at most: the best, a rival or two, the truth."""
+"""Largest number of bodies in a picture: the best, a rival or two, the true body."""
 
-_WIDTH: Final = 38  # characters of a note in a line
+_WIDTH: Final = 38  # characters in a line of a note
 
 
 def body_picture(bodies: Sequence[ShownBody], legs: Sequence[str]) -> Figure:
     """Draws bodies side by side, from the same camera.
 
     Args:
-        bodies: As shown on the page; at least one.
+        bodies: Bodies that the page shows; at least one.
         legs: Names of the legs' joints.
     """
     truth = [item for item in bodies if item.true]

@@ -29,16 +29,17 @@ from estimator.storage.store import RunStore
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 ABOVE: Final[dict[str, Any]] = {
     **{"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.1},
     **{"frameon": False, "fontsize": "small", "columnspacing": 1.0, "handlelength": 1.4},
 }
-"""Where a legend hides nothing."""
+"""Options that put a legend above its panel, where it hides nothing."""
 
 
 def draw_errors(axes: Axes, generations: Sequence[Generation]) -> None:
-    """The subjective error of every model over generations; a line where an iteration ends."""
+    """Draws every model's subjective error over generations, and a line where an iteration ends."""
     label(axes, "subjective error of each model")
     for generation in generations:
         errors = np.array(generation.errors)
@@ -67,16 +68,16 @@ def draw_lengths(
     targets: Sequence[float] = (),
     mounts: Sequence[str] = (),
 ) -> None:
-    """The best model's leg lengths over generations.
+    """Draws the best model's leg lengths over generations.
 
     Args:
-        axes: The panel.
+        axes: The panel to draw in.
         generations: The run's generations.
-        genome: Decodes them.
+        genome: Genome that decodes their best models.
         names: Names of the legs' joints.
-        targets: True length of each leg, m; dots at the right, where they are known.
-        mounts: Where each leg sits, for its arrow; default: where it does on the last best model.
-            Of several legs on a mount the first has the arrow.
+        targets: True length of each leg, m, drawn as dots at the right, where they are known.
+        mounts: Mount of each leg, which decides its arrow; default: its mount on the last best
+            model. Of several legs on a mount the first has the arrow.
     """
     label(axes, "leg length of the best model (cm)")
     bodies = genome.decode_all(np.array([generation.best for generation in generations]))
@@ -113,22 +114,19 @@ def label(axes: Axes, quantity: str) -> None:
 
 
 def legend_of_names(axes: Axes, *, columns: int) -> None:
-    """A legend above a panel, with names as they are: they may hold dollar signs."""
+    """Draws a legend above a panel, its names not read as formulas: they may hold dollar signs."""
     for text in axes.legend(ncols=columns, **ABOVE).get_texts():
         text.set_parse_math(False)
 
 
 def mark_iterations(axes: Axes, generations: Sequence[Generation]) -> None:
-    """A vertical line where an iteration ends and a new interaction comes in."""
+    """Draws a vertical line where an iteration ends and a new interaction comes in."""
     last = {generation.iteration: generation.number for generation in generations}
     for number in last.values():
         axes.axvline(number + 0.5, color="0.2", linewidth=0.7, linestyle=":")
 
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-_APART: Final = 0.08  # of an interaction, between the legs' marks
+_APART: Final = 0.08  # distance between the legs' marks, in interactions
 
 
 def plot_interval_lengths(
@@ -136,10 +134,10 @@ def plot_interval_lengths(
     names: Sequence[str],
     targets: Sequence[float] = (),
 ) -> Figure:
-    """Median and 90 % interval of each leg's length after each interaction.
+    """Plots median and 90 % interval of each leg's length after each interaction.
 
     Args:
-        history: After each interaction.
+        history: The posterior after each interaction.
         names: Names of the legs' joints.
         targets: True length of each leg, m, where they are known.
     """
@@ -181,11 +179,11 @@ def plot_interval_lengths(
 def plot_probability(
     summaries: Sequence[PosteriorSummary], expected: Sequence[float | None]
 ) -> Figure:
-    """Probability of the attachments after each interaction, and the information that each gave.
+    """Plots the attachments' probability after each interaction, and the information it gave.
 
     Args:
-        summaries: After each interaction.
-        expected: Information that each was expected to give, bits, where it was known.
+        summaries: What is stated of the posterior after each interaction.
+        expected: Information that each interaction was expected to give, bits, where it was known.
     """
     figure, axes = new_axes()
     label(axes, "stated probability of the attachments")
@@ -218,20 +216,17 @@ def plot_probability(
     return figure
 
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 _PANELS: Final = ("tilt left/right (°)", "tilt forward/back (°)", "clearance (mm)")
 
 
 def plot_predictions(
     measured: Sequence[Observation], predicted: Sequence[Observation | None]
 ) -> Figure:
-    """Tilt and clearance in each interaction; what is missing is left out.
+    """Plots tilt and clearance in each interaction; what is missing is left out.
 
     Args:
-        measured: By the robot.
-        predicted: By the best body; ``None`` where its simulation is invalid.
+        measured: Readings of the robot.
+        predicted: Readings that the best body predicts; ``None`` where its simulation is invalid.
     """
     figure = new_figure(9.0, 3.2)
     numbers = np.arange(1, len(predicted) + 1)
@@ -260,19 +255,16 @@ def _numbers(item: Observation | None) -> Array:
     return np.concatenate([one.error_factor * one.observed(item) for one in shown])
 
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 LENGTHS: Final = "lengths"
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunPlot:
-    """One plot.
+    """One plot of a run.
 
     Attributes:
-        name: Stem of its file.
-        caption: What it shows, also for readers who cannot see it.
+        name: Stem of the plot's file name.
+        caption: What the plot shows, also for readers who cannot see it.
         figure: The plot.
     """
 
@@ -284,12 +276,12 @@ class RunPlot:
 def run_plots(
     store: RunStore, names: Sequence[str], true_lengths: Sequence[float] = ()
 ) -> tuple[RunPlot, ...]:
-    """Draws what a run has to show so far; nothing where nothing was learnt yet.
+    """Draws the plots of a run so far; none where nothing was learnt yet.
 
     Args:
         store: The run.
         names: Names of the legs' joints.
-        true_lengths: Of each leg, m, where they are known.
+        true_lengths: True length of each leg, m, where they are known.
     """
     true = "; dots at the right: the true lengths" if true_lengths else ""
     history = FittedPosterior.history(store)
@@ -332,9 +324,10 @@ def run_plots(
 
 
 def with_last_word(store: RunStore) -> list[Generation]:
-    """A run's generations, and after them the reference back-end's word as one more, if it had one.
+    """A run's generations, with the reference back-end's errors as one more if it was asked.
 
-    The best model of the last one is the best of the run, with the error that all tables give it.
+    The best model of the last generation is the best of the run, with the error that all tables
+    give it.
     """
     generations = store.generations()
     finish, fitted = store.search_end.finish(), FittedPosterior.of(store)

@@ -40,7 +40,7 @@ class DrawnFigure:
     """A figure as the report shows it.
 
     Attributes:
-        name: Stem of its files, such as ``fig2``.
+        name: Stem of its files' names, such as ``fig2``.
         caption: What is to be seen.
         sentences: What came out, in words.
         complete: Whether there is a picture; if not, the sentences say why.
@@ -61,7 +61,7 @@ def write_figure(
     rows: Sequence[Row],
     numbers: dict[str, Any],
 ) -> None:
-    """The three files of a figure."""
+    """Writes the three files of a figure: table, numbers and picture."""
     write_csv(root / f"{name}.csv", header, rows)
     write_json(root / f"{name}.json", numbers)
     write_png(root / f"{name}.png", picture)
@@ -72,11 +72,11 @@ HISTORY: tuple[str, ...] = ("panel", "generation", "iteration", "quantity", "of"
 
 
 def history_rows(run: FinishedRun, panels: tuple[str, str]) -> Iterator[Row]:
-    """Every model's error, and the best model's leg lengths, of every generation.
+    """Rows of a table: each model's error and the best model's leg lengths, of every generation.
 
     Args:
         run: The run.
-        panels: Names of the panel of errors and of that of lengths.
+        panels: Name of the panel of errors, and of the panel of lengths.
     """
     for item in run.generations:
         for model, error in enumerate(item.errors, start=1):
@@ -95,7 +95,7 @@ def _finite(error: float) -> float | None:
 
 
 def history_numbers(run: FinishedRun) -> dict[str, Any]:
-    """A run at the end of each iteration."""
+    """Numbers of a run at the end of each iteration."""
     ends = run.iteration_ends
     return {
         "seed": run.planned.seed,
@@ -108,14 +108,11 @@ def history_numbers(run: FinishedRun) -> dict[str, Any]:
     }
 
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 _DPI: Final = 150
 
 
 def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-    """A table; ``None`` becomes an empty cell."""
+    """Writes a table; ``None`` becomes an empty cell."""
 
     def write(fresh: Path) -> None:
         with fresh.open("w", encoding="utf-8", newline="") as file:
@@ -127,12 +124,12 @@ def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]
 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
-    """Numbers for programs."""
+    """Writes numbers for programs."""
     replace_text(path, json.dumps(content, indent=2, allow_nan=False) + "\n")
 
 
 def write_png(path: Path, figure: Figure) -> None:
-    """A picture; the version of Matplotlib does not enter it."""
+    """Writes a picture, without the version of Matplotlib."""
     replace_file(path, lambda fresh: figure.savefig(fresh, dpi=_DPI, metadata={"Software": None}))
 
 
@@ -143,15 +140,15 @@ class FinishedRun:
     Attributes:
         planned: What was planned.
         problem: Its problem, written out for the robot.
-        genome: Decodes its models.
-        world: The world of its models.
+        genome: Genome that decodes its models.
+        world: World in which its models are simulated.
         truth: The robot's body, which the search never saw.
         generations: The population after each generation. The best model of the last one is the
             run's, in whose choice the reference back-end has the last word.
-        interactions: What was performed and observed.
+        interactions: Interactions performed, with what was observed.
         predictions: Fresh motor programs, predicted and then performed; empty where none were.
         result: The run in numbers.
-        score: Its final best model against the truth.
+        score: Score of its final best model against the true body.
         validation: Its prediction errors; ``None`` where nothing was predicted.
     """
 
@@ -201,7 +198,7 @@ class FinishedRun:
 
     @property
     def true_mounts(self) -> tuple[str, ...]:
-        """Where each leg of the robot sits."""
+        """Mount of each leg of the robot."""
         return tuple(leg.limb.mount for leg in self.truth.legs.values())
 
     def best(self, generation: Generation) -> Morphology:
@@ -233,7 +230,7 @@ def _generations(store: RunStore) -> tuple[Generation, ...]:
 
 
 def observed(item: InteractionRecord) -> Observation:
-    """What a performed interaction returned."""
+    """Observation that a performed interaction returned."""
     assert item.observation is not None
     return item.observation
 
