@@ -52,8 +52,8 @@ ROBOTS: Final = tuple(
 FOLDER: Final = Path(__file__).parents[1] / "docs" / "runs"
 _MOST: Final = 15  # movements in which a change may be noticed
 _HELD_OUT: Final = 8  # movements by which a cause that is named is judged
-_WITHIN: Final = 4.0  # standard deviations
-_FAR: Final = (np.radians(3.0), 0.01)  # from what was predicted: it fell elsewhere
+_WITHIN: Final = 4.0  # standard deviations of noise, by which a prediction may be off
+_FAR: Final = (np.radians(3.0), 0.01)  # rad and m from what was predicted: it fell elsewhere
 
 DAMAGES: Final[dict[str, str]] = {
     "body.length=2:70": "leg of .* shortened",
@@ -72,7 +72,7 @@ DAMAGES: Final[dict[str, str]] = {
     "body.twisted=2:40": "hinge of",
     "body.aside=3:30": "direction of",
 }
-"""Faults, and what their causes are called."""
+"""Faults, each with a pattern of the names of its cause."""
 
 TOGETHER: Final = (
     "body.length=2:70,servos.slipped=1:8",
@@ -80,24 +80,24 @@ TOGETHER: Final = (
     "body.bent=2:25",
     "servos.travel=2:60,sensors.tilt_left=4",
 )
-"""Two faults at once, and one that the table lacks: none of these."""
+"""Two faults at once, and one that the table lacks, of which no cause may be named."""
 
 
 class Damaged(BaseModel):
     """What became of one damage.
 
     Attributes:
-        fault: As it was injected; empty: none.
-        noticed: After so many movements; ``None``: not within the most.
+        fault: Fault as it was injected; empty: none.
+        noticed: Number of movements after which it was noticed; ``None``: not within the most.
         suspected: Whether the right cause is among the suspects of the watch.
-        verdict: Of the diagnosis.
-        named: Causes.
-        probability: Of these together.
-        share: 90 % interval of the share of its length that the leg has, where the right cause is
-            named; ``None``: the damage is no other length.
-        as_if: Whether the cause that is named predicts other movements, right or wrong.
-        movements: Of the diagnosis.
-        cpu_seconds: Of the diagnosis.
+        verdict: Verdict of the diagnosis.
+        named: Names of the diagnosis's causes.
+        probability: Probability of these causes together.
+        share: 90 % interval of the leg's new length as a share of the old one, (0, 0) where the
+            right cause is not named; ``None``: the damage is no other length.
+        as_if: Whether the first of these causes, right or wrong, predicts other movements.
+        movements: Number of movements of the diagnosis.
+        cpu_seconds: CPU time of the diagnosis, s.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -116,7 +116,7 @@ class Damaged(BaseModel):
     @computed_field  # type: ignore[prop-decorator]  # mypy knows no decorated properties
     @property
     def right(self) -> bool:
-        """Whether the cause is among at most two that are named."""
+        """Whether the verdict is right: the cause of a known fault is one of at most two named."""
         if not self.fault:
             return self.verdict == Verdict.UNCHANGED.value
         if self.fault in TOGETHER:
@@ -132,14 +132,14 @@ class Damaged(BaseModel):
 
     @property
     def holds(self) -> bool:
-        """Whether the interval holds the leg's share."""
+        """Whether the interval ``share`` holds the leg's true share."""
         assert self.share is not None
         low, high = self.share
         return low <= _share_in(self.fault) <= high
 
 
 def _right_of(fault: str) -> Callable[[str], bool]:
-    """Whether a cause's name is that of a fault, on whatever leg."""
+    """Returns a test of whether a name is that of a fault's cause, on whatever leg."""
     pattern = re.compile(DAMAGES.get(fault, "(?!)"))
     return lambda name: pattern.search(name) is not None
 
@@ -149,7 +149,10 @@ def _share_in(fault: str) -> float:
 
 
 class Reached(BaseModel):
-    """What became of one goal: in how many bodies it held, rad, and where the robot ended."""
+    """What became of one goal: ``share`` and ``margin``, rad, are those of its ``Pose``.
+
+    The robot has reached it, or it fell elsewhere than predicted, or neither.
+    """
 
     model_config = ConfigDict(frozen=True)
 
@@ -160,13 +163,13 @@ class Reached(BaseModel):
 
 
 class Figures(BaseModel):
-    """One robot.
+    """Figures of one robot.
 
     Attributes:
-        poses: Goals, readings of this robot at random programs.
-        quiet: Movements of a watch while nothing happened.
-        alarms: Of these.
-        damaged: Damages, one after the other.
+        poses: What became of goals, which are readings of this robot at random programs.
+        quiet: Number of movements of a watch while nothing happened.
+        alarms: Number of alarms in these movements.
+        damaged: What became of no damage and of each damage, one after the other.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -182,13 +185,13 @@ class AfterRun(BriefRun):
     """One robot of one seed, identified and used.
 
     Attributes:
-        body: Of the robot, by name.
-        problem: Its problem.
-        engine: That simulates it.
-        seed: Of robot and run.
-        goals: How many poses.
-        quiet: How many movements while nothing happens.
-        faults: Damages.
+        body: Name of the robot's body.
+        problem: Name of the problem.
+        engine: Engine that simulates the robot.
+        seed: Seed of the robot and of the run.
+        goals: Number of poses.
+        quiet: Number of movements while nothing happens.
+        faults: Faults that are injected, one after the other.
     """
 
     leaves = "figures.json"
@@ -203,7 +206,7 @@ class AfterRun(BriefRun):
 
     @property
     def name(self) -> str:
-        """Its own in the study."""
+        """Name, unique in the study."""
         return f"{self.body}-{self.engine}/{self.seed}"
 
     def make(self, place: Path) -> None:
@@ -238,11 +241,11 @@ class AfterRun(BriefRun):
         return Figures(poses=poses, quiet=self.quiet, alarms=alarms, damaged=damaged)
 
     def figures(self, root: Path) -> Figures:
-        """What a finished run has left."""
+        """Figures that a finished run has left."""
         return Figures.model_validate_json(self.file(root).read_text("utf-8"))
 
     def sentence(self, root: Path) -> str:
-        """How it went."""
+        """Says how the run went."""
         one = self.figures(root)
         right = sum(damage.right for damage in one.damaged)
         reached = sum(pose.reached for pose in one.poses)
@@ -259,7 +262,7 @@ def _perform(client: RobotClient, program: Program) -> Observation:
 
 
 def _poses(known: FittedPosterior, uri: str, count: int, rng: np.random.Generator) -> list[Reached]:
-    """Goals that are readings at random programs, none flat, judged without noise."""
+    """What became of goals: readings at random programs, none flat, judged without noise."""
     poses: list[Reached] = []
     low, high = known.program_range.T
     with RobotClient(uri) as client:
@@ -292,7 +295,7 @@ def _poses(known: FittedPosterior, uri: str, count: int, rng: np.random.Generato
 
 
 def _damaged(weigher: Weigher, client: RobotClient, faults: FaultClient, fault: str) -> Damaged:
-    """Breaks the robot, watches, finds out, and mends it."""
+    """Injects a fault, watches the robot, diagnoses it, and mends it."""
     low, high = weigher.known.program_range.T
     _perform(client, tuple(weigher.rng.uniform(low, high).tolist()))
     for one in filter(None, fault.split(",")):
@@ -329,7 +332,7 @@ def _damaged(weigher: Weigher, client: RobotClient, faults: FaultClient, fault: 
 
 
 def _as_if(weigher: Weigher, named: Particles, client: RobotClient) -> bool:
-    """Whether a cause predicts movements that it has not seen, all but one of them."""
+    """Whether a cause predicts some movements that it has not seen, but for one at most."""
     known = weigher.known
     low, high = known.program_range.T
     programs = weigher.rng.uniform(low, high, (10 * _HELD_OUT, len(low)))
@@ -347,7 +350,7 @@ def _as_if(weigher: Weigher, named: Particles, client: RobotClient) -> bool:
 
 
 def tables(runs: Sequence[AfterRun], root: Path) -> str:
-    """How often what came out as it should, in Markdown."""
+    """Table of how often each result came out as it should, in Markdown."""
     figures = [run.figures(root) for run in runs]
     damaged = [one for each in figures for one in each.damaged]
     whole = [one for one in damaged if not one.fault]

@@ -1,7 +1,7 @@
 """``make animation``: the README's moving picture, of a body being found.
 
-Left the simulated robot in the pose of each interaction, right bodies that it believes in then, as
-often as they are probable, in the same pose.
+On the left is the simulated robot in the pose of each interaction, on the right, in the same pose,
+bodies of the posterior after it, as often as they are probable.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from estimator.storage.store import RunStore
 
 FILE: Final = Path(__file__).parents[1] / "docs" / "images" / "identified.gif"
 _BODIES: Final = 5  # after each interaction
-_SHOWN: Final = 450  # ms
-_LAST: Final = 2500
+_SHOWN: Final = 450  # ms that a frame is shown
+_LAST: Final = 2500  # ms that the last frame is shown
 _COLOURS: Final = 64
 _INK: Final = (40, 45, 55)
-_MOST: Final = 2_000_000  # bytes
+_MOST: Final = 2_000_000  # bytes of the file
 
 
 def main() -> None:
@@ -52,7 +52,7 @@ def main() -> None:
 
 
 def frames(store: RunStore, truth: Path) -> Iterator[Image.Image]:
-    """All pictures, interaction after interaction."""
+    """All frames, interaction after interaction."""
     joints = [joint.name for joint in store.capabilities.joints]
     limbs = {joints[motor]: limb for limb, motor in enumerate(sorted(store.problem.motors.driven))}
     links = robot_links(read_urdf(truth), joints, limbs)
@@ -68,7 +68,7 @@ def frames(store: RunStore, truth: Path) -> Iterator[Image.Image]:
 
 
 def _believed(fitted: FittedPosterior) -> Iterator[list[Solid]]:
-    """Some bodies in the pose of the last interaction."""
+    """Solids of some bodies of the posterior, in the pose of the last interaction."""
     seen = fitted.observations[-1]
     readings = fitted.predict(np.array(seen.angles))
     rows = systematic(fitted.weights, _BODIES, 0.5)

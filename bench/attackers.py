@@ -39,9 +39,9 @@ class RawPeer:
     """A connection on which the handshake has been sent.
 
     Args:
-        endpoint: The robot's.
-        kind: What it claims to be.
-        identity: The routing id that it claims.
+        endpoint: Address of the robot.
+        kind: Socket type that the peer claims to be.
+        identity: Routing id that the peer claims.
     """
 
     def __init__(self, endpoint: str, kind: bytes = b"DEALER", identity: bytes = b""):
@@ -85,14 +85,14 @@ def frame(body: bytes, flags: int = 0) -> bytes:
 
 
 def guessed_identities(*, sockets: int, connections: int, first: int = 0) -> Iterator[bytes]:
-    """What ZeroMQ would call the next peers of a process that never called ``srand``.
+    """Routing ids that ZeroMQ would give the next peers of a process that never called ``srand``.
 
-    A ROUTER counts its peers from a number of two calls of ``rand``.
+    A ROUTER counts its peers from a number that two calls of ``rand`` give.
 
     Args:
-        sockets: For how many numbers drawn before it.
-        connections: For how many peers each.
-        first: How many peers have been named before.
+        sockets: Number of starting numbers to try, as other sockets may have drawn some before.
+        connections: Number of peers to guess for each starting number.
+        first: Number of peers that have been given ids before.
     """
     libc = ctypes.CDLL(None)
     libc.srand(1)
@@ -107,7 +107,7 @@ def _property(name: bytes, value: bytes) -> bytes:
 
 
 def identities(uri: str, telemetry: str) -> Iterator[None]:
-    """Claims the routing ids that ZeroMQ would give the next peers, then has it name some."""
+    """Claims the routing ids that ZeroMQ would give the next peers, then has it give some."""
     del telemetry
     named = 0
     while True:

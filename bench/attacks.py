@@ -2,7 +2,7 @@
 
 ``python -m bench.attacks``: for each attack a daemon of its own, in real time, on still
 electronics; the attacker in another process, the client that stops in a third. Then SIGTERM, while
-the attack goes on. Of the socket for faults, how long a report waits.
+the attack goes on. Where the socket for faults is attacked, it tells how long a report waits.
 """
 
 from __future__ import annotations
@@ -49,12 +49,12 @@ class Outcome:
     """Measurements of one attack.
 
     Attributes:
-        name: Which.
-        before: Resident memory before it, MB.
-        peak: The most during it, MB.
+        name: Name of the attack.
+        before: Resident memory before the attack, MB.
+        peak: Largest resident memory during the attack, MB.
         stops: How long each stop of another client took, ms, ascending.
-        end: Until the daemon had ended after SIGTERM, s.
-        code: Its exit status.
+        end: Time from SIGTERM until the daemon had ended, s.
+        code: Exit status of the daemon.
     """
 
     name: str
@@ -66,7 +66,7 @@ class Outcome:
 
 
 def stops(uri: str, seconds: float) -> list[float]:
-    """Stops the robot again and again; how long each answer took, ms."""
+    """Stops the robot again and again; returns how long each answer took, ms."""
     with RobotClient(uri, timeout=30.0) as client:
 
         def stop() -> None:
@@ -80,7 +80,7 @@ def stops(uri: str, seconds: float) -> list[float]:
 
 
 def reports(control: str, seconds: float) -> list[float]:
-    """Asks again and again which faults there are; how long each answer took, ms."""
+    """Asks again and again which faults there are; returns how long each answer took, ms."""
     return _timed(FaultClient(control).report, seconds)
 
 

@@ -23,16 +23,16 @@ class Simulator:
     """A running ``sim-robotd``, or another daemon that logs where it serves.
 
     Args:
-        options: On the command line.
-        bind: Where it takes requests.
-        module: The daemon.
-        environment: Variables on top of ours.
+        options: Options on the command line.
+        bind: Address to which it is told to bind.
+        module: Module of the daemon.
+        environment: Environment variables on top of ours.
 
     Attributes:
-        process: Its process, to be measured.
-        uri: Where it takes requests.
-        control: Where faults can be injected, if it was asked for.
-        log: What it wrote to standard error so far.
+        process: Process of the daemon, to be measured.
+        uri: Address where it takes requests.
+        control: Address where faults can be injected; empty if that was not asked for.
+        log: Lines that it wrote to standard error so far.
     """
 
     def __init__(
@@ -75,12 +75,12 @@ class Simulator:
         self._process.send_signal(number)
 
     def kill(self) -> None:
-        """SIGKILL, as a power cut."""
+        """Ends the daemon by SIGKILL, as a power cut would."""
         self._process.kill()
         self._end(timeout=120)
 
     def terminate(self, timeout: float = 120) -> tuple[int, str]:
-        """SIGTERM, as a service manager; returns exit code and standard output."""
+        """Ends it by SIGTERM, as a service manager does; returns exit code and standard output."""
         self._process.terminate()
         return self._end(timeout)
 
@@ -97,7 +97,7 @@ class Simulator:
 
 @contextmanager
 def helper(module: str, *options: str) -> Iterator[subprocess.Popen[str]]:
-    """A module of ours as a process with pipes to and from it; it is gone afterwards."""
+    """A module of ours as a process with pipes to and from it, which is ended afterwards."""
     process = subprocess.Popen(
         [sys.executable, "-m", module, *options],
         stdin=subprocess.PIPE,
@@ -112,7 +112,7 @@ def helper(module: str, *options: str) -> Iterator[subprocess.Popen[str]]:
 
 
 def cpu_seconds(process: psutil.Process) -> float:
-    """What a process has used so far."""
+    """CPU time that a process has used so far, s."""
     times = process.cpu_times()
     return times.user + times.system
 
@@ -124,7 +124,7 @@ def simulator(
     module: str = "sim_robot",
     environment: Mapping[str, str] | None = None,
 ) -> Iterator[Simulator]:
-    """A ``sim-robotd`` that is gone afterwards; arguments as in ``Simulator``."""
+    """A ``sim-robotd`` that is killed afterwards; arguments as in ``Simulator``."""
     simulator = Simulator(*options, bind=bind, module=module, environment=environment)
     try:
         yield simulator
@@ -140,12 +140,12 @@ class Sample:
     """Resource use of the daemon at one moment.
 
     Attributes:
-        hours: Virtual time.
-        memory: Resident, MB.
-        descriptors: Open.
-        threads: Running.
+        hours: Virtual time, h.
+        memory: Resident memory, MB.
+        descriptors: Number of open file descriptors.
+        threads: Number of running threads.
         latency: Median round trip of a heartbeat, ms.
-        worst: The 99th percentile, ms.
+        worst: 99th percentile of the round trips, ms.
     """
 
     hours: float

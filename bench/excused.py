@@ -34,11 +34,11 @@ class Excused:
     """Counts of generations.
 
     Attributes:
-        generations: All of a run.
-        excused: Those whose best model is excused from an interaction.
-        hidden: Those of them in which that hides a misfit.
-        ends: Ends of iterations among the excused.
-        final: Whether the search's last best model is excused.
+        generations: All generations of a run.
+        excused: Generations whose best model is excused from an interaction.
+        hidden: Excused generations in which the excuse hides a misfit.
+        ends: Excused generations that end an iteration.
+        final: 1 if the search's last best model is excused, else 0.
     """
 
     generations: int = 0
@@ -59,7 +59,7 @@ class Excused:
 
 
 def count(directory: Path) -> Excused:
-    """Goes through the generations of a run."""
+    """Counts the generations of a run."""
     rng = np.random.default_rng(0)
     counted = Excused()
     with RunStore.open(directory, to_write=False) as store:

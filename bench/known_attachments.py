@@ -1,7 +1,7 @@
-"""Do intervals of bodies hold whose attachments are known? ``python -m bench.known_attachments``.
+"""Do intervals hold true lengths, attachments known? ``python -m bench.known_attachments``.
 
-Bodies and robots are drawn as by ``bench.simulation_based_calibration``, movements at random. Of
-each body the true attachments alone are weighed; told is how many true lengths lie in the 90 %
+Bodies and robots are drawn as by ``bench.simulation_based_calibration``, movements at random. For
+each body the true attachments alone are weighed; printed is how many true lengths lie in the 90 %
 intervals of the particles that give the evidence, and of the samples that stand for the posterior,
 which have equilibrated. A study that was interrupted goes on where it stopped.
 """
@@ -36,15 +36,15 @@ class KnownRun(BodyRun):
     """One body of known attachments, after random movements."""
 
     def make(self, place: Path) -> None:
-        """Leaves which lengths lay inside."""
+        """Writes which true lengths lay inside their intervals."""
         replace_text(place / self.leaves, json.dumps(inside(self)))
 
     def figures(self, root: Path) -> dict[str, Any]:
-        """What a finished run has left."""
+        """Figures that a finished run has left."""
         return dict(json.loads(self.file(root).read_text("utf-8")))
 
     def sentence(self, root: Path) -> str:
-        """How it went."""
+        """Says how the run went."""
         equilibrated = self.figures(root)["equilibrated"]
         return f"{sum(equilibrated)} of {len(equilibrated)} lengths inside"
 
@@ -82,7 +82,7 @@ def inside(run: BodyRun) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Does the runs and prints what they say."""
+    """Does the runs and prints how many lengths lie inside their intervals."""
     parser = argparse.ArgumentParser(description=__doc__)
     add_options(parser, Path("runs/known-attachments"))
     add_bodies(parser, bodies=80, interactions=6)

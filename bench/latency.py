@@ -35,9 +35,9 @@ REQUESTS = 10_000
 VIEWERS = (1, 50)
 RATE = 10.0  # publications per second
 IDLE_SECONDS = 20.0
-LINE_GAP = 0.003  # s, and
-PHASE = 0.3  # s between lines: settling lies in between
-BYTE_TIME = 10 / 9600  # s: what a line takes
+LINE_GAP = 0.003  # s that the loop leaves between two lines
+PHASE = 0.3  # s: between lines that are farther apart lies settling
+BYTE_TIME = 10 / 9600  # s that a byte takes on the line
 _MOVES_TWO = re.compile(r"SV\dM\d+SV\dM\d+\r")
 
 
@@ -58,13 +58,13 @@ class LatencyFigures:
     """What was measured with some viewers.
 
     Attributes:
-        viewers: How many.
-        robot: Round trips, ms, ascending.
-        echo: Round trips of the bare echo, ms, ascending.
-        jitter: Of the control loop, ms, ascending.
-        share: Of one core, %, while moving.
-        idle_share: Of one core, %, while idle.
-        memory: Resident, MB.
+        viewers: Number of viewers.
+        robot: Round trips to the robot, ms, ascending.
+        echo: Round trips to the bare echo, ms, ascending.
+        jitter: How late the control loop wrote each line, ms, ascending.
+        share: Share of one core while moving, %.
+        idle_share: Share of one core while idle, %.
+        memory: Resident memory, MB.
         seen: What the viewers say they saw.
     """
 
@@ -85,7 +85,7 @@ def percentile(ascending: Sequence[float], share: float) -> float:
 
 @contextmanager
 def _moving(uri: str) -> Iterator[None]:
-    """A controller that sends the robot from one end of its range to the other and back."""
+    """Has a controller send the robot from one end of its range to the other and back."""
     done = threading.Event()
 
     def run() -> None:
@@ -113,7 +113,7 @@ def _share(process: psutil.Process, seconds: float) -> float:
 
 
 def measure(viewers: int, requests: int, idle_seconds: float) -> LatencyFigures:
-    """One run with so many viewers."""
+    """Does one run with so many viewers; returns what was measured."""
     outcome = LatencyFigures(viewers)
     board = SV203Emulator()
     try:
@@ -165,7 +165,7 @@ def _probe(robot: Simulator, mirror: str, requests: int, outcome: LatencyFigures
 
 
 def table(outcomes: Sequence[LatencyFigures]) -> str:
-    """Markdown."""
+    """Table of the figures, in Markdown."""
     heads = [f"{outcome.viewers} viewer{'s' * (outcome.viewers > 1)}" for outcome in outcomes]
     rows: list[list[str]] = [["", *heads], ["---"] * (1 + len(outcomes))]
 

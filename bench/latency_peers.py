@@ -1,4 +1,4 @@
-"""Those whom ``bench.latency`` starts beside the robot, each in a process of its own.
+"""The peers that ``bench.latency`` starts beside the robot, each in a process of its own.
 
 ``python -m bench.latency_peers echo``, ``probe URI ECHO COUNT`` or ``view URI COUNT``.
 """
@@ -31,7 +31,7 @@ PAUSE: Final = (0.002, 0.006)  # s between round trips, drawn, so as not to marc
 
 
 def echo() -> None:
-    """The least that a server can do: a bare ROUTER that sends back what it gets.
+    """Serves as a bare ROUTER that sends back what it gets, the least that a server can do.
 
     Prints its address, and goes on until it is terminated.
     """
@@ -89,7 +89,7 @@ def trip(wire: zmq.Socket[bytes], frame: bytes) -> tuple[float, bytes]:
 
 
 def view(uri: str, count: int) -> None:
-    """Watches a robot as many viewers, until standard input ends.
+    """Watches a robot as ``count`` viewers, until standard input ends.
 
     Each has a connection of its own, sends a heartbeat a second and reads all telemetry. Prints
     ``ready`` once each has been answered and has heard telemetry; at the end, what they saw.

@@ -36,14 +36,14 @@ _ROBOT: Final = {"base_size": [0.14, 0.14, 0.085], "base_mass": 0.6}
 
 
 class Cost(NamedTuple):
-    """Of one run, s."""
+    """Wall-clock time and CPU time of one run, s."""
 
     wall: float
     cpu: float
 
 
 def write_readings(folder: Path) -> Path:
-    """Nine interactions as a table."""
+    """Writes nine interactions as a table; returns its path."""
     _, _, observations = workload()
     joints = [f"joint_{number}" for number in range(len(observations[0].angles))]
     readings_csv.write(folder / "readings.csv", joints, observations)
@@ -52,7 +52,7 @@ def write_readings(folder: Path) -> Path:
 
 
 def look_at(uri: str) -> None:
-    """Takes in all that a page sends, until it ends."""
+    """Receives all that a page sends, until it ends."""
     protocol = f"viser-v{viser.__version__}"
     try:
         with connect(
@@ -65,7 +65,7 @@ def look_at(uri: str) -> None:
 
 
 def search(readings: Path, run: Path, options: str, *, live: bool) -> Cost:
-    """One search as a process."""
+    """Runs one search as a process; returns its cost."""
     asked = f"--robot file:{readings} --problem topological --seed 1 --out {run} {options}"
     page = "--live --live-bind 127.0.0.1:0" if live else ""
     process = subprocess.Popen(
@@ -89,7 +89,7 @@ def search(readings: Path, run: Path, options: str, *, live: bool) -> Cost:
 
 
 def main(repeats: int) -> None:
-    """Prints the ratios; some minutes."""
+    """Measures and prints the ratios, which takes some minutes."""
     with TemporaryDirectory() as name:
         folder = Path(name)
         readings = write_readings(folder)

@@ -2,7 +2,7 @@
 
 ``MessageProxy`` stands between DEALERs and a ROUTER and loses, doubles, delays and reorders whole
 messages, as a broken relay or a client's reconnections can. ``TcpProxy`` stands in the byte stream
-and cuts it, as a pulled cable or a reset router does: TCP itself then hides loss and order.
+and cuts it, as a pulled cable or a reset router does: TCP itself hides lost and reordered packets.
 """
 
 from __future__ import annotations
@@ -73,13 +73,14 @@ class _Service(Closable):
 
 @dataclass(frozen=True, kw_only=True)
 class Weather:
-    """What befalls each message, in either direction.
+    """What happens to each message, in either direction.
 
     Attributes:
         loss: Share of messages that vanish.
         duplication: Share of messages that come twice.
-        delay: Seconds that each takes, at least.
-        jitter: Seconds that it may take longer, drawn for each alone: this changes their order.
+        delay: Shortest time that each message takes, s.
+        jitter: Longest time that it may take on top, s, drawn for each message: their order
+            changes.
     """
 
     loss: float = 0.0
@@ -90,7 +91,7 @@ class Weather:
 
 @dataclass(kw_only=True)
 class Fates:
-    """How many messages a proxy has passed on, lost, doubled and overtaken with a later one."""
+    """Numbers of messages that a proxy passed on, lost, doubled, and that a later one overtook."""
 
     passed: int = 0
     lost: int = 0
@@ -102,13 +103,13 @@ class MessageProxy(_Service):
     """A relay of ZeroMQ messages to one robot.
 
     Args:
-        target: The robot's address.
-        weather: What befalls messages; may be replaced at any time.
-        seed: Of the draws.
+        target: Address of the robot.
+        weather: What happens to messages.
+        seed: Seed of what is drawn for messages.
 
     Attributes:
-        endpoint: Where clients connect instead.
-        weather: As the argument.
+        endpoint: Address where clients connect instead.
+        weather: What happens to messages; may be replaced at any time.
         fates: What became of messages so far.
     """
 
@@ -201,10 +202,10 @@ class TcpProxy(_Service):
     """A relay of bytes to one robot, whose cable can be pulled.
 
     Args:
-        target: The robot's address, ``tcp://HOST:PORT``.
+        target: Address of the robot, ``tcp://HOST:PORT``.
 
     Attributes:
-        endpoint: Where clients connect instead.
+        endpoint: Address where clients connect instead.
     """
 
     def __init__(self, target: str):
@@ -225,11 +226,11 @@ class TcpProxy(_Service):
         self._ask(self._cut)
 
     def pull(self) -> None:
-        """Nothing arrives any more, and nobody is told, as when a cable is out."""
+        """Stops passing bytes on, and tells neither end, as when a cable is out."""
         self._ask(self._pull)
 
     def mend(self) -> None:
-        """All is well again; what was under way when the cable was pulled arrives."""
+        """Passes bytes on again, those that were under way when the cable was pulled included."""
         self._ask(self._mend)
 
     def _ask(self, action: Callable[[], None]) -> None:
@@ -274,7 +275,7 @@ class TcpProxy(_Service):
                 self._selector.register(one, selectors.EVENT_READ)
 
     def _pump(self, source: socket.socket) -> None:
-        if source not in self._pairs:  # its other end went first
+        if source not in self._pairs:  # its other end was closed first
             return
         try:
             data = source.recv(_CHUNK)

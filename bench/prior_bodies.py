@@ -22,7 +22,7 @@ from sim_robot.world.sensor_noise import NoiseLevels
 
 
 def drawn_body(problem: str, seed: int) -> str:
-    """A body that a problem allows, drawn from its prior, with the default robot's joints."""
+    """URDF of a body drawn from a problem's prior, with the default robot's joints."""
     known, genome, robot = on_robot(problem)
     body = genome.decode(drawn_genes(genome, np.random.default_rng([seed, 1])))
     return urdf(in_words_of(known, robot, body))
@@ -36,11 +36,11 @@ def drawn_genes(genome: Genome, rng: np.random.Generator) -> Array:
 
 @cache
 def on_robot(name: str, body: str = DEFAULT) -> tuple[Problem, Genome, Capabilities]:
-    """A problem written out for a simulated robot, its genome, and what that robot says it is.
+    """A problem written out for a simulated robot, its genome, and the robot's capabilities.
 
     Args:
-        name: Of a problem that ships, or of a file; or the text of one.
-        body: The robot's, by name or file.
+        name: Name of a problem that ships, or a problem file; or the text of one.
+        body: Name or file of the robot's body.
     """
     robot = describe(configure(load_body(body_path(body)), port="", levels=NoiseLevels()))
     problem = Problem.parse(name, "the problem") if "\n" in name else Problem.load(name)
@@ -49,7 +49,7 @@ def on_robot(name: str, body: str = DEFAULT) -> tuple[Problem, Genome, Capabilit
 
 
 def main() -> None:
-    """Prints one."""
+    """Prints a body."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--problem", default="topological")
     parser.add_argument("--seed", type=int, required=True)

@@ -12,10 +12,10 @@ Of many legs nothing is observed, and of 66 bodies drawn one by one 13 % of the 
 lowest tenth of the prior, so that good intervals seemed to fail. So lengths are points of a
 scrambled Halton sequence, which cover the prior evenly; each by itself is a draw from it.
 
-Robots are known to be just as stated, unless ``--robots`` says otherwise: ``stated`` ones are,
-have noise as it is announced and no outliers, and nobody knows it, so that each that a run finds
-faulty is a false alarm; ``built`` ones are as people build them: what may be otherwise is drawn
-from the narrow components of the table of parameters, with their common scale from its prior.
+Robots are just as stated and known to be, unless ``--robots`` says otherwise: ``stated`` ones are
+as stated, have noise as it is announced and no outliers, but are not known to be so: each that a
+run finds faulty is a false alarm; ``built`` ones are as people build them: what may be otherwise is
+drawn from the narrow components of the table of parameters, with their common scale from its prior.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ from sim_robot.world.body import DEFAULT
 Robots: TypeAlias = Literal["exact", "stated", "built"]
 
 BEYOND: Final = 0.1
-_FAULTY: Final = 0.5  # of the posterior, that wide components have
+_FAULTY: Final = 0.5  # share of the posterior with wide components, above which a robot is faulty
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,9 +71,9 @@ class StaticsRobot:
 
     Attributes:
         predictor: Computes readings.
-        body: A point of the cube, shape (size,).
-        scales: Logarithms of its noise factors, shape (2,).
-        noise: Of the sensors.
+        body: Body and deviations of the robot, a point of the cube, shape (size,).
+        scales: Logarithms of the robot's noise factors, shape (2,).
+        noise: Noise of the sensors.
         cap: Range of the distance sensor, m.
         rng: Draws the noise.
     """
@@ -86,7 +86,7 @@ class StaticsRobot:
     rng: np.random.Generator
 
     def perform(self, program: Array) -> Observation:
-        """Its observation after a motor program, rad, shape (motors,)."""
+        """Observation after a motor program, rad, shape (motors,)."""
         noise, cap, rng = self.noise, self.cap, self.rng
         readings = self._where_it_falls(program)
         wide = np.exp(self.scales) * [noise.tilt, noise.clearance]
@@ -115,7 +115,7 @@ class StaticsRobot:
         )
 
     def _where_it_falls(self, program: Array) -> PredictedReadings:
-        """One reading: of the plumb fall, or of another side of a fork, as likely as that is."""
+        """One reading, of the plumb fall or of another side of a fork, by how likely each is."""
         body = np.repeat(self.body[None], len(GRAVITY_TILTS), axis=0)
         readings = self.predictor.read_all(body, program[None], GRAVITY_TILTS)
         sides, likely = [readings[:1]], [LIKELY[0]]
@@ -132,12 +132,12 @@ class BodyRun(BriefRun):
     """One body, and what was known of it after each interaction.
 
     Attributes:
-        problem: Name or file.
-        interactions: How many.
-        seed: Of the body and of all else.
+        problem: Name or file of the problem.
+        interactions: Number of interactions.
+        seed: Seed of the body and of all else.
         robots: Whether the robot is just as stated, and known to be, or as people build them.
-        random: Whether movements are, and only what is known after the last of them is asked.
-        robot: Body of the robot that says what its main body is, by name or file.
+        random: Whether movements are random, and learnt from only after the last of them.
+        robot: Name or file of the body of the robot that says what its main body is.
     """
 
     leaves = "figures.json"
@@ -151,28 +151,28 @@ class BodyRun(BriefRun):
 
     @property
     def name(self) -> str:
-        """Its own in the study."""
+        """Name, unique in the study."""
         kind = f"-{self.robots}" + "-random" * self.random
         kind += f"-{Path(self.robot).stem}" * (self.robot != DEFAULT)
         return f"{Path(self.problem).stem}-{self.interactions}{kind}/{self.seed}"
 
     def make(self, place: Path) -> None:
-        """Leaves what was known of it."""
+        """Writes what was known of the body."""
         told = trial(self)
         replace_text(place / self.leaves, json.dumps(told))
 
     def told(self, root: Path) -> list[dict[str, Any]]:
-        """What a finished run has left, by interaction."""
+        """Figures that a finished run has left, by interaction."""
         return list(json.loads(self.file(root).read_text("utf-8")))
 
     def sentence(self, root: Path) -> str:
-        """How it went."""
+        """Says how the run went."""
         last = self.told(root)[-1]
         return f"{'right' if last['right'] else 'wrong'}, stated {last['probability']}"
 
 
 def robot_of(run: BodyRun) -> tuple[StaticsRobot, Problem, Capabilities, float]:
-    """The robot of a run, the problem, what it says of itself, and how carefully it was built."""
+    """The robot of a run, the problem, the robot's capabilities, and its factor of care."""
     problem, genome, capabilities = on_robot(run.problem, run.robot)
     noise, world = Noise.announced(capabilities), problem.settings(capabilities)
     unknowns = Unknowns(genome, () if run.robots == "exact" else problem.table)
@@ -195,7 +195,7 @@ def robot_of(run: BodyRun) -> tuple[StaticsRobot, Problem, Capabilities, float]:
 
 
 def trial(run: BodyRun) -> list[dict[str, Any]]:
-    """One body, and what was known of it after each interaction."""
+    """Returns what was known of one body after each interaction."""
     robot, problem, capabilities, scale = robot_of(run)
     predictor, body, cap, rng = robot.predictor, robot.body, robot.cap, robot.rng
     unknowns, noise, effort = predictor.unknowns, Noise.announced(capabilities), Effort()
@@ -263,7 +263,7 @@ def trial(run: BodyRun) -> list[dict[str, Any]]:
 
 
 def evenly(number: int, size: int) -> Array:
-    """A point of a scrambled Halton sequence in the unit cube, shape (size,), by its number."""
+    """Point of a scrambled Halton sequence in the unit cube, shape (size,), by its number."""
     stats: Any = importlib.import_module("scipy.stats")  # takes a second
     points = stats.qmc.Halton(size, seed=0)
     points.fast_forward(number)
@@ -272,7 +272,7 @@ def evenly(number: int, size: int) -> Array:
 
 
 def table(trials: Iterable[list[dict[str, Any]]]) -> str:
-    """What the trials say, as Markdown."""
+    """Table of the trials' results, in Markdown."""
     lines = [
         "| after interaction | called faulty | right | not known | stated ≥ 0.95 | of these right "
         "| log score | legs inside 90 % interval | its median width (mm) "
@@ -309,7 +309,7 @@ def table(trials: Iterable[list[dict[str, Any]]]) -> str:
 
 
 def add_bodies(parser: argparse.ArgumentParser, *, bodies: int, interactions: int) -> None:
-    """Adds which bodies are drawn, and of which robots."""
+    """Adds the options of which bodies are drawn, and of which robots."""
     parser.add_argument("--problem", default="topological")
     parser.add_argument("--robot", default=DEFAULT, help="its body, by name or file (%(default)s)")
     parser.add_argument("--bodies", type=int, default=bodies)
@@ -318,7 +318,7 @@ def add_bodies(parser: argparse.ArgumentParser, *, bodies: int, interactions: in
 
 
 def bodies_by_command(options: argparse.Namespace) -> list[dict[str, Any]]:
-    """What a ``BodyRun`` of each body is made of."""
+    """Arguments of the ``BodyRun`` of each body."""
     names = ("problem", "robot", "interactions", "robots")
     known = {name: getattr(options, name) for name in names}
     return [{**known, "seed": seed} for seed in range(options.bodies)]

@@ -40,21 +40,21 @@ SEED: Final = 7
 FLOOR: Final = 600  # times the plain loop, for statics
 AIM: Final = 2000
 
-GENERATIONS: Final = 40  # the paper's, with
-FEW: Final = 50  # models: the share of children that win is that of a whole run
-POPULATION: Final = 300  # the paper's, for
-BRIEF: Final = 2  # generations: batches are as large as in a whole run
+GENERATIONS: Final = 40  # the paper's; with them
+FEW: Final = 50  # models, of whose children the same share wins as in a whole run
+POPULATION: Final = 300  # the paper's; with it
+BRIEF: Final = 2  # generations, whose batches are as large as in a whole run
 INTERACTIONS: Final = 9
 
-_COMPUTED: Final = 2000  # bodies
-_SIMULATED: Final = 100
+_COMPUTED: Final = 2000  # bodies for statics
+_SIMULATED: Final = 100  # bodies for engines that simulate
 _PLAIN: Final = 300  # simulations of the plain loop
 _REPEATS: Final = 5
 _JOBS: Final = 2
 
 
 def workload() -> tuple[Problem, Genome, list[Observation]]:
-    """The topological problem, and what one of its bodies reads."""
+    """The topological problem, its genome, and observations of one of its bodies."""
     problem, genome, capabilities = on_robot("topological")
     rng = np.random.default_rng(0)
     truth = genome.decode(rng.random(genome.size))
@@ -103,7 +103,7 @@ def statics_rate(pairs: list[Pair], *, coarse_step: bool = False) -> float:
 
 
 def best_rate(work: Callable[[], object], count: int) -> float:
-    """How many per CPU second: the best of a few times, which other work disturbs least."""
+    """Rate per CPU second: the best of a few times, which other work disturbs least."""
     best = math.inf
     for _ in range(_REPEATS):
         start = time.process_time()
@@ -244,7 +244,7 @@ def report_engines(kind: str, problem: str) -> None:
 
 
 def main() -> None:
-    """Prints all of it; some minutes."""
+    """Measures and prints everything, which takes some minutes."""
     report_search_in_pybullet()
     for kind, problem in KINDS:
         report_engines(kind, problem)

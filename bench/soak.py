@@ -17,7 +17,7 @@ from bench.daemons import Sample, simulator
 from bench.soak_crowd import Crowd, InvariantBroken
 from sim_robot.simulator.daemon import DEFAULT_SET, SETS
 
-DEATHS = 3  # of controllers
+DEATHS = 3  # controllers that are lost
 
 
 def growth(samples: Sequence[Sample], of: Callable[[Sample], float]) -> float:

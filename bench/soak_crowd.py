@@ -105,7 +105,7 @@ ALTERING = frozenset(
     )
     and not fault.startswith(("pwm.nak", "pwm.hang", "pwm.lost"))
 )
-"""What gives servos other pulses than they were commanded to."""
+"""Faults that give servos other pulses than they were commanded to have."""
 
 
 class InvariantBroken(Exception):  # noqa: N818 - a finding
@@ -117,8 +117,8 @@ class Crowd:
 
     Args:
         robot: The daemon.
-        seed: Decides what is tried.
-        electronics: Which boards it has.
+        seed: Seed that decides what is tried.
+        electronics: Name of the robot's set of electronics.
     """
 
     def __init__(self, robot: Simulator, seed: int, electronics: str):
@@ -139,10 +139,10 @@ class Crowd:
         """Does random things for a while, and checks each.
 
         Args:
-            hours: How long, in virtual time.
+            hours: Duration, virtual hours.
             every: Virtual hours from one sample to the next.
             deaths: How often a controller is lost, which takes 30 s of real time each.
-            tell: Called with a sentence about each sample.
+            tell: Called with each sample.
 
         Raises:
             InvariantBroken: A check failed.
@@ -156,7 +156,7 @@ class Crowd:
             for _ in range(VIEWERS):
                 stack.enter_context(TelemetrySubscriber(telemetry))
             self._enter()
-            stack.push(lambda *_: self._client.close())  # whichever it is by then
+            stack.push(lambda *_: self._client.close())  # whichever client it is by then
             due = 0.0
             death = hours / (deaths + 1)
             while (now := self._hours()) < hours:
@@ -275,7 +275,7 @@ class Crowd:
                 altered = False
                 break
             self._demand(not altered, "a board that was altered is not noticed")
-            # After its last answer of a motion that cannot be noticed before the next one.
+            # What is altered after a board's last answer in a motion shows in the next one only.
             pulses = self._faults.report()["pulses"]
             altered = fault in ALTERING and pulses != self._commanded(seen)
             self._take(seen, stiff=not altered)
@@ -292,7 +292,7 @@ class Crowd:
         self._perform()
 
     def _change(self) -> None:
-        """Another controller, under another name."""
+        """Another controller takes over, under another name."""
         self._client.close()
         self._enter()
 
@@ -339,7 +339,7 @@ class Crowd:
         self._client.acquire()
 
     def _once(self, targets: Mapping[str, float], number: int) -> ObservationReply:
-        """One motion, however often it must be asked for; none more."""
+        """Performs one motion, and not more, however often it must be asked for."""
         before = self._faults.report()["interactions"]
         while True:
             try:

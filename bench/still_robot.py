@@ -53,8 +53,8 @@ class StillWorld:
     """What the sensors are exposed to; a test may change it.
 
     Attributes:
-        volts: At each analogue input; an input that is not listed reads 0.
-        distance_mm: In front of the distance sensor, or ``None``.
+        volts: Voltage at each analogue input, V; an input that is not listed reads 0.
+        distance_mm: Distance of what is in front of the distance sensor, mm; ``None``: nothing is.
     """
 
     volts: list[float]
@@ -64,7 +64,7 @@ class StillWorld:
 
     @classmethod
     def around(cls, config: RobotConfig) -> StillWorld:
-        """What the sensors of a robot read that lies flat on its belly, its feet in the air."""
+        """World of a robot that lies flat on its belly, with its feet in the air."""
         assert config.axes is not None
         rest = [*config.axes.zero[:2], config.axes.zero[2] + 1.0]
         return cls(
@@ -73,7 +73,7 @@ class StillWorld:
         )
 
     def input(self, channel: int) -> float:
-        """Volts at an analogue input; a scan begins at the first."""
+        """Voltage at an analogue input, V; a scan begins at the first input."""
         if channel == 0:
             self._error = self._dither.next_scan()
         return self.volts[channel] + self._error if channel < len(self.volts) else 0.0
@@ -118,11 +118,11 @@ class Bystander:
 def example_config(port: str, *, boards: Sequence[int] = (1,)) -> RobotConfig:
     """The documented ``robot.toml``, on another serial port.
 
-    A robot that never moves is not looked at for long before it counts as at rest.
+    The time of watching before a robot counts as at rest is short, since this one never moves.
 
     Args:
         port: The port.
-        boards: The numbers of its servo boards; each has the joints of the first, under new names.
+        boards: Numbers of its servo boards; each has the joints of the first, under new names.
     """
     config = load_config(Path(str(resources.files("robot") / "robot.toml")))
     assert isinstance(config.servos, SV203Settings)
@@ -154,9 +154,9 @@ def on_electronics(
     """Opens the drivers and builds the control loop, which is not yet started.
 
     Args:
-        config: The robot.
-        electronics: What can fail, by its name on the fault panel.
-        buses: What leads to it.
+        config: Configuration of the robot.
+        electronics: Emulated electronics that can fail, by name on the fault panel.
+        buses: Buses that lead to the electronics.
         stand: Whether the servos are on, in the zero pose.
         housekeeping: As ``build_controller`` takes it.
         log: As ``build_controller`` takes it.
@@ -249,7 +249,7 @@ class StillOnServos(OnElectronics):
 
 
 def pi_config(servos: ServoSettings, scale: Callable[[DrivenJoint], JointScale]) -> RobotConfig:
-    """The documented robot, with the chips in the place of its boards."""
+    """The documented robot, with the chips of a Pi in the place of its boards."""
     config = example_config("")
     joints = tuple(
         replace(joint, output=output, scale=scale(joint))

@@ -1,9 +1,9 @@
 """``robotd`` in real time on still electronics: what the daemon itself costs.
 
 ``python -m bench.still_robotd --bind URI`` serves until SIGTERM and logs where. With ``--port`` the
-servo board is in another process, so that it outlives the daemon. With ``--times FILE`` it leaves
-behind when it wrote what to the line, for the jitter of the control loop: a pseudo-terminal passes
-bytes on when the kernel finds the time, so its far end cannot tell.
+servo board is in another process, so that it outlives the daemon. With ``--times FILE`` it writes
+to FILE what it sent over the line and when, for the jitter of the control loop: a pseudo-terminal
+passes bytes on when the kernel finds the time, so its far end cannot tell.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ from sim_robot.faults.control_socket import FaultSocket
 DEATHS: Final = MappingProxyType(
     {kind.__name__: kind for kind in (SystemExit, KeyboardInterrupt, GeneratorExit, MemoryError)}
 )
-"""What a driver may raise that no driver may, by name."""
+"""Exceptions that no driver should raise and a sick one does, by name."""
 
 
 def main() -> None:
@@ -104,7 +104,7 @@ def _robot(
 
 
 def watched(line: serial.Serial, times: list[tuple[float, str]]) -> serial.Serial:
-    """A line of which every write is recorded: its time, s, and its text."""
+    """Has every write to a line recorded: its time, s, and its text; returns the line."""
     write = line.write
 
     def recorded(data: bytes) -> int | None:
@@ -116,14 +116,14 @@ def watched(line: serial.Serial, times: list[tuple[float, str]]) -> serial.Seria
 
 
 def make_sick(devices: Devices, order: str, *, only_while: Path | None = None) -> None:
-    """Has a method of a driver hang or die, as those of others may.
+    """Has a method of a driver hang or raise, as drivers of other people may.
 
     Args:
         devices: The drivers, opened.
         order: ``DEVICE.METHOD=HOW``, such as ``servos.set_counts=hang`` or
-            ``distance.distance=SystemExit``; the touch sensor is the first.
-        only_while: It is sick while there is this file, and works before and after; ``None``: from
-            now on.
+            ``distance.distance=SystemExit``; ``touch`` is the first touch sensor.
+        only_while: File during whose existence the method is sick, while it works before and after;
+            ``None``: it is sick from now on.
     """
     place, _, how = order.partition("=")
     device, _, method = place.partition(".")

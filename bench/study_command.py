@@ -1,4 +1,4 @@
-"""The options that commands of studies share, and what they do with them."""
+"""The options that the commands of studies share, and how these do the runs."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from estimator.reproduction.harness import Run, complete
 
 
 def add_options(parser: argparse.ArgumentParser, out: Path) -> None:
-    """Adds where a study's runs are done and kept; ``out`` is the default."""
+    """Adds the options of where a study's runs are done and kept; ``out``: the default folder."""
     parser.add_argument("--jobs", type=int, default=CORES, help="runs at a time (%(default)s)")
     parser.add_argument("--dask", metavar="ADDRESS", help="of a scheduler, instead of --jobs")
     parser.add_argument("--out", type=Path, default=out, help="folder (%(default)s)")
@@ -33,10 +33,10 @@ def complete_by_command(
     """Does the runs that are not finished; exits where one of them fails, or with Ctrl-C.
 
     Args:
-        runs: Of the study.
-        root: Its directory.
-        options: As ``add_options`` defines them.
-        shared: As for ``complete``.
+        runs: Runs of the study.
+        root: Directory of the study.
+        options: Parsed options, as ``add_options`` defines them.
+        shared: Files that runs read, as for ``estimator.reproduction.harness.complete``.
     """
     with (
         errors_as_sentences(None),

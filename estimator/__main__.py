@@ -1,6 +1,6 @@
-"""The command ``estimator``, also ``python -m estimator``: what a person sees who stops it.
+"""The command ``estimator``, also ``python -m estimator``, and what it prints when interrupted.
 
-Loading the libraries takes a second, in which Ctrl-C is as likely as later.
+Loading the libraries takes a second, so Ctrl-C is handled while they are loaded, too.
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ import sys
 from protocol.system.missing_library import lacking
 from protocol.system.process import interrupts_deferred
 
-_INTERRUPTED = 130  # typer's, for an interrupt that meets none of our sentences
+_INTERRUPTED = 130  # typer's exit status after an interrupt for which we have printed nothing
 
 
 def main() -> None:
-    """Runs a subcommand; exits with 1 and a sentence when it is interrupted."""
+    """Runs a subcommand; prints a sentence and exits with 1 when it is interrupted."""
     try:
         with interrupts_deferred():
             cli = importlib.import_module("estimator.cli.command_line")

@@ -1,4 +1,4 @@
-"""Runs from a program, and what they know of the body."""
+"""Functions for programs: start and resume runs, and load what they know of the body."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def identify(
     """Identifies a robot: acts, senses and models, again and again.
 
     Args:
-        directory: The run directory, which is made; its files are those of ``estimator identify``.
+        directory: Run directory, which is made; its files are those of ``estimator identify``.
         config: What is asked of the run. A class or function of your own has the name that its
             registry gave it: ``RunConfig(..., physics=BACKENDS.add(MyPhysics))``.
         keys: Key directory, where the robot asks for keys.
@@ -60,23 +60,23 @@ def resume(
     jobs: int = 1,
     listener: Listener | None = None,
 ) -> Result:
-    """Sees an interrupted run through, as if it had not been interrupted.
+    """Continues an interrupted run to its end, as if it had not been interrupted.
 
-    Classes and functions of your own with which it was started must be added to their registries
-    before, as they were then.
+    Classes and functions of your own with which the run was started must be added to their
+    registries before, as they were then.
 
     Args:
         directory: The run directory.
         robot: Where the robot is now; default: where it was.
         keys: Key directory, where the robot asks for keys; a run does not remember it.
-        jobs: As for ``identify``; the result does not depend on it.
+        jobs: Processor cores, as for ``identify``; the result does not depend on them.
         listener: Hears what happens; default: nobody.
 
     Returns:
         What ``result.json`` holds.
 
     Raises:
-        BodyschemaError: Something prevents it; the message says what.
+        BodyschemaError: Something prevents the run; the message says what.
     """
     with on_this_computer(jobs) as executors:
         return resume_run(
@@ -90,15 +90,15 @@ def resume(
 
 
 def load(directory: Path | str) -> FittedPosterior:
-    """What a run knows of the robot's body, finished or not.
+    """Loads what a run, finished or not, knows of the robot's body.
 
-    A physics of your own with which it was started must be added to ``BACKENDS`` before.
+    A physics of your own with which the run was started must be added to ``BACKENDS`` before.
 
     Args:
         directory: The run directory.
 
     Returns:
-        The posterior; of a run of the method ``paper`` its population.
+        The posterior; for a run of the method ``paper``, its population.
 
     Raises:
         BodyschemaError: There is no run, it is damaged, or nothing was learnt yet.

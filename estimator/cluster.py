@@ -47,15 +47,15 @@ class Cluster(Executor):
     are functions of modules, without any effect but their results, which are picklable.
 
     Args:
-        address: The scheduler's, such as ``tcp://HOST:8786``.
+        address: Address of the scheduler, such as ``tcp://HOST:8786``.
         patience: How long the cluster may be without any worker, s. One that died needs some
             seconds to be replaced.
 
     Raises:
         ClusterError: Dask is not installed, no scheduler answers, there is no worker, or the
-            scheduler or a worker differs from this computer. Of a task: the scheduler is lost, or
-            there was no worker for too long.
-        WorkerError: Of a task: several workers died of it.
+            scheduler or a worker differs from this computer. Raised by a task: the scheduler is
+            lost, or there was no worker for too long.
+        WorkerError: Raised by a task: several workers died of it.
     """
 
     def __init__(self, address: str, *, patience: float = 60.0):
@@ -86,8 +86,8 @@ class Cluster(Executor):
         return len(self._ask(self._client.nthreads))
 
     def submit(self, fn: Callable[P, Result], /, *args: P.args, **kwargs: P.kwargs) -> Future[Any]:
-        """Has a function called by some worker."""
-        work = pickle.dumps(partial(fn, *args, **kwargs))  # for the scheduler not to look into
+        """Has some worker call a function; returns a future of its result."""
+        work = pickle.dumps(partial(fn, *args, **kwargs))  # so the scheduler sees bytes only
         future: Future[Any] = Future()
         inner = self._ask(lambda: self._executor.submit(_perform, self._identity, work))
         future.add_done_callback(lambda done: done.cancelled() and inner.cancel())
@@ -102,7 +102,7 @@ class Cluster(Executor):
         self._watch.join()
 
     def _settle(self, future: Future[Any], inner: Future[Any]) -> None:
-        """Hands on what has come of a task."""
+        """Passes a task's result or error, once ``inner`` has it, on to ``future``."""
         self._outstanding.discard(future)
         error = self._lost() if inner.cancelled() else inner.exception()
         if isinstance(error, self._dask.KilledWorker):
@@ -123,7 +123,7 @@ class Cluster(Executor):
             if self._client.status != "running":
                 self._give_up(self._lost())
                 continue
-            with suppress(ClusterError, TimeoutError):  # it is being lost, or busy
+            with suppress(ClusterError, TimeoutError):  # the scheduler is being lost, or busy
                 if not self._outstanding or self.workers:
                     peopled = time.monotonic()
                 elif time.monotonic() - peopled > self._patience:
@@ -136,7 +136,7 @@ class Cluster(Executor):
                 future.set_exception(error)
 
     def _ask(self, question: Callable[[], Any]) -> Any:
-        """Calls something of Dask's that needs the scheduler."""
+        """Calls a function of Dask that needs the scheduler; raises if the connection is lost."""
         try:
             return question()
         except TimeoutError:
@@ -148,7 +148,7 @@ class Cluster(Executor):
         return ClusterError(f"The connection to the Dask scheduler at {self._address} was lost.")
 
     def _look_for_scheduler(self) -> None:
-        """A client of Dask's own would take long, and be untidy, about finding none."""
+        """Checks that a Dask scheduler answers; Dask's client fails slowly and untidily."""
         try:
             server = asyncio.run(_who_answers(self._dask, self._address))
         except (ValueError, TypeError) as error:
@@ -183,7 +183,7 @@ class Cluster(Executor):
         """Compares the scheduler and all workers with this computer."""
         client, scheduler = self._client, f"The Dask scheduler at {self._address}"
         versions = self._ask(lambda: client.get_versions(packages=list(_COMPUTING)))
-        known = versions["client"]["packages"]  # first what those can tell who do not know our code
+        known = versions["client"]["packages"]  # first what those without our code can tell, too
         ours = {name: known[name] for name in _COMPARED if name in known}
         _compare(scheduler, versions["scheduler"]["packages"], ours)
         for address, its in versions["workers"].items():
@@ -208,7 +208,7 @@ def still_wanted() -> Callable[[], bool]:
 
 
 def _perform(ours: _Versions, work: bytes) -> Any:
-    """What a worker does: it may have joined after everybody was checked."""
+    """Checks a worker, which may have joined after all were checked, and does a task in it."""
     worker = _dask().get_worker()
     _check_threads(worker.address, worker.state.nthreads)
     _compare(f"Worker {worker.address}", _identity(), ours)
@@ -239,7 +239,7 @@ def _compare(who: str, theirs: _Versions, ours: _Versions) -> None:
 
 @functools.cache
 def _identity() -> _Versions:
-    """Everything that results could depend on."""
+    """Versions of everything that results could depend on."""
     versions = importlib.import_module("distributed.versions")
     packages = versions.get_versions(packages=_COMPUTING)["packages"]
     return (

@@ -12,7 +12,7 @@ The tree::
         ├── MorphologyError (ValueError)     a body that cannot exist
         ├── PhysicsError                     a simulation could not be run
         │   └── WorkerError                  worker processes died again and again
-        ├── ClusterError                     a Dask cluster is not there, not like us, or was lost
+        ├── ClusterError                     a Dask cluster is missing, differs from us, or was lost
         └── SearchError
             ├── SearchOrderError (RuntimeError)   ask and tell out of turn
             └── SearchStateError (ValueError)     a saved state that fits no search
@@ -28,7 +28,7 @@ class EstimatorError(BodyschemaError):
 
 
 class ProblemError(EstimatorError, ValueError):
-    """A problem file is wrong, or does not fit the robot: file, key and reason."""
+    """A problem file is wrong, or does not fit the robot; the message has file, key and reason."""
 
 
 class MorphologyError(EstimatorError, ValueError):
@@ -44,7 +44,7 @@ class WorkerError(PhysicsError):
 
 
 class ClusterError(EstimatorError):
-    """A Dask cluster is not there, is not like this computer, or was lost."""
+    """A Dask cluster is missing, differs from this computer, or was lost."""
 
 
 class SearchError(EstimatorError):
@@ -68,8 +68,8 @@ class InteractionError(EstimatorError):
 
 
 class ReadingsError(EstimatorError, ValueError):
-    """A hand-written table of readings is wrong: file, row, column and reason."""
+    """A hand-written table of readings is wrong; the message has file, row, column and reason."""
 
 
 class TruthError(EstimatorError, ValueError):
-    """A body that cannot serve as the truth: file, element and reason."""
+    """A body that cannot serve as the truth; the message has file, element and reason."""

@@ -1,6 +1,7 @@
-"""Executors of this computer, as the standard library defines them; a cluster's are beside this.
+"""Executors on this computer, as ``concurrent.futures`` defines them; ``cluster`` has Dask's.
 
-Tasks depend on nothing but their arguments, so it does not matter who does which, or how often.
+Tasks depend on nothing but their arguments, so it does not matter which process does a task, or how
+often.
 """
 
 from __future__ import annotations
@@ -33,11 +34,11 @@ _LIBC: Final = ctypes.CDLL(None)
 _PRELOADED: Final = "estimator.preloaded"
 _STARTING: Final = threading.Lock()
 _DEATHS: Final = 3
-"""Processes that may die of one task before it is given up."""
+"""Number of processes that may die of one task before it is given up."""
 
 
 class ThisProcess(Executor):
-    """Does each task at once, here, with copies of function and arguments as elsewhere."""
+    """Does each task at once in this process, on copies of its function and arguments."""
 
     def submit(self, fn: Callable[P, Result], /, *args: P.args, **kwargs: P.kwargs) -> Future[Any]:
         """Calls a function, and returns a future that is done."""
@@ -55,15 +56,15 @@ class WorkerProcesses(ThreadPoolExecutor):
 
     The fork server that starts them has loaded what they need. A thread waits for each of them, so
     one that dies affects no other: a new one does its task. They ignore Ctrl-C in a terminal, which
-    is for the process that started them, end with it, also when it is killed, and discard what
-    engines print. Where a ``with`` block ends by an error or an interrupt they are ended, whatever
-    they do. They import the calling program's main module.
+    is for the process that started them. They end with that process, also when it is killed, and
+    discard what engines print. Where a ``with`` block ends by an error or an interrupt they are
+    ended, whatever they do. They import the calling program's main module.
 
     Args:
         jobs: Maximum number of processes.
 
     Raises:
-        WorkerError: ``jobs`` is less than 1. Of a task: several processes died of it.
+        WorkerError: ``jobs`` is less than 1. Raised by a task: several processes died of it.
     """
 
     def __init__(self, jobs: int) -> None:
@@ -79,9 +80,10 @@ class WorkerProcesses(ThreadPoolExecutor):
     def submit(
         self, fn: Callable[P, Result], /, *args: P.args, **kwargs: P.kwargs
     ) -> Future[Result]:
-        """Has a function called in some process; picklable, like its arguments and its result.
+        """Has some process call a function; it, its arguments and its result must be picklable.
 
-        An interrupt comes after it: within, it may leave a lock taken that each thread waits for.
+        An interrupt is deferred until the task is submitted: within, it may leave a lock taken that
+        each thread waits for.
         """
         with interrupts_deferred():
             return super().submit(self._elsewhere, partial(fn, *args, **kwargs))
@@ -120,7 +122,7 @@ class WorkerProcesses(ThreadPoolExecutor):
         )
 
     def _pool(self) -> ProcessPoolExecutor:
-        """A pool of this thread's one process."""
+        """Pool of the one process that belongs to this thread."""
         known: ProcessPoolExecutor | None = getattr(self._of_thread, "pool", None)
         if known is not None:
             return known
@@ -136,10 +138,10 @@ class WorkerProcesses(ThreadPoolExecutor):
 class Threads(Closable):
     """Threads that share out rows of arrays, for compiled functions that release the interpreter.
 
-    A context manager, which ends them. New work starts new ones.
+    A context manager, which ends the threads. New work starts new ones.
 
     Args:
-        jobs: How many, at least 1.
+        jobs: Number of threads, at least 1.
     """
 
     def __init__(self, jobs: int) -> None:
@@ -153,8 +155,8 @@ class Threads(Closable):
 
         Args:
             function: Works on its rows as if there were no others.
-            count: Of rows.
-            fewest: Rows that are worth waking a thread for.
+            count: Number of rows.
+            fewest: Smallest number of rows that is worth waking a thread for.
 
         Returns:
             The results, in the order of the rows.
@@ -165,7 +167,7 @@ class Threads(Closable):
         if self._executor is None:
             self._executor = ThreadPoolExecutor(self._jobs, thread_name_prefix="rows")
         ends = [count * piece // pieces for piece in range(pieces + 1)]
-        with interrupts_deferred():  # as above
+        with interrupts_deferred():  # as in ``WorkerProcesses.submit``
             work = [self._executor.submit(function, start, end) for start, end in pairwise(ends)]
         return [piece.result() for piece in work]
 
@@ -180,28 +182,28 @@ def die_with(parent: int, signal_number: int) -> None:
     """Has the kernel send the calling process a signal when its parent dies; Linux only.
 
     Ends the process at once if the parent is dead already. For children that a process forks
-    itself: of worker processes the fork server is the parent.
+    itself: the parent of worker processes is the fork server.
 
     Args:
-        parent: Its parent's process id.
+        parent: Process id of the parent.
         signal_number: The signal.
     """
     _LIBC.prctl(_PR_SET_PDEATHSIG, signal_number)
-    if os.getppid() != parent:  # which has died already
+    if os.getppid() != parent:  # the parent has died already
         os._exit(1)
 
 
 def _start_fork_server() -> None:
-    """Starts the fork server, with Ctrl-C blocked, which the processes that it forks inherit.
+    """Starts the fork server with Ctrl-C blocked, as it is then in the processes that it forks.
 
-    It finds modules where this process does and nowhere else. Up to Python 3.13 it is told, and
-    forgets.
+    The server finds modules where this process does and nowhere else. Up to Python 3.13 it forgets
+    the path that it is told, so the path is in its environment, too.
     """
     paths = {"PYTHONPATH": os.pathsep.join(sys.path), "PYTHONSAFEPATH": "1"}
     with _STARTING:
         before = {name: os.environ.get(name) for name in paths}
         multiprocessing.set_forkserver_preload(["__main__", _PRELOADED])
-        resource_tracker.ensure_running()  # its own start would unblock it
+        resource_tracker.ensure_running()  # if it started later it would unblock Ctrl-C
         kept = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         os.environ.update(paths)
         try:
@@ -227,7 +229,7 @@ def _portably(work: Callable[[], Result]) -> Result:
 
 
 def _begin(lifeline: Connection) -> None:
-    """The first thing that a worker process does."""
+    """Prepares a worker process: discards standard output, and has it end with its parent."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)
     os.close(nowhere)

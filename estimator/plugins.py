@@ -26,7 +26,7 @@ from typing import Final, Generic, TypeVar, cast
 from estimator.errors import EstimatorError, RunDirectoryError
 
 _GROUPS: Final = "bodyschema."
-_ADDED: Final = "of the calling program"  # in the place of a package's version
+_ADDED: Final = "of the calling program"  # takes the place of a package's version
 T = TypeVar("T")
 
 
@@ -40,7 +40,7 @@ def installed_packages() -> dict[str, str]:
 
 
 def _entry_points(group: str) -> metadata.EntryPoints:
-    """Those of all packages that are installed now."""
+    """Entry points in a group, of all packages that are installed now."""
     changed = []
     for place in sys.path:
         with suppress(OSError):
@@ -55,12 +55,12 @@ def _entry_points_of(changed: tuple[tuple[str, int], ...], group: str) -> metada
 
 @dataclass(frozen=True, kw_only=True)
 class Registry(Generic[T]):
-    """The implementations of one seam.
+    """The implementations of one interface, by name.
 
     Attributes:
-        kind: What they are, as a person says it, such as ``physics``.
-        group: The entry-point group of those from elsewhere.
-        own: Our own: ``module:attribute`` by name, the default first.
+        kind: What the implementations are, as messages call it, such as ``physics``.
+        group: Entry-point group of other packages' implementations.
+        own: Our own implementations: ``module:attribute`` by name, the default first.
     """
 
     kind: str
@@ -74,16 +74,17 @@ class Registry(Generic[T]):
         return (*here, *sorted(_entry_points(self.group).names - here.keys()))
 
     def add(self, implementation: T) -> str:
-        """Takes in an implementation of the calling program's own, as long as this process runs.
+        """Adds an implementation of the calling program's own, as long as this process runs.
 
-        It replaces one of the same place, as a notebook's cell leaves behind when it is run again.
+        It replaces one that was defined in the same place, as by a notebook's cell that is run
+        again.
 
         Args:
             implementation: What an entry point of the group would refer to. Where worker processes
                 use it, at the top level of a module that they can import.
 
         Returns:
-            Its name, by which a run records it: where it is defined, or ours if it is one of ours.
+            Name by which a run records it: where it is defined, or our name if it is one of ours.
 
         Raises:
             EstimatorError: It is not defined at the top level of a module.
@@ -102,7 +103,7 @@ class Registry(Generic[T]):
         return name
 
     def check(self, name: str) -> None:
-        """Refuses a name that nothing has; imports nothing.
+        """Refuses a name that no implementation has; imports nothing.
 
         Raises:
             EstimatorError: No implementation has this name, or more than one.
@@ -128,7 +129,7 @@ class Registry(Generic[T]):
             ) from error
 
     def package(self, name: str) -> dict[str, str]:
-        """Version by name of the package that an implementation comes from; empty if it is ours.
+        """Version, by name, of the package that has an implementation; empty if it is ours.
 
         Raises:
             EstimatorError: No implementation has this name, or more than one.

@@ -1,7 +1,7 @@
-"""What worker processes need, loaded: the fork server imports this once, and then forks them.
+"""Loads what worker processes need: the fork server imports this once, and then forks them.
 
-To import the search and to load the statics kernel's machine code takes a second or two, which each
-of them would take.
+To import the search and to load the statics kernel's machine code takes a second or two, which
+every worker process would take by itself.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ class Stream(IntEnum):
 
 
 def generator(seed: int, stream: Stream, number: int = 0) -> np.random.Generator:
-    """The generator of a stream; ``number`` counts what is drawn apart, such as interactions."""
+    """Generator of a stream; ``number`` tells what is drawn separately, such as interactions."""
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(stream, number)))
 
 

@@ -1,4 +1,4 @@
-"""The versions of everything that computes: the same numbers again need the same versions."""
+"""The versions of everything that computes: a result is reproduced only with the same versions."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _SOURCES: Final = (".py", ".toml", ".urdf")
 
 @cache
 def versions() -> dict[str, str]:
-    """Versions of everything that computes."""
+    """Version, by name, of everything that computes."""
     installed = {"python": platform.python_version()}
     for name in ("bodyschema", "numpy", "numba", "pybullet", "mujoco"):
         try:

@@ -8,7 +8,7 @@ listening to a robot    ``TelemetrySubscriber``
 serving a robot         ``Server`` around anything that is a ``rules.robot_interface.Robot``
 keys and roles          ``security.keys``: ``KeyDirectory``; ``rules.control``: who may do what
 nobody answers: why?    ``transport.connection_probe``: ``probe``
-trying any robot        ``python -m protocol.conformance URI``: which clauses of the page hold
+trying any robot        ``python -m protocol.conformance URI``: which clauses of SPEC.md hold
 what can go wrong       ``errors``: ``RobotError``, ``RobotUnreachableError``,
                         ``RobotRestartedError``, ``KeysError``, and the table ``ERROR_CODES``
 messages                ``wire.messages``, ``wire.capabilities``
@@ -17,8 +17,8 @@ states of a robot       ``rules.transitions``: ``TRANSITIONS``
 what a reading means    ``wire.readings``: tilt, clearance, touch
 ======================= =========================================================================
 
-A room imports only from those below it: ``conformance``, ``transport``, ``sockets``, ``security``,
-``rules``, ``wire``, ``system`` (with ``text``).
+A subpackage imports only from those named after it: ``conformance``, ``transport``, ``sockets``,
+``security``, ``rules``, ``wire``, ``system`` (with ``text``).
 """
 
 from protocol.errors import (

@@ -18,7 +18,7 @@ from protocol.transport.telemetry import TelemetrySubscriber
 from protocol.wire.messages import State, Telemetry
 
 COMMANDS = ("status", "stop", "clear", "watch", "hold", "relax")
-TIMEOUT = 5.0  # s for an answer
+TIMEOUT = 5.0  # s to wait for an answer
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -56,7 +56,7 @@ def _show(state: str, reason: str | None, uri: str, keys: str | None) -> None:
 
 
 def _watch(uri: str, keys: str | None) -> int:
-    """Prints a line whenever something else is published, until Ctrl-C."""
+    """Prints state and pose whenever they change, until Ctrl-C."""
     with RobotClient(uri, timeout=TIMEOUT, keys=keys) as robot:
         place = robot.telemetry_endpoint
     shown: tuple[object, ...] = ()

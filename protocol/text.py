@@ -1,4 +1,4 @@
-"""Text from elsewhere: shown escaped and no longer than anybody reads; TOML, parsed safely.
+"""Text from elsewhere: escaped and shortened to be shown; TOML, parsed safely.
 
 ``tomllib`` alone ends in a ``RecursionError`` for a thousand brackets, in gigabytes for a long
 dotted key, and in integers that neither fit a float nor can be printed. ``parse_toml`` raises
@@ -11,11 +11,11 @@ import tomllib
 from typing import Any, Final
 
 LONGEST: Final = 500
-"""Characters that ``brief`` leaves of a text."""
+"""Most characters that ``brief`` returns by default."""
 
 
 def printable(text: str, *, keep: str = "") -> str:
-    """The text with every character that is not printable shown as an escape.
+    """Returns the text with every character that is not printable shown as an escape.
 
     A name with an escape sequence in it can then neither recolour a terminal nor forge a line.
 
@@ -32,7 +32,7 @@ def printable(text: str, *, keep: str = "") -> str:
 
 
 def brief(text: str, longest: int = LONGEST) -> str:
-    """The text, or its beginning and how long it was."""
+    """Returns the text; one longer than ``longest`` is cut, and its length is stated at the end."""
     if len(text) <= longest:
         return text
     ending = f"… ({len(text):,} characters)"
@@ -43,27 +43,27 @@ def error_text(error: BaseException) -> str:
     """Kind and text of an exception that foreign code raised, whatever its ``__str__`` does."""
     try:
         text = brief(str(error))
-    except BaseException as unspeakable:  # of theirs, too
+    except BaseException as unspeakable:  # the text of a foreign exception may raise anything
         text = f"its text cannot be had: {type(unspeakable).__name__}"
     return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 
 TomlError = tomllib.TOMLDecodeError
-"""What is wrong and, as far as it is known, where."""
+"""Error for text that is no valid TOML; says what is wrong and, where known, at which place."""
 
 DEEPEST: Final = 32
 LONGEST_LINE: Final = 10_000
-"""Characters: tomllib takes time and memory with the square of a dotted key's length."""
+"""Most characters of a line: tomllib's time and memory grow as the square of a dotted key."""
 
-_LARGEST: Final = 2**63 - 1  # TOML's own integers
+_LARGEST: Final = 2**63 - 1  # the largest integer of TOML itself
 
 
 def parse_toml(text: str) -> dict[str, Any]:
     """Parses TOML.
 
     Raises:
-        TomlError: The text is no TOML, has a line beyond all measure, nests tables or arrays too
-            deeply, or holds an integer of more than 64 bits.
+        TomlError: The text is no TOML, has a line longer than ``LONGEST_LINE``, nests tables or
+            arrays deeper than ``DEEPEST``, or holds an integer of more than 64 bits.
     """
     if max(map(len, text.splitlines()), default=0) > LONGEST_LINE:
         raise TomlError(f"a line has more than {LONGEST_LINE} characters")
@@ -73,7 +73,7 @@ def parse_toml(text: str) -> dict[str, Any]:
         raise TomlError(_TOO_DEEP) from None
     except TomlError:
         raise
-    except ValueError as error:  # an integer of thousands of digits, a date that is none
+    except ValueError as error:  # an integer of thousands of digits, an impossible date
         raise TomlError(str(error)) from error
     _check(table)
     return table

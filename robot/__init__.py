@@ -1,7 +1,7 @@
 """The daemon of the robot, ``robotd``: a package of bodyschema.
 
 ======================= =========================================================================
-Room                    What is in it
+Name                    What is in it
 ======================= =========================================================================
 ``cli``                 the command line, a module per subcommand
 ``service``             puts a robot together from its configuration, and serves it
@@ -17,5 +17,5 @@ Room                    What is in it
 ``errors``              what can go wrong
 ======================= =========================================================================
 
-A room imports only from those below it, and from ``protocol``; nothing here imports numpy.
+Each imports only from those below it, and from ``protocol``; nothing here imports numpy.
 """

@@ -50,9 +50,9 @@ class DeviceError(BodyschemaError):
     """A device failed.
 
     Attributes:
-        message: What happened, one sentence; ``brief``, for libraries and drivers of others have
-            their words in it.
-        advice: What to check, one sentence; ``brief``, too.
+        message: What happened, one sentence; cut by ``brief``, for it may quote foreign
+            libraries and drivers.
+        advice: What to check, one sentence; cut by ``brief``, too.
     """
 
     def __init__(self, message: str, advice: str):
@@ -78,7 +78,7 @@ class DriverError(DeviceError):
 
     @classmethod
     def of(cls, device: str, doing: str, cause: BaseException) -> DriverError:
-        """The error of a device, of the driver's method and of what that raised."""
+        """Returns the error for a device, the driver's method that failed, and what that raised."""
         return cls(
             f"The driver of the {device} failed in {doing}: {error_text(cause)}.",
             "This is a mistake in the driver: tell whoever wrote it.",

@@ -35,7 +35,7 @@ _UNITS: Final = MappingProxyType(
         "volts_per_newton": "volts",
     }
 )
-"""What the end of a key says about its unit."""
+"""Unit of a value, by the end of its key."""
 
 
 def read_toml(path: Path) -> Section:
@@ -54,7 +54,7 @@ def read_toml(path: Path) -> Section:
 
 
 def toml_section(text: str, file: str) -> Section:
-    """The text of a TOML file; ``file`` names it in sentences.
+    """Returns the section of a whole TOML file; ``file`` names the file in messages.
 
     Raises:
         ConfigError: It is no TOML.
@@ -163,7 +163,7 @@ class Section:
         )
 
     def one_of(self, key: str, choices: Sequence[int], default: int, *, written: str = "{}") -> int:
-        """One of some integers; ``written`` is the format in which the sentence shows them."""
+        """One of some integers; ``written`` is the format in which the message shows them."""
         value = self._take(key, default)
         if isinstance(value, bool) or not isinstance(value, int) or value not in choices:
             known = ", ".join(written.format(choice) for choice in choices)
@@ -182,7 +182,7 @@ class Section:
         return 0.0 if zero else self._number(key, value, least, most, also="0, or ")
 
     def magnitude(self, key: str, least: float, most: float) -> float:
-        """A number of either sign, from ``least`` to ``most`` without it."""
+        """A number of either sign; its absolute value lies in ``least`` to ``most``."""
         return self._magnitude(key, self._take(key), least, most)
 
     def magnitudes(self, key: str, count: int, least: float, most: float) -> tuple[float, ...]:
@@ -246,7 +246,7 @@ class Section:
 
 
 def numbered(key: str, number: int, name: object) -> str:
-    """The name of one of several tables in sentences: ``joint 2 (hip_front)``, counted from 1."""
+    """Name of one of several tables, for messages: ``joint 2 (hip_front)``, counted from 1."""
     return f"{key} {number} ({name:.64})" if name and isinstance(name, str) else f"{key} {number}"
 
 

@@ -12,8 +12,8 @@ from typing import Final
 
 from robot.toml_sections import Section
 
-_LEAST: Final = 1e-3  # degrees, mm: below what anybody measures such things by
-_MOST: Final = 20.0  # degrees, mm: rather no calibration
+_LEAST: Final = 1e-3  # degrees, mm: less than anybody can measure
+_MOST: Final = 20.0  # degrees, mm: more is no calibration
 _GAINS: Final = (1e-4, 0.5)
 
 
@@ -22,8 +22,8 @@ class Uncertainty:
     """Standard deviations of a calibration.
 
     Attributes:
-        zero: Of the zero, rad or m; ``None``: nobody states it.
-        gain: Of the gain, as a fraction of it; ``None``: nobody states it.
+        zero: Standard deviation of the zero, rad or m; ``None``: nobody states it.
+        gain: Standard deviation of the gain, as a fraction of it; ``None``: nobody states it.
     """
 
     zero: float | None = None
@@ -31,7 +31,7 @@ class Uncertainty:
 
     @classmethod
     def read(cls, section: Section, zero: str, gain: str) -> Uncertainty:
-        """Reads two keys, each of which may be absent; that of the zero ends in _deg or _mm.
+        """Reads two keys, each of which may be absent; the key ``zero`` ends in _deg or _mm.
 
         Raises:
             ConfigError: Names file, key and reason.
@@ -40,7 +40,7 @@ class Uncertainty:
         return cls(zero=stated, gain=section.number(gain, *_GAINS) if section.has(gain) else None)
 
     def written(self, zero: str, gain: str) -> Iterator[tuple[str, float]]:
-        """What ``read`` reads, key by key; what is beyond it is written as the nearest it takes."""
+        """Yields the keys and values that ``read`` reads; values out of its range are clamped."""
         for key, value, least, most in (
             (zero, self.zero and self.zero / _unit(zero), _LEAST, _MOST),
             (gain, self.gain, *_GAINS),
@@ -50,5 +50,5 @@ class Uncertainty:
 
 
 def _unit(key: str) -> float:
-    """What one of a key's unit is in rad or m."""
+    """Factor from the unit of a key to rad or m."""
     return math.radians(1.0) if key.endswith("_deg") else 1e-3

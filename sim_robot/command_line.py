@@ -87,7 +87,7 @@ def run(options: argparse.Namespace) -> None:
 
 
 def check(file: Path) -> int:
-    """Prints all that is wrong with a description, and what is taken otherwise than it stands."""
+    """Prints all that is wrong with a description, or taken otherwise; returns the exit code."""
     body, faults = examine(file)
     if body is None:
         for fault in faults:
@@ -137,7 +137,7 @@ def _emulation(
 
 
 def _own(file: Path, log: logging.Logger) -> RobotConfig:
-    """Somebody's own configuration, with its calibration as far as there is one."""
+    """Reads somebody's own configuration, with its calibration if there is one."""
     config, calibration = read_config(file)
     if calibration is not None and not may_exist(calibration):
         log.warning(

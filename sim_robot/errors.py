@@ -31,4 +31,4 @@ class EngineError(BodyschemaError):
 
 
 class FaultError(BodyschemaError, ValueError):
-    """A fault that cannot be ordered as it was; the message says what to write instead."""
+    """A fault that cannot be injected as it was written; the message says what to write instead."""

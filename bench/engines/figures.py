@@ -1,8 +1,8 @@
 """How far statics and the engines agree: differences, shares, and why they differ.
 
-For the cause, statics is asked again with finer steps: where it then lies as the reference says,
-the cause is its own. Each other body is simulated again in worlds that differ in one thing or two.
-The first in which it comes to lie as statics says names the cause.
+For the cause, statics is computed again with finer steps: where the body then lies as the reference
+says, the cause is statics itself. Each other body is simulated again in worlds that differ in one
+thing or two. The first in which it comes to lie as statics says names the cause.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ from estimator.readings.observation import PredictedReadings
 from protocol.system.files import replace_text
 
 CLOSE: Final = 0.5
-"""Poses whose tilts differ by less are the same, degrees."""
+"""Largest difference of the tilts of poses that count as the same, degrees."""
 COVERED: Final = 0.85
-"""Share of the poses, those with the largest margins, that must be sure."""
+"""Share of the poses, those with the largest margins, that count as sure."""
 STILL: Final = 1e-3
-"""A main body that is slower is at rest, m/s."""
+"""Speed below which a main body counts as at rest, m/s."""
 
 
 OWN: Final = f"statics itself: joint steps of {np.degrees(PACE):g}°"
@@ -44,10 +44,10 @@ class Compared:
     """All readings of the bodies of one problem.
 
     Attributes:
-        problem: Its name.
-        statics: Computed.
+        problem: Name of the problem.
+        statics: Readings by statics.
         margins: Path margins, rad, shape (n,).
-        simulated: PredictedReadings of each run.
+        simulated: Readings by each run.
     """
 
     problem: str
@@ -56,11 +56,11 @@ class Compared:
     simulated: Simulated
 
     def counted(self, run: str) -> Flags:
-        """Where statics and a run both say something, shape (n,)."""
+        """Where both statics and a run have a reading that counts, shape (n,)."""
         return self.statics.valid & ~self.statics.undecided & self.simulated[run].valid
 
     def differences(self, run: str) -> Array:
-        """Of tilt between statics and a run, degrees, shape (n,)."""
+        """Difference of tilt between statics and a run, degrees, shape (n,)."""
         return differences(self.statics, self.simulated[run])
 
     def least_margin(self) -> float:
@@ -92,7 +92,7 @@ def differences(one: PredictedReadings, other: PredictedReadings) -> Array:
 
 
 def share(close: Flags) -> dict[str, float]:
-    """Share that is true, with the ends of its 95 % interval (Wilson's)."""
+    """Share of flags that are true, with the ends of its 95 % interval (Wilson's)."""
     count = len(close)
     if not count:
         return {"n": 0, "share": math.nan, "low": math.nan, "high": math.nan}
@@ -104,8 +104,8 @@ def share(close: Flags) -> dict[str, float]:
 def risk_coverage(compared: Compared, run: str) -> tuple[Array, Array]:
     """Share of poses kept, surest first, and the share of those that disagree by over 0.5°.
 
-    Of poses with equal margins, such as the largest there is, none comes first: each counts as
-    the mean of them.
+    Poses with equal margins, such as the largest there is, have no order: each counts as the mean
+    of them.
     """
     counted = compared.counted(run)
     apart = (compared.differences(run)[counted] > CLOSE).astype(float)
@@ -185,7 +185,7 @@ def cause(
 
     Args:
         pair: Body and motor program.
-        computed: Its reading by statics, one row.
+        computed: Reading of the body by statics, one row.
         trials: Worlds by the cause that they are to show.
     """
     for name, settings in trials.items():
@@ -203,9 +203,9 @@ def list_causes(
 
     Args:
         compared: The readings.
-        seed: Of the comparison.
-        memory: A file that remembers causes by body and pose, so that work goes on where it was.
-        done: Called after each.
+        seed: Seed of the comparison.
+        memory: File that remembers causes by body and pose, so that work goes on where it was.
+        done: Called after each disagreement.
     """
     known: dict[str, str] = json.loads(memory.read_text("utf-8")) if memory.exists() else {}
     suspects = set(compared.suspects())

@@ -1,4 +1,4 @@
-"""The tables and pictures of the comparison, for people and for docs/physics.md."""
+"""The tables and plots of the comparison, for people and for docs/physics.md."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ _SELF: Final = (("coarse", "fine"), ("inert", "fine"), ("mujoco", "fine"))
 def tables(
     figures: Sequence[dict[str, Any]], causes: Sequence[dict[str, Any]], command: str
 ) -> str:
-    """All tables.
+    """All tables, in Markdown.
 
     Args:
         figures: Figures of each problem.
         causes: Disagreements of all problems.
-        command: What was run.
+        command: Command that was run.
     """
     sizes = ", ".join(f"{item['bodies']} ({item['problem']})" for item in figures)
     lines = [f"`{command}`; random bodies, each with a random motor program: {sizes}.", ""]
@@ -142,7 +142,7 @@ def _causes(figures: Sequence[dict[str, Any]], causes: Sequence[dict[str, Any]])
 
 
 def write_csv(path: Path, figures: Sequence[dict[str, Any]]) -> None:
-    """One row per problem and pair: share within 0.5° and its interval."""
+    """Writes a row per problem and pair: share within 0.5° and its interval."""
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(["problem", "pair", "n", "share", "low", "high", "median_deg", "touch"])
@@ -186,7 +186,7 @@ def _rule(columns: int) -> str:
 
 
 def plot_differences(path: Path, everything: Sequence[Compared]) -> None:
-    """Share of poses that differ by more than so much: statics, and the engines themselves."""
+    """Plots the share of poses that differ by more: statics to engines, and engines to engines."""
     figure, panels = _panels(len(everything))
     for axes, compared in zip(panels, everything, strict=True):
         for colour, run in zip(COLOURS, _CURVES, strict=False):
@@ -205,7 +205,7 @@ def plot_differences(path: Path, everything: Sequence[Compared]) -> None:
 
 
 def plot_risk(path: Path, everything: Sequence[Compared]) -> None:
-    """Risk–coverage: share of poses over 0.5° apart among those with the largest margins."""
+    """Plots risk over coverage: share of poses over 0.5° apart among those of largest margin."""
     figure, panels = _panels(len(everything))
     for axes, compared in zip(panels, everything, strict=True):
         for colour, run in zip(COLOURS, _CURVES, strict=False):

@@ -1,7 +1,7 @@
 """Which engines simulate which bodies, in which worlds.
 
 Two runs that differ in one thing, which should not matter to a resting pose, show how far an
-engine agrees with itself. That is the most which agreement with it can mean. Bodies and motor
+engine agrees with itself. Nothing can be expected to agree with it better. Bodies and motor
 programs are random, each from a seed of its own. Each piece of work is a run of a study.
 """
 
@@ -47,8 +47,8 @@ class Run:
     Attributes:
         engine: ``pybullet`` or ``mujoco``.
         settings: The world.
-        nudged: The targets are 0.1° off.
-        label: For people.
+        nudged: Whether the targets are 0.1° off.
+        label: Name for people.
     """
 
     engine: str
@@ -91,10 +91,10 @@ RUNS: Final = {
     ),
     "mujoco": Run(engine="mujoco", settings=_FINE, label="MuJoCo, 1/240 s"),
 }
-"""By name. ``fine`` is the reference, ``coarse`` what models are simulated with."""
+"""Runs by name. ``fine`` is the reference; models are simulated as in ``coarse``."""
 
 RIVALS: Final = ("fine", "inert", "coarse", "mujoco")
-"""What statics is compared with."""
+"""Runs that statics is compared with."""
 
 CEILINGS: Final = (
     ("step", "coarse", "fine", "PyBullet: 1/60 s or 1/240 s"),
@@ -116,7 +116,7 @@ TRIALS: Final = {
     ),
     "sliding: friction 5": replace(_FINE, friction=5.0),
 }
-"""Causes of a disagreement: PyBullet comes to lie as statics says as soon as its world is so."""
+"""Worlds by cause of a disagreement: the first in which a body lies as statics says names it."""
 
 KNOWN: Final = {
     "the step: PyBullet at 1/60 s lies as statics says": "coarse",
@@ -131,22 +131,23 @@ NUDGE: Final = np.radians(0.1)
 
 
 PIECE: Final = 20
-"""Bodies simulated at a time, in all runs: some seconds of work."""
+"""Number of bodies simulated at a time, in all runs: some seconds of work."""
 
 Simulated: TypeAlias = dict[str, PredictedReadings]
 """Readings of the same bodies in each run."""
 
 
 def draw(name: str, seed: int, number: int) -> tuple[Morphology, Pair, Pair]:
-    """Body ``number`` of a problem: genes and motor program uniform where they are allowed.
+    """Draws a body of a problem: genes and motor program uniform where they are allowed.
 
     Args:
-        name: Of the problem.
-        seed: Of the comparison.
-        number: Which body; it does not depend on how many others are drawn.
+        name: Name of the problem.
+        seed: Seed of the comparison.
+        number: Number of the body; it does not depend on how many others are drawn.
 
     Returns:
-        The body; it with its motor program; and it with each target 0.1° off, to either side.
+        The body; the body with its motor program; and the body with each target 0.1° off, to either
+        side.
     """
     problem, genome, capabilities = on_robot(name)
     rng = np.random.default_rng([seed, zlib.crc32(name.encode()), number])
@@ -169,11 +170,11 @@ class Piece(BriefRun):
 
     @property
     def name(self) -> str:
-        """Its own, and another one in other worlds."""
+        """Name, unique in the study; another one if worlds or engines are others."""
         return f"{_worlds()}-seed-{self.seed}/{self.problem}/{self.start:06d}-{self.size}"
 
     def make(self, place: Path) -> None:
-        """Leaves the readings of its bodies in all runs."""
+        """Writes the readings of its bodies in all runs."""
         drawn = [draw(self.problem, self.seed, self.start + row) for row in range(self.size)]
         simulated = simulate_here(
             [pair for _, pair, _ in drawn], [nudged for _, _, nudged in drawn]
@@ -187,7 +188,7 @@ class Piece(BriefRun):
 
 
 def pieces(problem: str, seed: int, bodies: int) -> list[Piece]:
-    """The pieces that so many bodies are made of; the last may hold more than is asked for."""
+    """Pieces that hold so many bodies; the last may hold more than is asked for."""
     size = min(PIECE, bodies)
     return [
         Piece(problem=problem, seed=seed, start=start, size=size)
@@ -221,7 +222,7 @@ def _unpacked(arrays: Mapping[str, Any], run: str) -> PredictedReadings:
 
 @cache
 def _worlds() -> str:
-    """Names the runs and the engines' versions: what was simulated otherwise is not mixed in.
+    """Digest of the runs and engines' versions, so that what was simulated otherwise stays apart.
 
     Whoever changes a back-end itself has to delete the folder.
     """

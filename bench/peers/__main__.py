@@ -22,7 +22,7 @@ from bench.power.trial import Trial, as_stated
 
 
 def main() -> None:
-    """Prints the table, and leaves ``peers.csv`` and ``peers.md``."""
+    """Prints the table, and writes ``peers.csv`` and ``peers.md``."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--problem", default="topological")
     parser.add_argument(

@@ -1,7 +1,7 @@
 """Our search beside those of others, on readings that are recorded first.
 
 The others look for attachments and lengths of a robot that is just as stated. Ours also weighs what
-may deviate from that, and once more does as they do.
+may deviate from that, and is run once more on a robot that is just as stated.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ WHOLE: Final = "ours, whole run"
 REFIT: Final = "ours, all at once"
 AS_STATED: Final = "ours, all at once, of a robot as stated"
 UNIT: Final = "CatCMA with margin"
-"""By whose CPU time the others' is divided."""
+"""Name of the peer by whose CPU time that of the others is divided."""
 
-_STATED: Final = 8  # samples of ours as stated, that are polished
+_STATED: Final = 8  # samples of our search, as stated, that are polished
 _IMPOSSIBLE: Final = -1e6  # log-likelihood of bodies that the problem does not allow
 
 
@@ -46,7 +46,7 @@ class Answer:
     """What a peer found.
 
     Attributes:
-        point: Its best, shape (size,).
+        point: Best point, shape (size,).
         stated: Probability that it states of the attachments of ``point``, if it states any.
         finished: Whether its own rule ended it, and not the CPU time.
     """
@@ -59,16 +59,16 @@ class Answer:
 class Target:
     """The log-likelihood of points of the unit cube, noise factors integrated out.
 
-    Everybody falls as statics has it, with coarse steps: as cheap as our own search has it.
+    All bodies fall as statics says, with coarse steps, which is as cheap as in our own search.
 
     Args:
         predictor: Computes readings.
-        likelihood: Of the observations.
+        likelihood: Likelihood of the observations.
         seconds: CPU time after which it raises ``TimeIsUpError``.
 
     Attributes:
         best: Best point so far, shape (size,).
-        fit: Its log-likelihood.
+        fit: Log-likelihood of the best point.
     """
 
     def __init__(self, predictor: Predictor, likelihood: Likelihood, seconds: float):
@@ -79,7 +79,7 @@ class Target:
         self.best, self.fit = np.full(self.unknowns.size, 0.5), -np.inf
 
     def __call__(self, points: Array) -> Array:
-        """Of n points, shape (n, size)."""
+        """Log-likelihoods of n points, shape (n, size)."""
         if time.process_time() > self._ends:
             raise TimeIsUpError
         values = np.clip(points, 0.0, 1.0)
@@ -97,26 +97,26 @@ class Target:
 
 
 Peer = Callable[[Target, int], Answer]
-"""Given a target and a seed."""
+"""Searches a target, given a seed."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """One answer.
+    """The answer of one search, a row of the table.
 
     Attributes:
-        seed: Of robot and run.
-        who: Whose.
-        right: Configurations that are right, up to what no sensor can tell.
-        of: How many there are.
-        worst_mm: Largest error of a leg.
-        nats: Log-likelihood of the best point, of ours of any set of attachments that it holds
-            possible and of the first one's samples as stated, its lengths polished for a robot as
-            stated, less that of ours, all at once.
+        seed: Seed of the robot and of the run.
+        who: Name of the search.
+        right: Number of configurations that are right, up to what no sensor can tell.
+        of: Number of configurations.
+        worst_mm: Largest error of a leg's length, mm.
+        nats: Log-likelihood of the best point, its lengths polished for a robot as stated, less
+            that of our search, all at once. Of our search it is the best among the points of all
+            its modes and its best samples as stated.
         stated: Probability stated of the attachments, if any.
         finished: Whether its own rule ended it, and not the CPU time.
-        million: Simulations, millions.
-        cpu_seconds: CPU time.
+        million: Number of simulations, millions.
+        cpu_seconds: CPU time, s.
     """
 
     seed: int
@@ -134,14 +134,14 @@ class Row:
 def rows_of(
     trial: Trial, seed: int, out: Path, peers: Mapping[str, Peer], limit: float
 ) -> list[Row]:
-    """What each makes of one robot's readings.
+    """Answers of our search and of peers on one robot's readings.
 
     Args:
-        trial: What is run and recorded; once more only if it is not there yet.
-        seed: Of robot, run and searches.
+        trial: Trial that is run and recorded, unless its record is there already.
+        seed: Seed of the robot, the run and the searches.
         out: Folder of the recorded runs.
-        peers: Those that are asked, by name.
-        limit: CPU time of each of them, s.
+        peers: Peers that are asked, by name.
+        limit: CPU time of each peer, s.
     """
     run = TrialRun(group="peers", trial=trial, seed=seed)
     place = run.file(out).parent
@@ -213,7 +213,7 @@ def _rows(
 
 
 def table(rows: Sequence[Row]) -> str:
-    """By peer, as Markdown: right in how many, and CPU time beside the unit's."""
+    """Table by search, in Markdown: attachments right, and CPU time beside that of ``UNIT``."""
     units = {row.seed: row.cpu_seconds for row in rows if row.who == UNIT}
     lines = []
     for who in dict.fromkeys(row.who for row in rows):

@@ -25,19 +25,19 @@ from estimator.posterior.model.unknowns import Attachments
 FOUND_AGAIN: Final = 3
 LANES: Final = 16
 _STAGNATION: Final = 60  # generations without a nat more, after which an instance is restarted
-_NATS: Final = 1.0  # that restarts which have found the same may differ by
+_NATS: Final = 1.0  # by which restarts that have found the same may differ
 _WALKERS: Final = 320
 _LIVE: Final = 2000  # points, of nested sampling
 
 
 class Optimiser(Protocol):
-    """One instance that is asked and told, in points of the cube."""
+    """One instance of an optimiser, with ask and tell, in points of the cube."""
 
     def ask(self) -> Array:
         """The next points, shape (n, size)."""
 
     def tell(self, fits: Array) -> None:
-        """Log-likelihoods of these."""
+        """Takes the log-likelihoods of the points that were asked for."""
 
 
 class CatCma:
@@ -63,7 +63,7 @@ class CatCma:
         return points
 
     def tell(self, fits: Array) -> None:
-        """Log-likelihoods of these."""
+        """Takes the log-likelihoods of the points that were asked for."""
         self._search.tell(list(zip(self._asked, (-fits).tolist(), strict=True)))
 
 
@@ -82,18 +82,18 @@ class Cma:
         return np.array(self._asked)
 
     def tell(self, fits: Array) -> None:
-        """Log-likelihoods of these."""
+        """Takes the log-likelihoods of the points that were asked for."""
         self._search.tell(self._asked, (-fits).tolist())
 
 
 class _Restarts:
-    """What the restarts have come to."""
+    """The ends of an optimiser's restarts so far."""
 
     def __init__(self) -> None:
         self._ended: list[tuple[float, Attachments]] = []
 
     def add(self, fit: float, key: Attachments) -> bool:
-        """Notes the end of one; whether the best attachments have been found often enough."""
+        """Notes a restart's end; whether the best attachments have been found often enough."""
         self._ended.append((fit, key))
         best, leader = max(self._ended)
         near = Counter(own for fit, own in self._ended if fit > best - _NATS)
@@ -127,7 +127,7 @@ def _in_lanes(make: Callable[[Target, int], Optimiser], target: Target, seed: in
 
 
 def _evolved(target: Target, seed: int) -> Answer:
-    """SciPy's differential evolution."""
+    """Answer of SciPy's differential evolution."""
     restarts, bounds = _Restarts(), [(0.0, 1.0)] * target.unknowns.size
     seeds = np.random.SeedSequence(seed).spawn(1000)
     try:
@@ -149,7 +149,7 @@ def _evolved(target: Target, seed: int) -> Answer:
 
 
 def _walked(target: Target, seed: int) -> Answer:
-    """Emcee (Foreman-Mackey et al. 2013), by differences of two walkers, until time is up."""
+    """Answer of emcee (Foreman-Mackey et al. 2013), by differences of walkers, until time is up."""
     rng, size = np.random.default_rng(seed), target.unknowns.size
 
     over = False
@@ -179,7 +179,7 @@ def _walked(target: Target, seed: int) -> Answer:
 
 
 def _nested(target: Target, seed: int) -> Answer:
-    """Nautilus (Lange 2023): nested sampling with networks that learn where to draw."""
+    """Answer of Nautilus (Lange 2023): nested sampling with networks that learn where to draw."""
     size = target.unknowns.size
     sampler = nautilus.Sampler(
         lambda cube: cube, target, n_dim=size, n_live=_LIVE, vectorized=True, seed=seed

@@ -21,7 +21,7 @@ BY_HAND: Final = "by hand"
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Goes on where it stopped; a run that was broken off begins anew."""
+    """Does the runs that are left and prints the tables; a run broken off begins anew."""
     parser = _parser()
     options = parser.parse_args(arguments)
     part = options.only or options.trial or options.problem or options.seeds != REPORTED

@@ -68,10 +68,10 @@ ABLATIONS: Final[Mapping[str, Ablation]] = {
 
 
 class AblationRun(TrialRun):
-    """A run without the part that its trial is called after."""
+    """A run without the part of the method that its trial is named after."""
 
     def make(self, place: Path) -> None:
-        """Makes the run, and leaves its figures."""
+        """Makes the run, and writes its figures."""
         with ExitStack() as stack:
             for (module, attribute), value in ABLATIONS[self.trial.name].replaced.items():
                 stack.enter_context(mock.patch.object(module, attribute, value))
@@ -79,7 +79,7 @@ class AblationRun(TrialRun):
 
 
 def main() -> None:
-    """Prints what came of each."""
+    """Does the runs that are left, and prints the results of each ablation."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--first", type=int, default=4, help="so many development seeds")
     parser.add_argument("--only", nargs="*", choices=ABLATIONS, default=list(ABLATIONS))

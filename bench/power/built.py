@@ -1,9 +1,9 @@
 """Robots that are built otherwise than their problem says: what the table of parameters is for.
 
 The simulator runs what is built; the estimator is told what is stated. Bodies are changed before
-they are written as URDF and sensors by what the daemon believes of them, or by faults of
-``sim-robotd``: nothing here calls what the estimator changes bodies by. A turn of the accelerometer
-about the vertical, of less than a right angle, is left out: no option sets it.
+they are written as URDF, and sensors by the daemon's calibration of them or by faults of
+``sim-robotd``: nothing here calls the code by which the estimator changes bodies. A turn of the
+accelerometer about the vertical, of less than a right angle, is left out: no option sets it.
 """
 
 from __future__ import annotations
@@ -36,25 +36,25 @@ from sim_robot.simulator.pc104_set import VOLTS_PER_G, ZERO_VOLTS
 from sim_robot.world.body import DEFAULT
 
 BUILT: Final = "built"
-"""The group."""
+"""Name of the group of these trials."""
 
 _PROBLEM: Final = "topological"
 _LEGS: Final = 4
 _MANY: Final = 8  # movements
 _FEW: Final = 4
 _HEAVY: Final = 3.5
-_SHORTEST: Final = 0.1  # m, of a leg, more or less
-_LONGEST: Final = 0.4  # of the problem
+_SHORTEST: Final = 0.1  # m, roughly the shortest leg
+_LONGEST: Final = 0.4  # m, the longest leg that the problem allows
 _CONFUSED: Final = ((5.0, 7.5, "box"), (7.5, 5.0, "box"), (6.0, 13.0, "capsule"))
 _CONFUSED_TOO: Final = (13.0, 6.0, "capsule")
 _QUARTER: Final = "accelerometer by a quarter turn"
 
 
 def built_trials(seeds: tuple[int, ...]) -> tuple[Trial, ...]:
-    """All of them.
+    """All trials of robots that are built otherwise.
 
     Args:
-        seeds: Thirty; most trials take the first few.
+        seeds: Thirty seeds; most trials take the first few.
     """
     unknown = partial(Trial, problem=_PROBLEM, interactions=_MANY)
     known = partial(Trial, problem="parametric", interactions=_FEW, seeds=seeds[:10])
@@ -95,7 +95,7 @@ def built_trials(seeds: tuple[int, ...]) -> tuple[Trial, ...]:
 
 
 def _stated(*, density: float = 1000.0, radius: float = 6.0, shape: str = "capsule") -> str:
-    """The problem with other parts: of so many kg/m³, mm, and this shape."""
+    """Text of the problem with parts of another density, kg/m³, radius, mm, or shape."""
     return (
         Problem.load(_PROBLEM)
         .source.replace("density = 1000.0", f"density = {density!r}")
@@ -106,8 +106,8 @@ def _stated(*, density: float = 1000.0, radius: float = 6.0, shape: str = "capsu
 def _standing(problem: str, seed: int) -> Morphology:
     """A body with the default robot's attachments, and lengths of 115 to 400 mm.
 
-    Most bodies of the whole prior lie on their bellies whatever they do: of these no length is ever
-    known, and intervals hold by themselves.
+    Most bodies of the whole prior lie on their bellies whatever they do: their lengths are never
+    known, so that intervals hold by themselves.
     """
     _, genome, _ = on_robot(problem)
     body = genome.decode(drawn_genes(genome, np.random.default_rng([seed, 1])))
@@ -127,15 +127,15 @@ def _standing(problem: str, seed: int) -> Morphology:
 
 
 def standing_body(problem: str, seed: int) -> str:
-    """The URDF of one that is as a problem says; the problem by name, or its text."""
+    """URDF of a standing body that is as a problem says; the problem by name, or its text."""
     known, _, robot = on_robot(problem)
     return urdf(in_words_of(known, robot, _standing(problem, seed)))
 
 
 def _stating(radius: float, body: TextOf, seed: int) -> str:
-    """A configuration of a drawn body that states what the problem does: so many mm.
+    """Configuration of a robot with a drawn body, which states a radius, mm, as the problem does.
 
-    Of itself the simulator would announce what is built.
+    Without it the simulator would announce what is built.
     """
     root = ElementTree.fromstring(body(seed))
     carriers = {parent.get("link") for parent in root.iter("parent")}
@@ -162,18 +162,18 @@ _CONFIG: Final = ("--config", "{folder}/robot.toml")
 
 @dataclass(frozen=True, kw_only=True)
 class _Draw:
-    """How one of them differs from what is stated; SI, and factors.
+    """How one robot differs from what is stated; SI, and factors.
 
     Attributes:
-        thickness: Of each leg, shape (legs,).
-        mass: Of all.
-        centre: Of the main body's mass, shape (3,).
-        zeros: Of the servos, shape (legs,).
-        travel: Of each, shape (legs,).
-        level: How the accelerometer is turned, forward/back and left/right, shape (2,).
-        gain: Of it.
-        distance: What the distance sensor reads too much.
-        ruler: Its gain.
+        thickness: Factor on the thickness of each leg, shape (legs,).
+        mass: Factor on the mass of all legs.
+        centre: Centre of mass of the main body, m, shape (3,).
+        zeros: Zero of each servo, rad, shape (legs,).
+        travel: Factor on the travel of each servo, shape (legs,).
+        level: How the accelerometer is turned, forward/back and left/right, rad, shape (2,).
+        gain: Gain of the accelerometer.
+        distance: What the distance sensor reads too much, m.
+        ruler: Gain of the distance sensor.
     """
 
     thickness: Array
@@ -188,7 +188,7 @@ class _Draw:
 
     @classmethod
     def of(cls, seed: int) -> _Draw:
-        """From the narrow priors, as the documentation of problems gives them."""
+        """Draws from the narrow priors, as the documentation of problems gives them."""
         rng = np.random.default_rng([seed, 2])
         normal = rng.standard_normal
         return cls(
@@ -205,7 +205,7 @@ class _Draw:
 
 
 def _body_as_built(seed: int) -> str:
-    """One that stands, with other parts: a thicker one is of as much mass."""
+    """URDF of a standing body with other parts: a thicker part has no other mass."""
     problem, _, robot = on_robot(_PROBLEM)
     body, draw = _standing(_PROBLEM, seed), _Draw.of(seed)
     parts = []
@@ -218,7 +218,7 @@ def _body_as_built(seed: int) -> str:
 
 
 def _believed(seed: int) -> str:
-    """What the daemon of such a robot believes of its servos and sensors."""
+    """Calibration, TOML, that the daemon of such a robot has of its servos and sensors."""
     draw = _Draw.of(seed)
     zero = [ZERO_VOLTS + VOLTS_PER_G * math.sin(turn) for turn in draw.level.tolist()]
     gains = (VOLTS_PER_G / draw.gain, VOLTS_PER_G / draw.gain, VOLTS_PER_G)
@@ -235,7 +235,7 @@ def _believed(seed: int) -> str:
 
 
 def _told(zero: float, travel: float, angle: float) -> float:
-    """The angle that a servo is told where it goes to one, rad."""
+    """Angle that a servo is told, rad, when it goes to ``angle``."""
     return float((angle - zero) / travel)
 
 
@@ -250,7 +250,7 @@ _AS_BUILT: Final = Robot(
 
 
 def _twisted(leg: str, degrees: float) -> Robot:
-    """The default robot with a hinge turned about its leg; its attachments are as ever."""
+    """The default robot with a hinge turned about its leg; attachments count as unchanged."""
     turn = math.radians(degrees)
     axis = {"xyz": f"0 {-math.cos(turn)!r} {-math.sin(turn)!r}"}
     number = ("left", "front", "right", "back").index(leg) + 1
@@ -271,7 +271,7 @@ def _shipped(urdf: str) -> str:
 
 
 def _wired() -> dict[str, Robot]:
-    """Wiring that is not as stated; what no sensor can tell from it counts as the same."""
+    """Robots, by name, of other wiring than stated; what no sensor can tell apart is the same."""
     quarter = measured_with((-VOLTS_PER_G, VOLTS_PER_G, VOLTS_PER_G))
     return {
         "servo reversed": Robot(

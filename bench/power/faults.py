@@ -1,7 +1,7 @@
-"""Robots that are not as their problem says: what an estimator must not be taken in by.
+"""Robots that are not as their problem says, which must not make a run certain and wrong.
 
 No check of the estimator was made for the *odd* ones: they were thought of to find runs that end
-certain and wrong. Some of their faults begin on the way.
+certain and wrong. Some of their faults begin during the run.
 """
 
 from __future__ import annotations
@@ -46,9 +46,10 @@ _DOCS: Final = Path(__file__).parents[2] / "docs" / "problems.md"
 
 
 def fault_trials(seeds: tuple[int, ...]) -> tuple[Trial, ...]:
-    """Each fault with sides unknown and, where that differs, with sides known.
+    """Trials of each fault with sides unknown and, where that differs, with sides known.
 
-    With sides known the truth is the robot itself, with sides unknown also a body that feels alike.
+    With sides known the truth is the robot itself; with sides unknown it is the body that the
+    robot's readings describe.
     """
     both = (("sides unknown", "topological", 6), ("sides known", "parametric", 4))
     trials = [
@@ -70,7 +71,7 @@ def fault_trials(seeds: tuple[int, ...]) -> tuple[Trial, ...]:
 
 
 def _tripod() -> str:
-    """The example of the documentation."""
+    """Text of the problem of a tripod, the example of the documentation."""
     (text,) = re.findall(r"```toml\n(name = \"tripod\".*?)```", _DOCS.read_text("utf-8"), re.DOTALL)
     return str(text)
 
@@ -113,7 +114,7 @@ def _along_the_diagonal(urdf: str) -> str:
 
 
 def measured_with(volts_per_g: Sequence[float]) -> Calibration:
-    """What a daemon believes whose accelerometer gives so many volts per g."""
+    """Calibration by which an accelerometer's axes give so many volts per g."""
     axes = AxesCalibration(unit="V", zero=(ZERO_VOLTS,) * 3, per_g=tuple(volts_per_g))
     return Calibration(robot=DEFAULT, revision=1, accelerometer=axes)
 
@@ -124,7 +125,10 @@ def _turning(factor: float, *, servos: int) -> Robot:
 
 
 def with_servo_calibration(angles: Sequence[Callable[[float], float]]) -> Robot:
-    """A robot whose daemon believes its first servos at other angles than they are, rad."""
+    """A robot whose daemon believes its first servos at other angles than they are, rad.
+
+    Each of ``angles`` gives the believed angle for the true one.
+    """
     return with_calibration(
         Calibration(robot=DEFAULT, revision=1, joints=servos_calibrated(angles))
     )
@@ -133,7 +137,7 @@ def with_servo_calibration(angles: Sequence[Callable[[float], float]]) -> Robot:
 def servos_calibrated(
     angles: Sequence[Callable[[float], float]],
 ) -> dict[str, JointCalibration]:
-    """What is believed of the default robot's first servos: angles for those that they are at."""
+    """Calibrations of the default robot's first servos, which map true angles to believed ones."""
     body = load_body(body_path(DEFAULT))
     joints = configure(body, port="/dev/null", levels=NoiseLevels()).joints
     return {
@@ -198,7 +202,7 @@ _MOVEMENTS: Final = 7
 
 
 def odd_trials(seeds: tuple[int, ...]) -> tuple[Trial, ...]:
-    """Each of them, with sides unknown."""
+    """Trials of each odd robot, with sides unknown."""
     robots = {
         "a servo dead during the third movement": _failing("servos.dead=2@3i+1i"),
         "a servo dead from the fourth movement on": _failing("servos.dead=2@4i"),
@@ -255,7 +259,7 @@ def _bent(degrees: float) -> _Elements:
 def _at(
     leg: str, *, out: float = 0.0, aside: float = 0.0, down: float = 0.0, turned: float = 0.0
 ) -> _Elements:
-    """A hip elsewhere: farther out, along its side, lower (m), or pointing leftward of it (°)."""
+    """Place of a hip farther out, along its side or lower (m), or pointing to the left (°)."""
     ahead, left = _LEGS[leg]
     away = _HIP + out
     place = (away * ahead - aside * left, away * left + aside * ahead, -down)

@@ -13,7 +13,7 @@ from bench.prior_bodies import drawn_body
 from sim_robot.world.body import DEFAULT, body_path
 
 TextOf = Callable[[int], str]
-"""The URDF of a seed's body, or the content of its file."""
+"""Returns, for a seed, the URDF of a body, or the content of a file."""
 
 
 @dataclass(frozen=True)
@@ -21,9 +21,10 @@ class Otherwise:
     """The one thing that a robot has otherwise than its problem says.
 
     Attributes:
-        cause: The row of the table of parameters, or how its name begins; empty: there is none.
-        amount: How far it is from what is stated: SI, of factors their logarithms; ``None``: there
-            is nothing to measure.
+        cause: Name of its row in the table of parameters, or how the name begins; empty: there is
+            no row.
+        amount: How far it is from what is stated: SI; for factors, logarithms; ``None``: there is
+            nothing to measure.
         narrow: Whether it is something that is always a little otherwise, and no cause.
     """
 
@@ -37,11 +38,11 @@ class Robot:
     """A simulated robot.
 
     Attributes:
-        body: Its body.
-        truth: The body that its readings speak of, given the URDF of its body: a mirrored one, for
-            instance, where a tilt has its sign reversed.
-        options: Of ``sim-robotd``; ``{folder}`` stands for the folder of ``files``.
-        files: Content by name.
+        body: Returns the URDF of its body, for a seed.
+        truth: Returns the URDF of the body that its readings describe, given that of its body: a
+            mirrored one, for instance, where a tilt has its sign reversed.
+        options: Options of ``sim-robotd``; ``{folder}`` stands for the folder of ``files``.
+        files: Content of files, by name.
         otherwise: What it has otherwise than its problem says; ``None``: nothing, or many things.
     """
 
@@ -53,7 +54,7 @@ class Robot:
 
 
 def shipped(name: str) -> TextOf:
-    """A body that comes with the simulator, by name, or one of a file."""
+    """A body that comes with the simulator, by name, or the body in a file."""
     return partial(_read, name)
 
 
@@ -75,7 +76,7 @@ def with_leg_mass(name: str, factor: float) -> TextOf:
 
 
 def always(text: str) -> TextOf:
-    """The same for each seed."""
+    """The same text for each seed."""
     return partial(_same, text)
 
 
@@ -106,7 +107,7 @@ def make_heavier(inertial: ElementTree.Element, factor: float) -> None:
 
 
 def turned_joint(joint: str, elements: Mapping[str, Mapping[str, str]], urdf: str) -> str:
-    """A body whose joint has other attributes, by element: its place, or its axis."""
+    """A body of which a joint has other attributes, by element: its place, or its axis."""
     root = ElementTree.fromstring(urdf)
     wanted = root.find(f"joint[@name='{joint}']")
     assert wanted is not None

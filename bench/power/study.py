@@ -1,4 +1,4 @@
-"""The list of all runs, by group: each group is a table."""
+"""The list of all trials, by group: each group is a table."""
 
 from __future__ import annotations
 
@@ -58,10 +58,10 @@ Groups = Mapping[str, tuple[Trial, ...]]
 
 
 def study(seeds: tuple[int, ...]) -> Groups:
-    """All groups.
+    """All trials, by group.
 
     Args:
-        seeds: Thirty. Some trials take the first few of them.
+        seeds: Thirty seeds. Some trials take the first few of them.
     """
     ten, four = seeds[:10], seeds[:4]
     in_mujoco = Robot(body=shipped(DEFAULT), options=("--engine", "mujoco"))

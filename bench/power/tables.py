@@ -1,4 +1,4 @@
-"""What the runs of the study say, as tables and as a picture."""
+"""Results of the study's runs, as tables and as a plot."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Steps = Sequence[tuple[Figures, Step]]
 """Runs after one interaction."""
 
 LIKELY: Final = 0.5
-"""That something is otherwise, from which on a verdict says what."""
+"""Probability that something is otherwise, from which on a verdict says what it is."""
 
 _BINS: Final = (0.0, 0.5, 0.8, SURE, 0.99, 1.0 + 1e-9)
 
@@ -37,11 +37,11 @@ def by_group(runs: Iterable[TrialRun], root: Path) -> dict[str, list[tuple[Trial
 
 
 def overview(done: Mapping[str, Runs], made: str) -> str:
-    """Each group after each interaction, and whether statements come true, in Markdown.
+    """Tables of each group, and of whether statements come true, in Markdown.
 
     Args:
         done: Runs by group.
-        made: A sentence that names the commits which made them.
+        made: Sentence that names the commits which made the runs.
     """
     parts = [f"{made}\n"]
     for group, runs in done.items():
@@ -62,12 +62,12 @@ def overview(done: Mapping[str, Runs], made: str) -> str:
 
 
 def write_tables(done: Mapping[str, Runs], folder: Path, made: str) -> None:
-    """Writes ``summary.csv``: after each interaction; the others hold each run.
+    """Writes ``summary.csv``, with results after each interaction, and files with each run.
 
     Args:
         done: Runs by group.
-        folder: Where.
-        made: What is written of the commits into each line.
+        folder: Folder for the files.
+        made: Sentence that names the commits, written into each line.
     """
     built = {group: runs for group, runs in done.items() if group == BUILT}
     faulty = {group: runs for group, runs in done.items() if group in FAULTY}
@@ -113,20 +113,20 @@ BUILT_RUNS: Final = (
 
 
 def markdown(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table."""
+    """A table in Markdown."""
     lines = [header, ["---"] * len(header), *rows]
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
 def summary_rows(runs: Runs) -> Iterator[tuple[str, ...]]:
-    """After each interaction: how many are right, their probabilities, and how good the lengths."""
+    """A row for each trial after each interaction: bodies right, their probabilities, lengths."""
     for trial, figures in runs:
         for number, steps in enumerate(by_interaction(figures), start=1):
             yield trial.name, str(number), *_success(steps)
 
 
 def by_interaction(figures: Sequence[Figures]) -> Iterator[Steps]:
-    """After each interaction the runs that went so far."""
+    """Runs after each interaction, those that went so far."""
     for at in range(max((len(one.steps) for one in figures), default=0)):
         yield [(one, one.steps[at]) for one in figures if at < len(one.steps)]
 
@@ -163,7 +163,7 @@ def _success(steps: Steps) -> tuple[str, ...]:
 
 
 def run_rows(runs: Runs) -> Iterator[tuple[str, ...]]:
-    """Every run; in parentheses what was stated of a body that does not explain the readings."""
+    """A row for each run; in parentheses: stated of a body that does not explain the readings."""
     for trial, figures in runs:
         for one in figures:
             marks = "".join("■" if step.cells == one.cells else "□" for step in one.steps)
@@ -182,7 +182,7 @@ def run_rows(runs: Runs) -> Iterator[tuple[str, ...]]:
 
 
 def fault_rows(runs: Runs) -> Iterator[tuple[str, ...]]:
-    """Every run with a fault: what it says, and whether it is taken in."""
+    """A row for each run with a fault: what it says, and whether it is certain and wrong."""
     for trial, figures in runs:
         for one in figures:
             last = one.steps[-1] if one.steps else None
@@ -194,7 +194,7 @@ def fault_rows(runs: Runs) -> Iterator[tuple[str, ...]]:
 
 
 def built_summary(runs: Runs) -> Iterator[tuple[str, ...]]:
-    """Each kind of robot that is built otherwise than its problem says."""
+    """A row for each kind of robot that is built otherwise than its problem says."""
     for trial, figures in runs:
         lasts = [one.steps[-1] for one in figures if one.steps]
         sure = [one.right for one in figures if one.certain]
@@ -217,7 +217,7 @@ def built_summary(runs: Runs) -> Iterator[tuple[str, ...]]:
 
 
 def built_rows(runs: Runs) -> Iterator[tuple[str, ...]]:
-    """Every robot that is built otherwise than its problem says."""
+    """A row for every robot that is built otherwise than its problem says."""
     for trial, figures in runs:
         for one in figures:
             if not one.steps:
@@ -244,7 +244,7 @@ def built_rows(runs: Runs) -> Iterator[tuple[str, ...]]:
 
 
 def _is_named(trial: Trial, last: Step) -> bool | None:
-    """Whether what is otherwise is said first, alone or as one of two; ``None``: not asked."""
+    """Whether what is otherwise is among the first two causes named; ``None``: not asked."""
     true = trial.robot.otherwise
     if true is None or not true.cause or true.narrow:
         return None
@@ -253,7 +253,7 @@ def _is_named(trial: Trial, last: Step) -> bool | None:
 
 
 def _holds_amount(trial: Trial, last: Step) -> bool | None:
-    """Whether its interval holds how far the robot is from what is stated; ``None``: not asked."""
+    """Whether the interval of what is otherwise holds the true amount; ``None``: not asked."""
     true = trial.robot.otherwise
     if true is None or true.amount is None:
         return None
@@ -324,10 +324,10 @@ _SHADE: Final = 0.15  # opacity of the 95 % interval
 
 
 def plot_success(runs: Runs) -> Figure:
-    """Share of runs in which all attachments are right, with its 95 % interval (Wilson).
+    """Plots the share of runs with all attachments right, with its 95 % interval (Wilson).
 
     Args:
-        runs: A group's; each trial is a line.
+        runs: Runs of a group; each trial is a line.
     """
     figure = new_figure(8.4, 3.6)
     by_movement, by_seconds = figure.subplots(1, 2, sharey=True)

@@ -1,4 +1,4 @@
-"""One run through the wire, held against the truth after each interaction."""
+"""One run through the protocol, compared with the truth after each interaction."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ RUN: Final = "run"
 """Folder of a trial's run."""
 
 CLOSE: Final = 10.0
-"""A length is wrong when it is farther off, mm, and outside its own 90 % interval."""
+"""A length is wrong when it is farther off than this, mm, and outside its own 90 % interval."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,13 +47,13 @@ class Trial:
     """What is run for each of some seeds.
 
     Attributes:
-        name: Its own in its group; a row of the group's table.
-        seeds: Of robot and run.
+        name: Name, unique in its group; a row of the group's table is called so.
+        seeds: Seeds of the robot and of the run.
         problem: Name of a problem that ships, or the text of one.
-        interactions: At most.
-        method: ``paper`` searches with statics here.
-        explore: Rule of the method ``posterior``.
-        robot: Default: the default one.
+        interactions: Largest number of interactions.
+        method: Method of the run; ``paper`` searches with statics here.
+        explore: Exploration rule; default: the method's.
+        robot: Robot that is simulated; default: the default robot.
     """
 
     name: str
@@ -66,7 +66,7 @@ class Trial:
 
 
 def as_stated(problem: str) -> str:
-    """The text of a problem of a robot that is taken to be just as it says, by its name or file."""
+    """Text of a problem, by name or file, by which the robot is taken to be just as stated."""
     return f"{Problem.load(problem).source}\n[uncertain]\nexact = true\n"
 
 
@@ -74,18 +74,19 @@ class Step(BaseModel):
     """A run after one interaction.
 
     Attributes:
-        probability: Stated of the attachments; ``None`` where the method states none.
-        explained: Whether the run stood by it, and did not say that no body explains the readings.
-        cells: Configurations that are right, up to what no sensor can tell.
-        leg_errors_mm: Estimated minus true.
+        probability: Probability stated of the attachments; ``None`` where the method states none.
+        explained: Whether the run stood by its body, and did not say that no body explains the
+            readings.
+        cells: Number of configurations that are right, up to what no sensor can tell.
+        leg_errors_mm: Estimated minus true length of each leg, mm.
         inside: Whether each leg's 90 % interval holds its true length.
-        widths_mm: Of these intervals.
-        stated_widths_mm: Of the intervals that a robot just as stated would have.
-        causes: What is named that may be otherwise, and how probable it is, the most probable
-            first.
-        amounts: How far what may be otherwise is from what is stated, where it is open: 90 %
-            intervals by the rows of the table of parameters.
-        cpu_seconds: Of the estimator by then.
+        widths_mm: Widths of these intervals, mm.
+        stated_widths_mm: Widths of the intervals if the robot were just as stated, mm.
+        causes: Causes that are named for what may be otherwise, each with its probability, the most
+            probable first.
+        amounts: 90 % intervals of how far what may be otherwise is from what is stated, where that
+            is open, by name in the table of parameters.
+        cpu_seconds: CPU time of the estimator by then, s.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -103,16 +104,17 @@ class Step(BaseModel):
 
 
 class Figures(BaseModel):
-    """One run.
+    """Figures of one run.
 
     Attributes:
-        seed: Of robot and run.
-        cpu_seconds: Of the estimator.
-        simulations: That it ran.
+        seed: Seed of the robot and of the run.
+        cpu_seconds: CPU time of the estimator, s.
+        simulations: Number of simulations that it ran.
         explained: Whether it says that some body of the problem explains the readings.
-        verdict: Whether it does, as a sentence, and the first warning; or why there was no run.
-        cells: How many configurations there are.
-        steps: One per interaction.
+        verdict: What it says of that, as a sentence, and the first warning; or why there was no
+            run.
+        cells: Number of configurations.
+        steps: The run after each interaction.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -132,17 +134,17 @@ class Figures(BaseModel):
 
     @property
     def certain(self) -> bool:
-        """Whether it stands by its body: explained, and at least 0.95 probable."""
+        """Whether the run stands by its body: explained, and at least 0.95 probable."""
         return bool(self.steps and self.explained and (self.steps[-1].probability or 0.0) >= SURE)
 
     @property
     def certain_and_wrong(self) -> bool:
-        """Whether attachments or a length of such a body are wrong."""
+        """Whether the run is certain, and attachments or a length of its body are wrong."""
         return self.certain and (not self.right or self.lengths_wrong)
 
     @property
     def lengths_wrong(self) -> bool:
-        """Whether some leg is far off, and outside its own interval."""
+        """Whether the length of some leg is far off, and outside its own interval."""
         last = self.steps[-1]
         return any(
             abs(error) > CLOSE and not inside
@@ -155,9 +157,9 @@ class TrialRun(BriefRun):
     """A trial with one of its seeds, as a run of a study.
 
     Attributes:
-        group: Of the trial.
+        group: Group that the trial belongs to.
         trial: What to run.
-        seed: One of its seeds.
+        seed: One of the trial's seeds.
     """
 
     leaves = "figures.json"
@@ -168,27 +170,27 @@ class TrialRun(BriefRun):
 
     @property
     def name(self) -> str:
-        """Its own in the study."""
+        """Name, unique in the study."""
         words = (re.sub(r"\W+", "-", one) for one in (self.group, self.trial.name))
         return "/".join([*words, str(self.seed)])
 
     @property
     def work(self) -> float:
-        """Roughly, in movements."""
+        """Amount of work, roughly, in movements."""
         return self.trial.interactions
 
     def make(self, place: Path) -> None:
-        """Makes the run, and leaves its figures."""
+        """Makes the run, and writes its figures."""
         shutil.rmtree(place / RUN, ignore_errors=True)
         figures = _run(self.trial, self.seed, place)
         replace_text(place / self.leaves, figures.model_dump_json(indent=2))
 
     def figures(self, root: Path) -> Figures:
-        """What a finished run has left."""
+        """Figures that a finished run has left."""
         return Figures.model_validate_json(self.file(root).read_text("utf-8"))
 
     def sentence(self, root: Path) -> str:
-        """How it went."""
+        """Says how the run went."""
         one = self.figures(root)
         if not one.steps:
             return one.verdict
@@ -259,7 +261,7 @@ def _run(trial: Trial, seed: int, place: Path) -> Figures:
 
 @dataclass(frozen=True)
 class _Summary:
-    """What a run holds for its best body, and how probable that is."""
+    """The best body of a run after an interaction, and the probability of its attachments."""
 
     best: Array
     probability: float | None = None
@@ -268,15 +270,15 @@ class _Summary:
 
 
 class Judge:
-    """Holds bodies of a run against the truth.
+    """Compares bodies of a run with the truth.
 
     Args:
         store: The run.
-        truth: URDF of the body that its robot's sensors are those of.
-        physics: Says what no sensor can tell.
+        truth: URDF of the body that its robot's readings describe.
+        physics: Predicts the readings by which bodies are equivalent or not.
 
     Attributes:
-        legs: True lengths, m.
+        legs: True length of each leg, m.
     """
 
     def __init__(self, store: RunStore, truth: Path, physics: StaticsPhysics) -> None:
@@ -286,7 +288,7 @@ class Judge:
         self.legs = np.array([leg.limb.length for leg in self._truth.legs.values()])
 
     def of(self, genes: Array) -> tuple[int, int, list[float]]:
-        """How many configurations of a body are right, of how many; errors of its legs, mm."""
+        """Numbers of right and of all configurations of a body, and errors of its legs, mm."""
         store = self._store
         body = store.genome.decode(genes)
         comparison = Comparison(store.problem, store.genome, body, self._truth)
@@ -299,12 +301,12 @@ class Judge:
 def held_against(
     store: RunStore, truth: Path, cpu_seconds: Sequence[float]
 ) -> tuple[int, tuple[Step, ...]]:
-    """How many configurations there are, and the best body after each interaction.
+    """Number of configurations, and the best body after each interaction beside the truth.
 
     Args:
         store: The run.
-        truth: URDF of the body that its robot's sensors are those of.
-        cpu_seconds: Spent by the end of each interaction.
+        truth: URDF of the body that its robot's readings describe.
+        cpu_seconds: CPU time spent by the end of each interaction, s.
     """
     count, steps = 0, []
     with StaticsPhysics(store.world) as physics:

@@ -21,60 +21,62 @@ Flags: TypeAlias = NDArray[np.bool_]
 _Entry = TypeVar("_Entry")
 
 CENTRE: Final = 4
-"""Column of ``Bodies.base``, and the two after it; so are the following."""
+"""First column of the centre of mass in ``Bodies.base``; the next constants are columns, too."""
 
-ACCELEROMETER: Final = 7  # and the one after it
+ACCELEROMETER: Final = 7  # the first of two
 LEVEL: Final = slice(9, 13)
 TOO_HIGH: Final = 13
 DISTANCE_GAIN: Final = 14
 ROUND: Final = 15
 
-BASE_YAW: Final = slice(3, 5)
-PART_YAW: Final = slice(1, 3)
+BASE_YAW: Final = slice(3, 5)  # columns of ``Bodies.base_mounts``: cosine and sine of the yaw
+PART_YAW: Final = slice(1, 3)  # the same of ``Bodies.part_mounts``
 
 _NONE = -1
 _NUMBERS = ("parent", "mount", "hinge", "motor", "sensor")
-_TABLES = {"base_mounts": 7, "part_mounts": 5, "hinges": 3}  # columns
+_TABLES = {"base_mounts": 7, "part_mounts": 5, "hinges": 3}  # number of columns
 _BASE_COLUMNS = 16
 _TRUE_SENSORS = (1.0, 0.0, 0.0, 1.0, 0.0, 1.0)
 _MEASURES = {"length", "radius", "density", "zero", "travel", "base", *_TABLES}
 _FLAGS = {"box", "limp"}
 _LARGEST = 1e6
-"""Of any extent (m), mass (kg) or density (kg/m³): beyond it arithmetic cannot be trusted."""
+"""Largest extent (m), mass (kg) or density (kg/m³): beyond it arithmetic cannot be trusted."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Bodies:
     """n bodies of at most p parts; row i of every array is body i, column j is its part j.
 
-    What each means is written in ``Morphology``, ``Base`` and ``Part``.
+    ``Morphology``, ``Base`` and ``Part`` say more about what each array holds.
 
     Attributes:
-        count: Parts of each body, shape (n,); columns beyond are not looked at.
-        parent: Shape (n, p), and so on; −1 is the main body.
+        count: Number of parts of each body, shape (n,); columns beyond it are ignored.
+        parent: Index of each part's parent; −1: the main body. Shape (n, p), like all arrays from
+            here to ``travel``.
         mount: Row of ``base_mounts`` for parts on the main body, of ``part_mounts`` for others.
         hinge: Row of ``hinges``.
-        motor: −1 where the hinge is locked.
-        sensor: −1 where there is none.
-        length: m.
-        radius: m.
-        density: kg/m³.
-        box: Whether the part is one; else it is a capsule.
+        motor: Index of the motor; −1 where the hinge is locked.
+        sensor: Index of the touch sensor; −1 where there is none.
+        length: Length of the part, m.
+        radius: Radius, or half the width of a box, m.
+        density: Density of the part, kg/m³.
+        box: Whether the part is a box; else it is a capsule.
         zero: Angle of the hinge where the motor stands at 0, rad.
         limp: Whether the part hangs from a joint that nothing holds, or from such a part: then its
             sensor reads contact in every pose, whatever a back-end says.
-        stuck: What the part's touch sensor reads in every pose: 1 contact, −1 none; 0: what it
-            feels.
+        stuck: What the part's touch sensor reads in every pose: 1 contact, −1 no contact; 0: the
+            sensor is not stuck.
         travel: How far the motor turns the hinge, as a factor on the command.
         base: Shape (n, 16): extent of the main body along x, y and z, m, its mass, kg, its centre
-            of mass, m, and how its accelerometer is turned about x and y, rad; then how sensors
-            stray from what a back-end says: the matrix, row by row, that makes what the
-            accelerometer shows of gravity leftward and forward, what clearance is too large by, m,
-            and a factor on it; and 1 where the main body is round, else 0.
-        base_mounts: What the bodies' parts can sit on, of all bodies together, one mount a row:
-            x, y, z, m, then cosine and sine of the yaw, and of the elevation.
-        part_mounts: Rows of mounts on parts: fraction of the carrier's length, cosines and sines.
-        hinges: Rows of hinges: the axis.
+            of mass, m, and how its accelerometer is turned about x and y, rad; then the errors of
+            its sensors: the 2×2 matrix, row by row, from gravity leftward and forward to what the
+            accelerometer shows of them, the offset of the clearance, m, and its gain; and 1 where
+            the main body is round, else 0.
+        base_mounts: Mounts on main bodies, of all bodies together, one a row: x, y, z, m, then
+            cosine and sine of the yaw, and of the elevation.
+        part_mounts: Mounts on parts, one a row: fraction of the carrier's length, then cosine and
+            sine of the yaw, and of the elevation.
+        hinges: Axes of hinges, one a row.
 
     Raises:
         MorphologyError: A body cannot exist.
@@ -139,14 +141,14 @@ class Bodies:
         return len(rows)
 
     def __getitem__(self, rows: slice | NDArray[np.intp] | Flags) -> Bodies:
-        """Some of the bodies; their arrays are not copied before somebody looks at them."""
+        """Returns some of the bodies; an array is copied only when it is first looked at."""
         whole, of_whole = self.origin
         chosen = object.__new__(Bodies)  # rows of checked arrays need no new check
         chosen.__dict__.update({name: getattr(whole, name) for name in _SHARED})
         chosen.__dict__["_origin"] = whole, np.ascontiguousarray(of_whole[rows])
         return chosen
 
-    if not TYPE_CHECKING:  # who misspells an attribute is to be told so
+    if not TYPE_CHECKING:  # so that type checkers report misspelt attributes
 
         def __getattr__(self, name: str) -> Array | Integers | Flags:
             if name not in _ROWS:
@@ -158,12 +160,12 @@ class Bodies:
 
     @property
     def origin(self) -> tuple[Bodies, NDArray[np.intp]]:
-        """Bodies that these were chosen from, and their rows there, shape (n,); or all of these."""
+        """Bodies that these were chosen from (or these), and rows of these there, shape (n,)."""
         chosen: tuple[Bodies, NDArray[np.intp]] | None = self.__dict__.get("_origin")
         return (self, np.arange(len(self.count))) if chosen is None else chosen
 
     def objects(self) -> list[Morphology]:
-        """The bodies as objects: without what their servos and sensors make of it."""
+        """The bodies as objects, without ``travel``, ``limp``, ``stuck`` and errors of sensors."""
         return [self._object(row) for row in range(len(self))]
 
     def _object(self, row: int) -> Morphology:
@@ -212,7 +214,7 @@ class Bodies:
         )
 
     def changed(self, **arrays: Array | Integers | Flags) -> Bodies:
-        """These bodies with some arrays replaced, by name, which are known to be possible."""
+        """Returns these bodies with some arrays replaced, by name; new arrays are not checked."""
         changed = object.__new__(Bodies)
         changed.__dict__.update(
             {name: np.ascontiguousarray(array) for name, array in arrays.items()}
@@ -224,7 +226,7 @@ class Bodies:
 
     @classmethod
     def joined(cls, several: Sequence[Bodies]) -> Bodies:
-        """Bodies of equally many columns, those of one array after those of the other."""
+        """Joins bodies of equally many columns, in the order given."""
         arrays = {item.name: [getattr(one, item.name) for one in several] for item in fields(cls)}
         on_base = [one.parent == BASE for one in several]
         for name, tables in (
@@ -240,19 +242,19 @@ class Bodies:
 
     @cached_property
     def motors(self) -> int:
-        """Angles that a motor program for these bodies, or those they are a part of, must hold."""
+        """Number of angles in a motor program for these bodies, or all they were chosen from."""
         return self._most(self.motor)
 
     @cached_property
     def sensors(self) -> int:
-        """Touch sensors of these bodies, or of those they are a part of, at most."""
+        """Largest number of touch sensors of these bodies, or of all that they were chosen from."""
         return self._most(self.sensor)
 
     @cached_property
     def strays(self) -> tuple[float, float]:
-        """The largest size of a ``travel``, and of a ``zero``, rad.
+        """Largest absolute value of ``travel``, and of ``zero``, rad.
 
-        Of these bodies, or of those they are a part of, at most.
+        Of these bodies, or of all that they were chosen from.
         """
         travel, zero = (
             float(np.max(np.abs(one), where=self._used, initial=0.0))
@@ -262,9 +264,9 @@ class Bodies:
 
     @cached_property
     def odd_sensors(self) -> tuple[bool, bool, bool]:
-        """Whether some body's tilt, clearance and touch are not read as they are.
+        """Whether some body's sensors err in tilt, in clearance and in touch.
 
-        Of these bodies, or of those they are a part of; see ``base``, ``limp`` and ``stuck``.
+        Of these bodies, or of all that they were chosen from; see ``base``, ``limp`` and ``stuck``.
         """
         odd = np.any(self.base[:, LEVEL.start : ROUND] != _TRUE_SENSORS, axis=0).tolist()
         return any(odd[:-2]), any(odd[-2:]), bool(self.limp.any() or self.stuck.any())
@@ -278,7 +280,7 @@ class Bodies:
 
     @classmethod
     def of(cls, morphologies: Sequence[Morphology]) -> Bodies:
-        """Bodies as arrays."""
+        """Makes arrays of bodies that are given as objects."""
         count = np.array([len(body.parts) for body in morphologies], dtype=np.int64)
         shape = (len(count), int(count.max(initial=0)))
         numbers = {name: np.full(shape, _NONE, dtype=np.int64) for name in _NUMBERS}
@@ -329,18 +331,18 @@ class Bodies:
 
 
 _ARRAYS: Final = tuple(item.name for item in fields(Bodies))
-_ROWS: Final = frozenset(name for name in _ARRAYS if name not in _TABLES)  # a row a body
+_ROWS: Final = frozenset(name for name in _ARRAYS if name not in _TABLES)  # a row per body
 _DERIVED: Final = {
     "motors": {"count", "motor"},
     "sensors": {"count", "sensor"},
     "strays": {"count", "travel", "zero"},
     "odd_sensors": {"base", "limp", "stuck"},
 }
-_SHARED: Final = (*_TABLES, *_DERIVED)  # by all that are chosen from some
+_SHARED: Final = (*_TABLES, *_DERIVED)  # by bodies and those chosen from them
 
 
 class _Rows:
-    """The tables of several bodies one below the other; bodies that share one have it once."""
+    """The tables of several bodies one below the other; a table that bodies share is there once."""
 
     def __init__(self, columns: int) -> None:
         self._columns = columns
@@ -350,7 +352,7 @@ class _Rows:
     def start(
         self, table: tuple[_Entry, ...], row_of: Callable[[_Entry], tuple[float, ...]]
     ) -> int:
-        """Where the rows of a table begin."""
+        """Returns the first row of a table, which is added if it is new."""
         if id(table) not in self._starts:  # the bodies keep their tables alive
             self._starts[id(table)] = len(self._rows)
             self._rows += map(row_of, table)

@@ -25,9 +25,9 @@ def ends(length: float, radius: float, box: bool) -> tuple[float, float]:
     """Where a part ends on its x axis, m: a capsule's sphere centres, or a box's faces.
 
     Args:
-        length: From its joint's axis to its tip, m.
-        radius: Of a box half its width, m.
-        box: Whether it is one; else it is a capsule.
+        length: Length from the joint's axis to the tip, m.
+        radius: Radius, or half the width of a box, m.
+        box: Whether the part is a box; else it is a capsule.
     """
     if box:
         return min(0.0, length - 2 * radius), length
@@ -35,7 +35,7 @@ def ends(length: float, radius: float, box: bool) -> tuple[float, float]:
 
 
 def volume(straight: float, radius: float, box: bool) -> float:
-    """Volume of a part whose ends are so far apart, m³; see ``ends``."""
+    """Volume of a part whose ends are ``straight`` apart, m³; see ``ends``."""
     if box:
         return 4 * radius**2 * straight
     return math.pi * radius**2 * (straight + 4 / 3 * radius)

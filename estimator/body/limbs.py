@@ -19,12 +19,12 @@ class Limb:
     """One limb.
 
     Attributes:
-        motor: The motor that turns it, or ``None`` where it is locked to the main body.
+        motor: Index of the motor that turns it, or ``None`` where it is locked to the main body.
         parent: Motor of the limb that it sits on; ``BASE``: the main body, or a limb locked to it.
-        mount: Name of what it sits on there.
+        mount: Name of the mount that it sits on there.
         hinge: Name of its hinge: how a positive angle moves it.
-        length: Its joint's axis to its far end, measured away from its parent, m.
-        sensors: The touch sensors that it carries.
+        length: Length from its joint's axis to its far end, measured away from its parent, m.
+        sensors: Indices of the touch sensors that it carries.
     """
 
     motor: int | None
@@ -63,7 +63,7 @@ def limbs(morphology: Morphology) -> tuple[Limb, ...]:
 def _reach(morphology: Morphology, members: Sequence[int]) -> float:
     """How far a limb, made of the rigid parts ``members``, extends along the first of them, m."""
     parts, root = morphology.parts, members[0]
-    starts, turns = {root: 0.0}, {root: np.eye(3)}  # along the first one, and beside it
+    starts, turns = {root: 0.0}, {root: np.eye(3)}  # along the first part; rotations in its frame
     for index in members[1:]:
         turn = turns[parts[index].parent]
         starts[index] = starts[parts[index].parent] + float(turn[0] @ morphology.place(index))
@@ -77,5 +77,5 @@ def driven_limbs(body: Morphology) -> tuple[Limb, ...]:
 
 
 def leg_lengths(bodies: Sequence[Morphology]) -> Array:
-    """Length of each body's legs, m, shape (bodies, legs)."""
+    """Length of each body's legs, its driven limbs, m, shape (bodies, legs)."""
     return np.array([[limb.length for limb in driven_limbs(body)] for body in bodies])

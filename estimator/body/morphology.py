@@ -51,12 +51,12 @@ class Base:
 
     Attributes:
         size: Extent along x, y, z, m.
-        mass: kg.
+        mass: Mass of the main body, kg.
         mounts: Where parts can sit on it; default: the middle of each side face.
-        centre: Of its mass, from its middle, m.
+        centre: Centre of mass, from the middle of the body, m.
         accelerometer: How far the accelerometer on it is turned about the x axis and then about
             the y axis, rad: where the body stands level it reads the first as left/right tilt.
-        round: Whether it is a cylinder, as wide as long.
+        round: Whether it is an upright cylinder, as wide as long; else it is a box.
     """
 
     size: Vector
@@ -84,14 +84,14 @@ class Base:
 
     @property
     def inertia(self) -> Vector:
-        """Moments about the centre of mass, along x, y and z, kg·m²."""
+        """Moments of inertia about the centre of mass, along x, y and z, kg·m²."""
         if self.round:
             return cylinder_inertia(self.radius, self.size[2], self.mass)
         return box_inertia(self.size, self.mass)
 
     @property
     def radius(self) -> float:
-        """Half its width, m."""
+        """Half the extent along x, m: of a round body its radius."""
         return self.size[0] / 2
 
 
@@ -104,13 +104,13 @@ class Part:
         mount: Where on its parent it sits: index into the mounts of the main body, or into those
             of parts.
         hinge: Index into the body's hinges: how a positive angle moves it.
-        length: Joint axis to outermost tip, m.
-        radius: Of a box half its width, m.
+        length: Length from the joint's axis to the outermost tip, m.
+        radius: Radius, or half the width of a box, m.
         motor: Index of the motor that drives it, or ``None`` where its hinge is locked at 0.
         sensor: Index of the touch sensor that it carries, or ``None``.
         zero: Angle of a driven hinge where its motor stands at 0, rad.
-        shape: What it is.
-        density: kg/m³; ``None``: its body's.
+        shape: Shape of the part.
+        density: Density, kg/m³; ``None``: the ``density`` of its ``Morphology``.
     """
 
     parent: int
@@ -136,7 +136,7 @@ class Part:
 
     @property
     def middle(self) -> float:
-        """Position of its centre of mass on its x axis, m."""
+        """Position of the centre of mass on the part's x axis, m."""
         return (self.near + self.far) / 2
 
     @property
@@ -147,11 +147,11 @@ class Part:
 
     @property
     def volume(self) -> float:
-        """m³."""
+        """Volume, m³."""
         return volume(self.far - self.near, self.radius, self.shape == "box")
 
     def below(self, up: Sequence[float] | Array) -> float:
-        """How far its surface reaches below its x axis, m.
+        """How far the part's surface reaches below its x axis, m.
 
         Args:
             up: World up in the part's frame.
@@ -168,7 +168,7 @@ class Morphology:
     Attributes:
         base: The main body.
         parts: The parts; the order is the order of a genome's rows.
-        density: Of the parts, kg/m³.
+        density: Density of parts that have none of their own, kg/m³.
         part_mounts: Where parts can sit on other parts; default: the paper's four sides.
         hinges: How parts can turn; default: the paper's six.
     """
@@ -214,12 +214,12 @@ class Morphology:
                 raise refuse(f"{name} must be at least 0 or None, not {value}")
 
     def mount(self, index: int) -> BaseMount | PartMount:
-        """What a part sits on."""
+        """Mount that a part sits on."""
         part = self.parts[index]
         return (self.base.mounts if part.parent == BASE else self.part_mounts)[part.mount]
 
     def hinge(self, index: int) -> Hinge:
-        """What turns a part."""
+        """Hinge that turns a part."""
         return self.hinges[self.parts[index].hinge]
 
     def place(self, index: int) -> Vector:
@@ -230,9 +230,9 @@ class Morphology:
         return (mount.fraction * self.parts[self.parts[index].parent].length, 0.0, 0.0)
 
     def turn(self, index: int, angle: float) -> Array:
-        """How a part is turned in its parent's frame where its hinge has an angle (rad), (3, 3).
+        """Rotation of a part in its parent's frame at an angle of its hinge (rad), shape (3, 3).
 
-        Read-only where that is 0.
+        Read-only where the angle is 0.
         """
         straight = direction(self.mount(index))
         return straight @ rotation(self.hinge(index).axis, angle) if angle else straight
@@ -265,7 +265,7 @@ class Morphology:
 
     @cached_property
     def planar_height(self) -> float:
-        """Height of the body frame in the planar pose: its lowest point is on the ground, m."""
+        """Height of the body frame in the planar pose, with the lowest point on the ground, m."""
         origins, turns = _planar_frames(self)
         lowest = self.base.size[2] / 2
         for part, origin, turn in zip(self.parts, origins, turns, strict=True):
@@ -276,12 +276,12 @@ class Morphology:
 
     @property
     def lies_flat(self) -> bool:
-        """Whether its main body lies on the ground in the planar pose."""
+        """Whether the main body lies on the ground in the planar pose."""
         return self.planar_height < self.base.size[2] / 2 + 1e-9
 
     @cached_property
     def motors(self) -> int:
-        """How many angles a motor program for this body must hold at least."""
+        """Smallest number of angles in a motor program for this body."""
         return max((part.motor + 1 for part in self.parts if part.motor is not None), default=0)
 
     @cached_property
@@ -328,7 +328,7 @@ class Morphology:
 
 
 def _planar_frames(morphology: Morphology) -> tuple[Array, Array]:
-    """Origins, m, and rotations of the parts' frames in the planar pose, as the body lies."""
+    """Origins, m, and rotations of the parts' frames in the body frame, in the planar pose."""
     origins, rotations = (
         np.empty((len(morphology.parts), 3)),
         np.empty((len(morphology.parts), 3, 3)),
@@ -343,23 +343,23 @@ def _planar_frames(morphology: Morphology) -> tuple[Array, Array]:
 
 
 def box_inertia(size: Vector, mass: float) -> Vector:
-    """Moments of a box about its middle, along x, y and z, kg·m²."""
+    """Moments of inertia of a box about its middle, along x, y and z, kg·m²."""
     (x, y, z), share = size, mass / 12
     return share * (y * y + z * z), share * (x * x + z * z), share * (x * x + y * y)
 
 
 def cylinder_inertia(radius: float, length: float, mass: float) -> Vector:
-    """Moments of a cylinder along z about its middle, kg·m²."""
+    """Moments of inertia of a cylinder along z about its middle, along x, y and z, kg·m²."""
     across = mass * (3 * radius**2 + length**2) / 12
     return across, across, mass * radius**2 / 2
 
 
 @lru_cache(maxsize=1024)
 def direction(mount: Mount) -> Array:
-    """How what sits on a mount lies in its carrier's frame, its hinge at 0; read-only, (3, 3)."""
+    """Rotation of a part on a mount in its carrier's frame, its hinge at 0; read-only, (3, 3)."""
     turn: Array = rotation((0.0, 0.0, 1.0), mount.yaw)
     turn = turn @ rotation((0.0, -1.0, 0.0), mount.elevation)
-    turn.flags.writeable = False  # all who ask share it
+    turn.flags.writeable = False  # all callers share it
     return turn
 
 

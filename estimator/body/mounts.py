@@ -15,7 +15,7 @@ from estimator.errors import MorphologyError
 
 Vector: TypeAlias = tuple[float, float, float]
 
-_EXACT: Final = 1e-12  # what is this near to a quarter turn is one
+_EXACT: Final = 1e-12  # a cosine or sine that is smaller counts as 0
 
 
 def heading(angle: float) -> tuple[float, float]:
@@ -30,12 +30,12 @@ def heading(angle: float) -> tuple[float, float]:
 
 @dataclass(frozen=True, kw_only=True)
 class Mount:
-    """Where parts can sit, whatever on.
+    """A place where parts can sit, on the main body or on a part.
 
     Attributes:
-        name: For people.
-        yaw: Where a part there points, rad, from the carrier's x axis; π/2 is left.
-        elevation: How far that rises over the carrier's plane, rad: π/2 is up, −π/2 down.
+        name: Name for people.
+        yaw: Direction of a part there, from the carrier's x axis, rad; π/2 is left.
+        elevation: How far that direction rises over the carrier's plane, rad: π/2 is up, −π/2 down.
     """
 
     name: str
@@ -48,7 +48,7 @@ class Mount:
 
     @property
     def quaternion(self) -> tuple[float, float, float, float]:
-        """How what sits here lies in the carrier's frame, its hinge at 0: w, x, y, z."""
+        """Rotation of a part there in the carrier's frame, its hinge at 0: w, x, y, z."""
         cosine, sine = math.cos(self.yaw / 2), math.sin(self.yaw / 2)
         level, rise = math.cos(self.elevation / 2), math.sin(self.elevation / 2)
         return cosine * level, sine * rise, 0.0 - cosine * rise, sine * level
@@ -59,7 +59,7 @@ class BaseMount(Mount):
     """A place on the main body.
 
     Attributes:
-        at: From the middle of the main body, m.
+        at: Point, from the middle of the main body, m.
     """
 
     at: Vector
@@ -75,7 +75,7 @@ class PartMount(Mount):
     """A place on any part.
 
     Attributes:
-        fraction: Of the part's length: 0 on its joint's axis, 1 at its far end.
+        fraction: Fraction of the part's length: 0 on its joint's axis, 1 at its far end.
     """
 
     fraction: float
@@ -91,7 +91,7 @@ class Hinge:
     """How a positive angle turns a part.
 
     Attributes:
-        name: For people.
+        name: Name for people.
         axis: Unit vector in the part's frame.
     """
 
@@ -108,7 +108,7 @@ _YAWS: Final = (math.pi / 2, 0.0, -math.pi / 2, math.pi)
 
 
 def four_sides(size: Vector) -> tuple[BaseMount, ...]:
-    """The middle of each side face of a main body with these extents, m."""
+    """Mounts in the middle of each side face of a main body with these extents, m."""
     x, y = size[0] / 2, size[1] / 2
     places = ((0.0, y, 0.0), (x, 0.0, 0.0), (0.0, -y, 0.0), (-x, 0.0, 0.0))
     return tuple(
@@ -121,7 +121,7 @@ PART_SIDES: Final = tuple(
     PartMount(name=name, fraction=fraction, yaw=yaw)
     for name, fraction, yaw in zip(SIDES, (0.5, 1.0, 0.5, 0.0), _YAWS, strict=True)
 )
-"""Far end, near end, and halfway to either side."""
+"""The paper's mounts on a part: halfway along on either side, far end and near end."""
 
 HINGES: Final = (
     Hinge(name="yaw_left", axis=(0.0, 0.0, 1.0)),

@@ -76,11 +76,11 @@ COMMANDS: Final = {
         "Do the paper's runs on simulated robots, and draw its figures; goes on where it was left.",
     ),
 }
-"""Of each command its function, with its module here, and what it does."""
+"""For each command its module in this package and its function, and what it does."""
 
 
 class _Group(TyperGroup):
-    """The commands; each becomes its function's when it is called."""
+    """The group of commands; the function of a command is loaded when the command is called."""
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         name, command, others = super().resolve_command(ctx, args)
@@ -88,7 +88,7 @@ class _Group(TyperGroup):
 
 
 def command_named(name: str) -> Any:
-    """A command as its function declares it."""
+    """Returns a command as its function declares it."""
     place, function = COMMANDS[name][0].split(":")
     with interrupts_deferred():
         module = importlib.import_module(f"estimator.cli.{place}")

@@ -29,7 +29,7 @@ class Terminal(Console):
     are no markup, and what is not printable is shown as an escape.
 
     Args:
-        **options: As of ``rich.console.Console``.
+        **options: Options of ``rich.console.Console``.
     """
 
     def __init__(self, **options: Any):

@@ -71,11 +71,11 @@ def _print_finding(finding: ExaminedItem) -> Fitness:
 
 ROUND_TRIPS: Final = 100
 SLOW: Final = 0.05
-"""Round trips that take longer than this, s, are worth a note."""
+"""Longest round trip that is not worth a note, s."""
 
-_PATIENCE: Final = 5.0  # s without any word
-_DRIFT: Final = 0.02  # of a clock against another
-_VIRTUAL: Final = 0.25  # of a clock that is not meant to keep the wall's time
+_PATIENCE: Final = 5.0  # s to wait for an answer or a publication
+_DRIFT: Final = 0.02  # largest drift of a clock against another, as a share
+_VIRTUAL: Final = 0.25  # smallest drift of a clock that is not meant to keep wall time, as a share
 _JITTER: Final = 0.5  # s by which answers may be held up on a busy computer
 _CALM: Final = ("idle", "holding")
 _KEY_TROUBLE: Final = (
@@ -90,7 +90,7 @@ def examine(uri: str, keys: Path | None = None) -> Iterator[ExaminedItem]:
     """Checks a robot, from the network up; ends early where further checks are impossible.
 
     Args:
-        uri: ``tcp://host:port``.
+        uri: Address of the robot, ``tcp://host:port``.
         keys: The key directory, where the robot asks for keys.
 
     Raises:
@@ -216,7 +216,7 @@ def _state(status: Status) -> ExaminedItem:
 
 
 def _freshness(client: RobotClient) -> Iterator[ExaminedItem]:
-    """Two reads: are they fresh, and do the clocks agree?"""
+    """Reads twice: are the readings fresh, and do the clocks agree?"""
     try:
         first, heard_first = client.read(), time.monotonic()
         client.status()

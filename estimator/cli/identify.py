@@ -55,7 +55,7 @@ def _with_config(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def _option(name: str, field: FieldInfo) -> inspect.Parameter:
-    """A field as an option: what is no number is text, and checked by ``RunConfig`` alone."""
+    """Makes a field an option: what is no number is text, and checked by ``RunConfig`` alone."""
     kinds = [kind for kind in _plain(field.annotation) if kind in _NUMBERS]
     kind: Any = kinds[0] if kinds else str
     default = field.default
@@ -69,7 +69,7 @@ def _option(name: str, field: FieldInfo) -> inspect.Parameter:
 
 
 def _plain(annotation: Any) -> list[Any]:
-    """The types in an annotation, however deep."""
+    """All types in an annotation, also nested ones."""
     inner = get_args(annotation)
     return [annotation, *(kind for item in inner for kind in _plain(item))]
 

@@ -36,7 +36,7 @@ def parse_bind(bind: str) -> tuple[str, int]:
     """Host and port of ``HOST:PORT``.
 
     Raises:
-        EstimatorError: It is none.
+        EstimatorError: ``bind`` is not of that form.
     """
     host, _, port = bind.rpartition(":")
     if not host or not port.isdecimal() or int(port) > 65535:
@@ -45,10 +45,10 @@ def parse_bind(bind: str) -> tuple[str, int]:
 
 
 def check_viser() -> None:
-    """Refuses where viser, which serves the page, is not installed.
+    """Checks that viser, which serves the page, is installed.
 
     Raises:
-        EstimatorError: It is not.
+        EstimatorError: viser is not installed.
     """
     if find_spec("viser") is None:
         raise EstimatorError(
@@ -61,10 +61,10 @@ class LiveView(Closable):
 
     Args:
         directory: The run directory.
-        bind: Where the page is served; ``None``: there is to be none.
+        bind: ``HOST:PORT`` where the page is served; ``None``: there is to be no page.
 
     Raises:
-        EstimatorError: The address is none, or viser is missing.
+        EstimatorError: ``bind`` is no address, or viser is missing.
     """
 
     def __init__(self, directory: Path, bind: str | None) -> None:
@@ -84,7 +84,7 @@ class LiveView(Closable):
             self._reader.join()
 
     def start(self, say: Callable[[str], None]) -> None:
-        """Starts the page of a run that there is by now.
+        """Starts the page of a run that exists by now.
 
         Args:
             say: Called with each line that the page's process prints.
@@ -97,7 +97,7 @@ class LiveView(Closable):
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
-            process_group=0,  # Ctrl-C is for us; we end it
+            process_group=0,  # Ctrl-C does not reach it; ``close`` ends it
             preexec_fn=partial(_give_way, os.getpid()),  # noqa: PLW1509 - system calls
         )
         self._reader = threading.Thread(target=_repeat, args=(self._process, say), daemon=True)

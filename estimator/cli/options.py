@@ -56,7 +56,7 @@ def executors(jobs: int, dask: str | None) -> Iterator[Executors]:
     """Opens the executors of a command, as ``--jobs`` and ``--dask`` say.
 
     Args:
-        jobs: Processes on this computer, where there is no cluster.
+        jobs: Number of processes on this computer, where there is no cluster.
         dask: Address of a cluster's scheduler.
     """
     if dask is None:

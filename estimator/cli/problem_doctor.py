@@ -25,8 +25,8 @@ from estimator.problem.problem import Problem
 from estimator.readings.modalities import MODALITIES
 from protocol.wire.capabilities import Capabilities
 
-_TOO_MANY: Final = 1.5  # times the movements that a problem makes
-_MORE: Final = 0.1  # bits, worth saying
+_TOO_MANY: Final = 1.5  # movements needed, relative to those that the problem makes
+_MORE: Final = 0.1  # bits that a further sensor tells, from which on it is worth saying
 _UNPREDICTED: Final = 0.1  # share of movements without a prediction that is worth a warning
 _SENSORS: Final = {
     "touch": "touch sensors",
@@ -38,11 +38,11 @@ _SENSORS: Final = {
 def examine_problem(
     name: str, robot: Capabilities | None, modalities: Sequence[str]
 ) -> Iterator[ExaminedItem]:
-    """What a problem says, and what it can be expected to tell; ends early where it cannot be.
+    """Checks what a problem says and can be expected to tell; ends early if it cannot be used.
 
     Args:
-        name: As of ``Problem.load``.
-        robot: Whose problem it is; ``None`` for one that it suits.
+        name: Name or file of the problem, as for ``Problem.load``.
+        robot: The robot that the problem is for; ``None``: one that it suits is supposed.
         modalities: Sensors that may count, in their usual order.
     """
     try:

@@ -129,7 +129,7 @@ def _summary(run: ComparedRun) -> dict[str, str]:
 
 
 def _print_lengths(runs: list[ComparedRun]) -> None:
-    """Of the best bodies."""
+    """Prints the leg lengths of the runs' best bodies."""
     joints = joints_of(runs)
     if not joints:
         return
@@ -178,7 +178,7 @@ def export(
 
 
 def exported(directory: Path, form: BodyFormat, sample: int) -> Exported:
-    """A model of a run in a format.
+    """Returns a model of a run, written in a format.
 
     Raises:
         EstimatorError: The run has no such model.

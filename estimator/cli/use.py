@@ -48,14 +48,14 @@ CHANGED: Final = 3
 """Exit code where the body has changed."""
 
 ONCE: Final = 6
-"""Movements of ``monitor --once``."""
+"""Number of movements of ``monitor --once``."""
 
 LOG: Final = "monitor.jsonl"
-"""A line a movement of ``monitor``, in the run directory."""
+"""File in the run directory to which ``monitor`` adds a line for each movement."""
 
 Yes = Annotated[bool, typer.Option("--yes", help="Move the robot without asking first.")]
 Seed = Annotated[int, typer.Option(help="Of what is drawn.")]
-_SHOWN: Final = 4  # causes
+_SHOWN: Final = 4  # causes, at most
 _LENGTH: Final = re.compile(r"(\d+(?:\.\d*)?)\s*(mm|cm|m)")
 _METRES: Final = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 
@@ -200,7 +200,7 @@ def _log(
     suspects: Sequence[tuple[Particles, float]],
     observation: Observation,
 ) -> None:
-    """A line of JSON for programs that look on."""
+    """Adds a line of JSON about a movement to the log, for other programs."""
     line = {
         "time": time.time(),
         "movement": watch.movements,
@@ -268,7 +268,7 @@ def diagnose(
 
 @contextmanager
 def identified(directory: Path, jobs: int) -> Iterator[tuple[RunStore, FittedPosterior]]:
-    """What a run knows of its robot's body, with statics on so many threads."""
+    """Opens a run and what it knows of its robot's body, with statics on ``jobs`` threads."""
     with RunStore.open(directory, to_write=False) as store:
         known = FittedPosterior.of(store)
         if known is None or known.best is None:
@@ -280,7 +280,7 @@ def identified(directory: Path, jobs: int) -> Iterator[tuple[RunStore, FittedPos
 
 
 def same_robot(store: RunStore, uri: str, screen: Screen, keys: Path | None) -> RobotLink:
-    """The robot of a run, under a new name: what is done with it later belongs to no run."""
+    """Connects to a run's robot as a new client: what is done with it later belongs to no run."""
     return open_same_robot(
         store.problem,
         store.capabilities,
@@ -312,7 +312,7 @@ def _metres(text: str) -> float:
 def _print_readings(
     known: FittedPosterior, goal: Goal, found: Pose, observed: Observation | None
 ) -> None:
-    """What was wanted, what is predicted and what was observed, a line each sensor."""
+    """Prints what was wanted, is predicted and was observed, a line for each sensor."""
     table = plain_table("", "wanted", "predicted", "observed")
     tilts = (None, None) if observed is None else observed.tilt
     for name, want, predicted, felt in (

@@ -35,7 +35,7 @@ Cell: TypeAlias = tuple[int, str]
 """One configuration: row of the genome, and trait."""
 
 Indistinguishable: TypeAlias = Callable[[Sequence[Morphology]], bool]
-"""Whether at some lengths a body cannot be told from the true one; it is given at several."""
+"""Whether a body cannot be told from the true one at some lengths; it is given at several."""
 
 
 class Configuration(BaseModel):
@@ -44,15 +44,15 @@ class Configuration(BaseModel):
     Attributes:
         part: Name of the part in the problem.
         trait: ``parent`` (the paper's P), ``mount`` (O) or ``hinge`` (J).
-        modelled: On the model.
-        true: On the robot, where the problem can say it.
+        modelled: Value on the model.
+        true: Value on the robot, where the problem can express it.
         searched: Whether there was anything to be found: the problem left it open, and more than
             one choice was possible.
         chance: Probability that a random model has it right.
         right: Whether the model has it right.
-        right_up_to_equivalence: Whether no sensor of the run could tell that it is wrong. A model
-            may be closer to a turned image of the robot; then what would be right of the robot as
-            it stands can be wrong.
+        right_up_to_equivalence: Whether it is right, or no sensor of the run could tell that it is
+            wrong. A model may be closer to a turned image of the robot; then what would be right of
+            the robot as it stands can be wrong.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -72,9 +72,9 @@ class Truth:
     """The true body of a robot as far as a problem asks for it.
 
     Attributes:
-        rows: For each row of the genome whose joint is known, what that joint carries; limbs go by
-            the numbers of rows.
-        legs: What each driven joint moves as one piece, by motor; limbs go by motors.
+        rows: For each row of the genome whose joint is known, the limb that this joint carries;
+            limbs are numbered by rows.
+        legs: What each driven joint moves as one piece, by motor; limbs are numbered by motors.
     """
 
     rows: Mapping[int, TrueLimb]
@@ -107,12 +107,13 @@ class Comparison:
 
     Args:
         problem: The run's problem.
-        genome: Its genome on the run's robot.
+        genome: Genome of the problem on the run's robot.
         model: The model.
         truth: The true body.
 
     Attributes:
-        true_body: The true body as the problem can best say it: capsules, with the true lengths.
+        true_body: The true body as the problem can best express it: capsules, with the true
+            lengths.
     """
 
     def __init__(self, problem: Problem, genome: Genome, model: Morphology, truth: Truth):
@@ -270,7 +271,7 @@ class Comparison:
         return excused
 
     def _variant(self, reference: Morphology, kept: Collection[Cell]) -> Morphology:
-        """A body with the model's own values in some cells."""
+        """The reference with the model's values in some cells."""
         parts = list(reference.parts)
         for row in {row for row, _ in kept}:
             own = self._model.parts[row]
@@ -283,7 +284,7 @@ class Comparison:
         return self._genome.assemble(parts)
 
     def _mount(self, row: int, parent: int, bodies: Sequence[Morphology]) -> int:
-        """The first body's mount of a part by its name, or where its parent has none the second's.
+        """Number of a part's mount: the first body's, by name; the second's if that is lacking.
 
         On the main body there may be other mounts than on parts.
         """
@@ -315,7 +316,7 @@ class Comparison:
 
 
 def _scaled(body: Morphology, legs: Mapping[int, TrueLimb]) -> list[Part]:
-    """Parts with lengths such that each leg reaches as far as the true one, divided as it was."""
+    """Parts with lengths scaled so that each leg reaches as far as the true one."""
     by_motor: dict[int | None, Limb] = {limb.motor: limb for limb in limbs(body)}
     parts = list(body.parts)
     for index, root in enumerate(body.rigid_groups):
@@ -327,7 +328,7 @@ def _scaled(body: Morphology, legs: Mapping[int, TrueLimb]) -> list[Part]:
 
 
 def _with_lengths_of(other: Morphology, body: Morphology) -> Morphology:
-    """The body with the lengths of another one's parts."""
+    """The body with the part lengths of ``other``."""
     parts = (
         replace(part, length=its.length) for part, its in zip(body.parts, other.parts, strict=True)
     )

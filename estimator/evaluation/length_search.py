@@ -38,7 +38,7 @@ class LengthSearch:
     """Compares attachments with those of a reference, whatever the lengths.
 
     Args:
-        reference: The body to be like.
+        reference: Body that others are compared with.
         ranges: Shortest and longest length of each part, m, shape (parts, 2).
     """
 
@@ -47,7 +47,7 @@ class LengthSearch:
         self._ranges = ranges
 
     def is_like(self, starts: Sequence[Morphology]) -> bool:
-        """Whether the reference cannot be told from a body at some lengths.
+        """Whether a body, at some lengths of its parts, cannot be told from the reference.
 
         Args:
             starts: The body at lengths from which to search; these may lie outside the ranges.
@@ -76,7 +76,7 @@ class LengthSearch:
 
 
 class _Trial:
-    """The lengths of one body, as what varies."""
+    """One body whose lengths are varied."""
 
     def __init__(self, reference: Reference, body: Bodies, *, lower: Array, upper: Array):
         self._reference = reference
@@ -87,7 +87,7 @@ class _Trial:
         self._rows = reference.informative[:_PROGRAMS]
 
     def take(self, number: int) -> None:
-        """Compares in the programs of another round."""
+        """Takes the programs of round ``number`` for the comparisons that follow."""
         self._rows = np.roll(self._reference.informative, -number * _PROGRAMS)[:_PROGRAMS]
 
     def residuals(self, lengths: Array) -> Array:
@@ -96,7 +96,7 @@ class _Trial:
         return self._reference.residuals(replace(bodies, length=lengths), self._rows)
 
     def best(self, lengths: Array, *, width: float) -> Array:
-        """Of lengths of shape (n, parts), those that fit best, shape (parts,)."""
+        """Lengths that fit best, shape (parts,), among some of shape (n, parts)."""
         cost = np.log1p((self.residuals(lengths) / width) ** 2).mean(axis=(1, 2))
         nearest: Array = lengths[int(np.argmin(cost))]
         return nearest
@@ -106,7 +106,7 @@ class _Trial:
         return float(np.mean(np.all(np.abs(self.residuals(lengths[None])) <= 1, axis=2)))
 
     def descend(self, lengths: Array, widths: Sequence[float]) -> Array:
-        """Gauss-Newton steps, one for each width of the weights."""
+        """Lengths after Gauss-Newton steps, one for each width of the weights."""
         for width in widths:
             shifted = np.repeat(lengths[None], 1 + len(self._free), axis=0)
             shifted[np.arange(1, len(shifted)), self._free] += _DIFFERENCE
@@ -123,7 +123,7 @@ class _Trial:
         return lengths
 
     def scan(self, lengths: Array) -> Array:
-        """The best of each length's range, one part after another."""
+        """Lengths after trying each over its whole range, one part after another."""
         for part in self._free:
             tried = np.repeat(lengths[None], 1 + _GRID, axis=0)
             tried[1:, part] = np.linspace(self._lower[part], self._upper[part], _GRID)

@@ -32,30 +32,33 @@ class Score(BaseModel):
     """A run against the truth; lists are in motor order.
 
     Attributes:
-        complete: Whether the run is; else this is the best model so far.
+        complete: Whether the run is complete; else its best model so far is scored.
         joints: Names of the joints that turn the legs.
         true_lengths_m: Length of each leg on the robot, m.
-        lengths_m: On the best model, m.
-        leg_errors_m: Absolute errors, m.
-        leg_errors_signed_m: Estimated minus true, m; their mean is the bias.
+        lengths_m: Length of each leg on the best model, m.
+        leg_errors_m: Absolute error of each leg's length, m.
+        leg_errors_signed_m: Estimated minus true length of each leg, m; their mean is the bias.
         mean_leg_error_m: Mean of the absolute errors, m.
         mean_signed_leg_error_m: Mean of the signed errors, m.
         touched: Whether each leg touched the ground in some interaction; ``None``: not sensed.
-        mean_leg_error_touched_m: Over the legs that did, m; ``None`` when there are none.
-        mean_leg_error_never_touched_m: Over the legs that never did, m.
-        configurations: Parent, side and hinge of each part beside the truth.
-        configurations_right: How many of them are right.
-        configurations_right_up_to_equivalence: How many are right or such as no sensor of the run
-            could tell from the truth.
-        configurations_total: How many there are: three per driven part, and two per locked part
-            whose joint the problem names.
-        configurations_informative: How many of them were to be found and might have been wrong;
-            the first part, for one, has nothing to sit on but the main body.
-        configurations_informative_right: How many of those are right.
-        configurations_informative_right_up_to_equivalence: How many of those are right up to
-            equivalence.
-        configurations_chance: How many of all a random model has right on average.
-        not_representable: What the genome cannot express, which counts as wrong.
+        mean_leg_error_touched_m: Mean absolute error over the legs that touched the ground, m;
+            ``None`` when there are none.
+        mean_leg_error_never_touched_m: Mean absolute error over the legs that never touched the
+            ground, m; ``None`` when there are none.
+        configurations: Parent, mount and hinge of each part beside the truth.
+        configurations_right: Number of configurations that are right.
+        configurations_right_up_to_equivalence: Number of configurations that are right, or such as
+            no sensor of the run could tell from the truth.
+        configurations_total: Number of configurations: three per driven part, and two per locked
+            part whose joint the problem names.
+        configurations_informative: Number of configurations that were to be found and might have
+            been wrong; the first part, for one, has nothing to sit on but the main body.
+        configurations_informative_right: Number of informative configurations that are right.
+        configurations_informative_right_up_to_equivalence: Number of informative configurations
+            that are right up to equivalence.
+        configurations_chance: Number of configurations that a random model has right on average.
+        not_representable: Sentences on what the genome cannot express; a configuration that it
+            cannot express counts as wrong.
         true_body_errors: Subjective error in each interaction that the true body would have as a
             model, as far as the genome can express it; ``None`` where its simulation is
             invalid. Where one of them exceeds the best model's error, no search could have found
@@ -90,17 +93,17 @@ class Score(BaseModel):
     true_body_margins_deg: tuple[float, ...]
 
     def is_of(self, complete: bool, lengths: Sequence[float]) -> bool:
-        """Whether this is the score of a run that stands so, and has not gone on since.
+        """Whether this is the score of a run in the given state, which has not gone on since.
 
         Args:
-            complete: Whether the run is.
-            lengths: Of its best model's legs, m.
+            complete: Whether the run is complete.
+            lengths: Length of each leg of the run's best model, m.
         """
         return complete == self.complete and np.array_equal(lengths, self.lengths_m)
 
     @property
     def true_body_error(self) -> float | None:
-        """Subjective error of the true body over all interactions, where all are known."""
+        """Largest subjective error of the true body; ``None`` unless all are known."""
         known = [error for error in self.true_body_errors if error is not None]
         return max(known) if known and len(known) == len(self.true_body_errors) else None
 
@@ -178,7 +181,7 @@ def _margins(
 
 
 def length_search(store: RunStore, true_body: Morphology, physics: ArrayPhysics) -> LengthSearch:
-    """The test of equivalence for the run's motors and modalities."""
+    """Test of equivalence with the true body, for the run's motors and modalities."""
     problem, rng = store.problem, generator(store.settings.seed, Stream.EQUIVALENCE)
     programs = np.array([problem.random_program(rng, store.capabilities) for _ in range(PROGRAMS)])
     reference = Reference(true_body, programs, physics, store.settings.modalities)

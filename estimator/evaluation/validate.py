@@ -34,7 +34,7 @@ RANDOM: Final = "random_models"
 RANDOM_MODELS: Final = 50
 _SAME_ANGLE: Final = math.radians(0.1)
 _AS_PREDICTED: Final = {"touch": 0.5, "tilt_deg": 1.5, "clearance_mm": 5.0}
-"""Larger errors, of any value, are no noise: the body landed elsewhere, or is another."""
+"""Largest errors that noise explains; beyond them the body landed elsewhere, or is another."""
 
 
 PredictionErrors: TypeAlias = dict[str, float | None]
@@ -46,14 +46,14 @@ class Validation(BaseModel):
     """Prediction errors on fresh motor programs.
 
     Attributes:
-        programs: Programs performed.
+        programs: Number of programs performed.
         best_model: Errors of the best model.
         population_median: Median over the population of each model's errors.
-        random_models: Errors of models drawn at random: what knowing nothing is worth.
-        invalid_predictions: Predictions of the three groups that could not be simulated and are
-            left out.
-        as_predicted: Programs after which every sensor read what the best model predicts, to 1.5°
-            and 5 mm.
+        random_models: Median over models drawn at random of each model's errors, for comparison.
+        invalid_predictions: Number of predictions of the three groups that could not be simulated
+            and are left out.
+        as_predicted: Number of programs after which every sensor read what the best model predicts,
+            to 1.5° and 5 mm.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -85,7 +85,7 @@ def validate(
 ) -> Validation:
     """Predicts motor programs, performs them and compares.
 
-    A validation that was interrupted is taken up again; its predictions stand.
+    A validation that was interrupted is continued; its predictions stand.
 
     Raises:
         EstimatorError: The run has not ended, so that its models may yet change.
@@ -173,7 +173,7 @@ def _equal(one: Program, other: Program) -> bool:
 
 
 def _row(link: RobotLink, program: Program, index: int) -> int:
-    """The number under which a link performs a predicted motor program."""
+    """Number under which a link performs a predicted motor program."""
     if link.recorded is None:
         return index
     if program not in link.recorded:
@@ -248,7 +248,7 @@ def _median_errors(
 
 
 def _median_of_means(errors: Sequence[Array]) -> float | None:
-    """Errors per program, each of shape (models, values); NaN is left out."""
+    """Median over models of mean errors, given per program, (models, values); NaN is left out."""
     every = np.concatenate(errors, axis=1)
     known = np.sum(~np.isnan(every), axis=1)
     means = np.nansum(every, axis=1)[known > 0] / known[known > 0]

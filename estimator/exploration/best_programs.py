@@ -13,14 +13,14 @@ from estimator.body.morphology import Array
 from estimator.errors import EstimatorError
 
 Score: TypeAlias = Callable[[Array], ArrayLike]
-"""How good p motor programs are, rad, shape (p, joints): p numbers, the higher the better."""
+"""Scores of p motor programs, rad, shape (p, joints): p numbers, the higher the better."""
 
 CANDIDATES: Final = 1000
 """Programs that are drawn at first."""
 
 _LIKELY: Final = 100  # best candidates by the rough score, which are scored more precisely
 _REFINED: Final = 8  # best programs that are varied
-_VARIANTS: Final = 8  # of each of them
+_VARIANTS: Final = 8  # variants of each of these programs
 _SPREADS: Final = (math.radians(6.0), math.radians(3.0))
 _FINALISTS: Final = 20
 
@@ -42,23 +42,24 @@ def best_programs(
     finalists by ``sure``.
 
     Args:
-        score: To be maximised.
+        score: Score that is maximised.
         program_range: Lowest and highest target of each joint, rad, shape (joints, 2):
             ``FittedPosterior.program_range``.
         rng: Draws the programs.
-        candidates: What to begin with, rad, shape (p, joints); by default 1,000 from that range.
+        candidates: Programs to begin with, rad, shape (p, joints); by default 1,000 drawn from the
+            range.
         rough: A cheaper score, for the candidates; by default ``score``.
-        sure: A dearer one, which ranks the finalists; by default ``score`` has ranked them already.
-        spreads: Standard deviation of the targets each time programs are varied, rad; by default
-            twice, the second time by less.
+        sure: A more expensive score, which ranks the finalists; by default ``score`` ranks them.
+        spreads: Standard deviations of targets, rad, one for each time that programs are varied; by
+            default two, the second smaller.
 
     Returns:
         The finalists, rad, best first, shape (20, joints), or fewer where there are fewer
-        candidates; and what they score, shape (20,).
+        candidates; and their scores, shape (20,).
 
     Raises:
         EstimatorError: The range or the candidates have a wrong shape, or a score is not one number
-            for each program; NaN is none.
+            for each program; NaN does not count as one.
     """
     ends = np.asarray(program_range, dtype=float)
     if ends.ndim != 2 or ends.shape[1] != 2:

@@ -1,4 +1,4 @@
-"""Motor programs that move few limbs, where more is open than some readings can tell.
+"""Motor programs that move few limbs, where more is open than a few readings can tell.
 
 A reading of many moved limbs holds as much information as one of a few, but constrains them only
 jointly: the search would have to try all limbs together. A limb that does not move hardly matters
@@ -20,15 +20,15 @@ from estimator.body.morphology import BASE, Array
 from estimator.posterior.model.unknowns import Columns, Unknowns
 
 _OPEN: Final = 24.0
-"""Entropy of the attachments of all moved limbs, bits, at most: that of three limbs of two parts.
+"""Largest entropy of the attachments of all moved limbs, bits: that of three limbs of two parts.
 A single limb often lifts into the air, and shows nothing."""
 
 _OPEN_OF_PARTS: Final = 12.0
-"""The same where each part is a limb: that of two unknown parts."""
+"""Largest entropy where each part is a limb, bits: that of two unknown parts."""
 
 _BITS_LEARNT: Final = 5.0
-"""Bits about attachments that one interaction tells at most where each part is a limb. Fewer than
-the sampler's figure, since too many moved parts cost more than too few."""
+"""Most bits about attachments that one interaction tells where each part is a limb. Fewer than in
+``Unknowns.telling``, since too many moved parts cost more than too few."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,9 +38,9 @@ class Limbs:
     Or each part by itself, where it is not known which sits on which.
 
     Attributes:
-        motors: That move each of them.
-        choices: Columns of the genes that say how the parts of each are attached.
-        open: Entropy of the attachments of all moved limbs, bits, at most.
+        motors: Motors that move each limb.
+        choices: Columns of the genes that say how the parts of each limb are attached.
+        open: Largest entropy of the attachments of all moved limbs, bits.
         unlearnt: Entropy of all attachments before the first interaction, bits, where samples may
             agree sooner than they should; else 0.
     """
@@ -52,9 +52,9 @@ class Limbs:
 
 
 def limbs_of(unknowns: Unknowns) -> Limbs:
-    """The limbs of a problem's bodies; none where little is open from the beginning.
+    """The limbs of a problem's bodies; none where few attachments are open from the beginning.
 
-    Where parts may sit on each other, the driven ones.
+    Where parts may sit on each other, each driven part is a limb.
     """
     body = unknowns.bodies(np.zeros((1, unknowns.size)))
     parents, motors = body.parent[0].tolist(), body.motor[0]
@@ -77,7 +77,7 @@ def limbs_of(unknowns: Unknowns) -> Limbs:
 
 
 def _down_from(tip: int, parents: Sequence[int]) -> list[int]:
-    """A part and all that it sits on, but for the main body."""
+    """A part and all parts that it sits on, without the main body."""
     chain = [tip]
     while parents[chain[-1]] != BASE:
         chain.append(parents[chain[-1]])
@@ -97,10 +97,10 @@ def with_few_limbs(
     allows. Where all limbs together have no more the programs stay as they are.
 
     Args:
-        programs: rad, shape (p, motors).
-        limbs: From ``limbs_of``.
-        decided: What equally likely samples choose, by gene, shape (n, genes).
-        interactions: Number of interactions that the samples are after.
+        programs: Motor programs, rad, shape (p, motors).
+        limbs: Limbs of the bodies, from ``limbs_of``.
+        decided: Choices of equally likely samples, by gene, shape (n, genes).
+        interactions: Number of interactions that the samples were learnt from.
         rng: Draws the orders.
     """
     bits = np.array([_entropy(decided[:, own]) for own in limbs.choices])
@@ -118,7 +118,7 @@ def with_few_limbs(
 
 
 def _entropy(chosen: NDArray[np.int64]) -> float:
-    """Entropy of columns that are taken for independent, bits."""
+    """Entropy of choices, shape (n, columns), as if columns were independent, bits."""
     total = 0.0
     for column in chosen.T:
         shares = np.unique(column, return_counts=True)[1] / len(column)

@@ -1,6 +1,7 @@
 """The rule ``information``: the program with the largest expected information gain about the body.
 
-Once attachments have converged it may be the one that narrows lengths or masses most (``--learn``).
+Once attachments have converged it may be the program that narrows lengths or masses most, instead
+(``--learn``).
 ``Chooser`` finds the program; the rule says in words what it discriminates between.
 """
 
@@ -84,9 +85,9 @@ _THINNED: Final = slice(None, None, 2)  # the bodies by which all but finalists 
 _MORE_DRAWS: Final = 800  # readings drawn for each finalist
 _AT_ONCE: Final = 4096  # readings computed at once, whose bodies fit into a processor's cache
 _COMPETES: Final = 0.005  # share of the posterior from which a cause competes
-_AS_LIKELY: Final = 0.02  # of the best evidence, from which it does if the body would be another
+_AS_LIKELY: Final = 0.02  # share of the best evidence from which a cause of another body competes
 _THICKER: Final = 1.4  # factor on radii under which a predicted pose must stay the same
-_PREDICTABLE: Final = math.radians(2.0)  # least path margin of a pose; else forks look best
+_PREDICTABLE: Final = math.radians(2.0)  # least path margin of a predicted pose: else forks win
 _PLUMB: Final = GRAVITY_TILTS[:1]
 _BRANCHES: Final = np.vstack([_PLUMB, FORKS])  # inclinations of gravity
 
@@ -96,16 +97,16 @@ class InformativeProgram:
     """A motor program, and its expected information gain.
 
     Attributes:
-        program: rad, shape (motors,).
+        program: Target of each motor, rad, shape (motors,).
         bits: Expected information gain about the body.
-        about: About each column of the cube, bits: about a choice, or about the half of its range
-            in which a length lies; shape (size,).
+        about: Expected information gain about each column of a point, bits, shape (size,): about a
+            choice, or about whether a length is above the samples' median.
         causes: Rows of the table of parameters whose wide components compete, the most probable
             first; −1: the robot is as stated. Empty where none compete.
-        about_causes: Expected information gain about which of them it is, bits, under the
+        about_causes: Expected information gain about which of the causes it is, bits, under the
             probabilities with which they count for the choice.
-        narrowed: Share by which it is expected to narrow lengths or masses; ``None``: they were not
-            asked for.
+        narrowed: Share by which the program is expected to narrow lengths or masses; ``None``:
+            they were not asked for.
     """
 
     program: Array
@@ -121,9 +122,9 @@ class _Hypotheses:
     """Equally likely bodies, of which the posterior consists.
 
     Attributes:
-        bodies: n of them.
+        bodies: The n bodies.
         scales: Logarithms of their noise factors, shape (n, 2).
-        groups: The same number for equal bodies, shape (n,).
+        groups: Number of each body's group, shape (n,): equal bodies are one group.
         causes: Which of the competing causes each body has, shape (n,); ``None``: none compete.
         asked: Lengths or masses that are to be learnt, shape (n, k); ``None``: the whole body is.
     """
@@ -138,7 +139,7 @@ class _Hypotheses:
         return len(self.groups)
 
     def some(self, rows: slice) -> _Hypotheses:
-        """Some of them."""
+        """Some of the bodies."""
         chosen = {name: own[rows] for name, own in vars(self).items() if own is not None}
         return replace(self, **chosen)
 
@@ -174,10 +175,11 @@ class Chooser:
         servo may turn the other way.
 
         Args:
-            posterior: The bodies.
-            interactions: Number of interactions that the posterior is after.
-            rng: The choice's own.
-            learn: What is to be learnt once attachments have converged; all, where it is not open.
+            posterior: The posterior over bodies.
+            interactions: Number of interactions that the posterior was learnt from.
+            rng: Draws samples, programs and readings.
+            learn: What is to be learnt once attachments have converged; the whole body, where that
+                is not open.
         """
         low, high = self._ends.T
         causes, even = self._causes(posterior)
@@ -231,10 +233,10 @@ class Chooser:
         )
 
     def _causes(self, posterior: Posterior) -> tuple[tuple[int, ...], Posterior]:
-        """The causes that compete, and the posterior in which they count by their evidences.
+        """The causes that compete, and the posterior in which each counts by its evidence's root.
 
-        Those with a share, and those that are about as likely by the readings, if they make another
-        body. All beside the most probable one have half of that posterior at most.
+        Causes that have a share compete, and causes that are about as likely by the readings, if
+        they make another body. All but the most probable one have half of that posterior at most.
         """
         rows, which = np.unique(self._deviating(posterior.values), return_inverse=True)
         shares = np.bincount(which, posterior.weights)
@@ -327,7 +329,7 @@ class Chooser:
         *,
         coarse_step: bool = False,
     ) -> list[PredictedReadings]:
-        """Readings of all bodies in all programs, one record for each of the inclinations."""
+        """Readings of all bodies in all programs, one record for each inclination of gravity."""
         pieces = []
         count = len(gravity_tilts)
         at_once = max(1, _AT_ONCE // (count * len(known)))

@@ -31,7 +31,7 @@ from estimator.posterior.model.noise import (
 from estimator.posterior.model.sensor_data import DENSITIES, SCALED
 from estimator.readings.observation import PredictedReadings
 
-_PAIRS: Final = 131_072  # of a reading and a sample at once: a megabyte of densities
+_PAIRS: Final = 131_072  # pairs of a reading and a sample computed at once: a megabyte of densities
 _LEAST: Final = -60.0  # logarithm of a density that is negligible; the exponential of less is slow
 
 
@@ -42,7 +42,7 @@ class InformationGain:
         noise: Sensor noise.
         cap: Range of the distance sensor, m.
         modalities: Sensors that count.
-        threads: Share out the programs; one by default.
+        threads: Threads that share out the programs; one by default.
     """
 
     def __init__(
@@ -66,14 +66,14 @@ class InformationGain:
         *,
         draws: int,
     ) -> Array:
-        """Expected information of each program, in bits, shape (p, k).
+        """Expected information gain of each program by each grouping, bits, shape (p, k).
 
         Args:
-            readings: Of n equally likely samples in one program and the next, p · n rows.
-            scales: Logarithms of their noise factors, shape (n, 2).
+            readings: Predictions of n equally likely samples, program by program, p · n rows.
+            scales: Logarithms of the samples' noise factors, shape (n, 2).
             groups: Group of each sample, by each of k groupings, shape (n, k).
             rng: Draws the noise, which is the same for all programs and groupings.
-            draws: Readings per program; one sample after the other.
+            draws: Number of readings drawn per program, from one sample after the other.
         """
         predicted = readings.reshaped(len(readings) // len(scales), len(scales))
         noise, uniforms = drawn((draws, 3), rng), rng.random((draws, 1 + readings.touch.shape[1]))
@@ -104,8 +104,8 @@ class InformationGain:
         """Readings of each program and draw, given what their sources predict.
 
         Returns:
-            Whether the ground lies beyond the range, shape (p, d), and what is multiplied by what
-            ``_expected`` gives, shape (p, d, f).
+            Whether the ground lies beyond the range, shape (p, d), and factors to be multiplied by
+            those of ``_expected``, shape (p, d, f).
         """
         wrong = np.where(own.touch_doubtful, 0.5, self._noise.touch)
         felt = own.touch != (uniforms < wrong)
@@ -120,12 +120,12 @@ class InformationGain:
         return beyond, self._of_modalities(factors)
 
     def _expected(self, predicted: PredictedReadings, spread: Array, far: Flags) -> Array:
-        """Each inner product with a row of ``_drawn`` is a log-density, shape (p, f, n).
+        """Factors whose inner product with a row of ``_drawn`` is a log-density, shape (p, f, n).
 
         Args:
-            predicted: Of n samples in p programs.
-            spread: Noise of tilt and clearance of each, shape (n, 2).
-            far: Programs with readings of ground beyond the range, shape (p,).
+            predicted: Predictions of n samples in p programs.
+            spread: Noise of tilt and clearance of each sample, shape (n, 2).
+            far: Which programs have readings of ground beyond the range, shape (p,).
         """
         wrong = np.where(predicted.touch_doubtful, 0.5, self._noise.touch)
         touched, height = np.where(predicted.touch, 1 - wrong, wrong), predicted.clearance
@@ -149,13 +149,13 @@ class InformationGain:
     def narrowed(self, readings: PredictedReadings, amounts: Array) -> Array:
         """Share by which each program is expected to narrow some amounts, shape (p,).
 
-        By the sum of their standard deviations: that of the residuals of a linear regression on
-        tilt and clearance, among samples with the same touch readings, over that before. Samples
-        without a prediction narrow nothing.
+        Compares the sums of their standard deviations before and after. Those after are of the
+        residuals of a linear regression on tilt and clearance, among samples with the same touch
+        readings. Samples without a prediction narrow nothing.
 
         Args:
             readings: As for ``of``.
-            amounts: Of the samples, shape (n, k), in one unit.
+            amounts: Amounts of the samples, shape (n, k), all in one unit.
         """
         touch, tilt, clear = (name in self._modalities for name in ("touch", "tilt", "clearance"))
         predicted = readings.reshaped(len(readings) // len(amounts), len(amounts))
@@ -182,7 +182,10 @@ class InformationGain:
         return narrowed
 
     def _anywhere(self, bits: int) -> Array:
-        """Density of a reading anywhere times the share of outliers: within the range, beyond."""
+        """Share of outliers times a reading's density in any pose: ground within the range, beyond.
+
+        Shape (2,).
+        """
         beyond = np.array([False, True])
         logs = np.full(2, math.log(self._noise.outlier))
         for name, count in (("touch", bits), ("tilt", 2), ("clearance", 1)):
@@ -195,7 +198,7 @@ class InformationGain:
 def _left(readings: Array, amounts: Array, before: float) -> float:
     """Sum of the standard deviations of amounts, given readings in units of their noise.
 
-    ``before`` where there are too few samples.
+    It is ``before`` where there are too few samples.
     """
     free = len(readings) - 1 - readings.shape[1]
     if free <= 0:
@@ -213,15 +216,15 @@ class _Pairs:
 
     Attributes:
         read: Factors of the readings, shape (p, d, f).
-        expected: Of the predictions, where robots end as foretold and beside it, shape (p, f, n)
-            each: inner products are log-densities.
-        shares: Of readings, that end so.
-        anywhere: Density of each reading anywhere times the share of outliers, shape (p, d, 1).
+        expected: Factors of the predictions, for robots that end as foretold and for those that end
+            beside it, shape (p, f, n) each: inner products with ``read`` are log-densities.
+        shares: Share of the readings that end in each of these ways.
+        anywhere: Density of each reading in any pose times the share of outliers, shape (p, d, 1).
         elsewhere: Share of the outliers that may be anywhere.
-        unknown: Samples without a prediction, shape (p, n).
-        tells: Readings that tell anything, shape (p, d). Outliers, and readings of samples without
+        unknown: Which samples have no prediction, shape (p, n).
+        tells: Which readings tell anything, shape (p, d). Outliers, and readings of samples without
             a prediction, do not: their density is the same for every body.
-        alike: Of each grouping, 1 where a sample is in the group of a reading's source, else 0,
+        alike: For each grouping, 1 where a sample is in the group of a reading's source, else 0,
             shape (d, n) each.
     """
 
@@ -235,7 +238,10 @@ class _Pairs:
     alike: Sequence[Array]
 
     def told(self, first: int, end: int) -> Array:
-        """Sums over the readings of some programs of their information, in nats, shape (p, k)."""
+        """Information of the readings of programs ``first`` to ``end``, summed up, nats.
+
+        Shape (programs, k).
+        """
         told = np.zeros((end - first, len(self.alike)))
         draws, samples = self.alike[0].shape
         at_once = max(1, _PAIRS // samples)

@@ -29,20 +29,20 @@ from estimator.problem.problem import Problem
 from protocol.wire.capabilities import MODALITIES, Capabilities, Joint, Sensor
 
 KNOWN: Final = 0.005
-"""A length counts as known within so much either way, m."""
+"""Error of a length, either way, within which it counts as known, m."""
 
 NEVER: Final = 0.9
-"""Share of bodies on which an unknown shows in no reading, from which it is not identifiable."""
+"""Share of bodies on which no reading shows an unknown, from which it is not identifiable."""
 
-_POINTS: Final = 20_000  # of the cube, by which the allowed share of it is estimated
-_BODIES: Final = 1_000  # limit the information about a body to 10 bits
-_PROGRAMS: Final = 32  # random ones whose information is computed
-_DRAWS: Final = 400  # readings drawn for each of them
-_GOOD: Final = 0.9  # quantile of their information that a chosen one is taken to give
+_POINTS: Final = 20_000  # points of the cube, by which its allowed share is estimated
+_BODIES: Final = 1_000  # bodies: so many limit the information about one to 10 bits
+_PROGRAMS: Final = 32  # random programs whose information is computed
+_DRAWS: Final = 400  # readings drawn for each program
+_GOOD: Final = 0.9  # quantile of their information that a chosen program is taken to give
 _CHANGED: Final = 24  # bodies of which each unknown is changed
 _COMPARED: Final = 60  # programs in which these are compared
-_STEP: Final = 0.25  # of a length's range, by which it is changed
-_FEWEST: Final = 6  # bodies on which an unknown can be changed, at least
+_STEP: Final = 0.25  # share of a length's range by which it is changed
+_FEWEST: Final = 6  # least number of bodies on which an unknown can be changed
 
 _RATE: Final = 50.0  # samples per second of a sensor that is supposed
 _SENSORS: Final = {
@@ -56,11 +56,11 @@ class Prospects:
     """What can be expected of a problem and some sensors.
 
     Attributes:
-        ways: Number of ways in which its parts may be attached.
-        attachment_bits: Entropy of these, without unknowns that are not identifiable.
+        ways: Number of ways in which the problem's parts may be attached.
+        attachment_bits: Entropy of these ways, bits, without unknowns that are not identifiable.
         lengths: Number of lengths to be found.
-        length_bits: Information that determines each identifiable length to within ``KNOWN``.
-        movement_bits: Information that a good movement gives at first.
+        length_bits: Information that determines all identifiable lengths to within ``KNOWN``, bits.
+        movement_bits: Information that a good movement gives at first, bits.
         unpredicted: Share of random movements after which the pose cannot be predicted.
         hidden: Share of bodies on which no reading shows another value of an unknown, by its name;
             unknowns that show on all of them are left out.
@@ -82,7 +82,7 @@ class Prospects:
         return tuple(name for name, share in self.hidden.items() if share >= NEVER)
 
     def movements(self, bits: float) -> float:
-        """Approximate number of movements that give so much; infinite where none gives any."""
+        """Approximate number of movements that give so many bits; infinite if none gives any."""
         return bits / self.movement_bits if self.movement_bits > 0.05 else math.inf
 
 
@@ -112,7 +112,7 @@ def supposed_robot(problem: Problem) -> Capabilities:
 
 
 def with_sensors(robot: Capabilities, touch: int) -> Capabilities:
-    """The robot with the sensors that it lacks, of usual noise; ``touch`` feet if it has none."""
+    """The robot with sensors added that it lacks, of usual noise; ``touch`` feet if it has none."""
     sensors = dict(_SENSORS)
     if touch:
         sensors["touch"] = Sensor(modality="touch", unit="bool", count=touch, noise=0.0, rate=_RATE)
@@ -130,7 +130,7 @@ def prospects(
     """What can be expected of a problem on a robot.
 
     Args:
-        problem: Written out for the robot.
+        problem: The problem, written out for the robot.
         robot: The robot.
         physics: Predicts readings, in the problem's world.
         modalities: Sensors that count.
@@ -214,7 +214,7 @@ def _turned(
     physics: ArrayPhysics,
     modalities: Sequence[str],
 ) -> float:
-    """Share of bodies that read like an image of theirs that the problem allows as well."""
+    """Share of bodies that read like a turned or mirrored image that the problem allows, too."""
     alike = 0
     for body in bodies:
         others = [

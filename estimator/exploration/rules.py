@@ -37,18 +37,18 @@ class Objective(Protocol):
         """
 
     def lower_bound(self, terms: Array) -> Array:
-        """What the total is at least, shape (n,): a model that reaches its limit has lost.
+        """Lower bound of the total, shape (n,): a model whose bound reaches its limit has lost.
 
         Args:
-            terms: Of n models in k interactions, shape (k, n); 0 where not yet computed.
+            terms: Errors of n models in k interactions, shape (k, n); 0 where not yet computed.
         """
 
     def total(self, terms: Array, undecided: Flags) -> Array:
-        """The figure over all interactions, shape (n,).
+        """Total error over all interactions, shape (n,).
 
         Args:
-            terms: Shape (k, n).
-            undecided: Whether the model's pose might as well be another, shape (k, n).
+            terms: Errors of n models in k interactions, shape (k, n).
+            undecided: Whether a model's pose might as well be another, shape (k, n).
         """
 
 
@@ -58,11 +58,11 @@ class Situation:
 
     Attributes:
         posterior: What is known of the body by now, and the interactions that it was learnt from;
-            random bodies before the first. Of the method ``paper`` it has the population.
-        objective: By what the method ``paper`` fits models; the method ``posterior`` has its own
+            random bodies before the first. With the method ``paper`` it holds the population.
+        objective: What the method ``paper`` minimises; the method ``posterior`` has its own
             likelihood.
-        rng: The choice's own.
-        learn: What the robot is moved for, once attachments have converged.
+        rng: Random generator of this choice alone.
+        learn: What is to be learnt once attachments have converged.
         jobs: Threads that the rule may use, apart from those of physics; what it chooses must not
             depend on it.
     """
@@ -74,7 +74,7 @@ class Situation:
     jobs: int = 1
 
     def random_programs(self, count: int) -> list[Program]:
-        """Motor programs as the paper draws them: every target from the problem's range."""
+        """So many motor programs as the paper draws them: every target from the problem's range."""
         problem, robot = self.posterior.problem, self.posterior.capabilities
         drawn = [problem.random_program(self.rng, robot) for _ in range(count)]
         return [tuple(program.tolist()) for program in drawn]
@@ -86,9 +86,10 @@ class Choice:
 
     Attributes:
         program: Target angle of each joint, rad.
-        reason: For people, as the rest of a sentence; empty where there is none.
-        bits: Information about the body that it is expected to give, where the rule knows.
-        bits_about_causes: About which of the causes that compete it is, were these nearly even.
+        reason: Why, for people, as the rest of a sentence; empty where no reason is given.
+        bits: Expected information about the body, bits; ``None``: the rule does not know it.
+        bits_about_causes: Expected information about which of the competing causes it is, were
+            these nearly even, bits.
     """
 
     program: Program
@@ -101,7 +102,7 @@ class Rule(Protocol):
     """Chooses motor programs; any function of this form will do."""
 
     def __call__(self, situation: Situation) -> Choice:
-        """The motor program to perform next.
+        """Chooses the motor program to perform next.
 
         Args:
             situation: All that is known by now.
@@ -115,8 +116,8 @@ def random_program(situation: Situation) -> Choice:
 
 
 CANDIDATES: Final = 300  # random programs that ``disagreement`` compares
-MODELS: Final = 64  # by which it does so
-_SATURATED: Final = 10.0  # standard deviations: what lies farther apart is no more apart
+MODELS: Final = 64  # models by which it compares them
+_SATURATED: Final = 10.0  # standard deviations: larger distances count as this one
 
 
 def most_disputed_program(situation: Situation) -> Choice:

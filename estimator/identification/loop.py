@@ -20,7 +20,7 @@ Connect = Callable[[], RobotLink]
 
 
 class Identification:
-    """One run, from wherever its store says it stands to its end.
+    """One run, from where its store says that it stands to its end.
 
     Args:
         store: The run's memory; opened for writing.
@@ -48,7 +48,7 @@ class Identification:
         self._link: RobotLink | None = None
 
     def run(self, after_iteration: Callable[[], object]) -> None:
-        """Goes through all interactions, each followed by the method.
+        """Goes through all interactions; after each the method learns from it.
 
         Args:
             after_iteration: Called whenever something was learnt, and another interaction follows.
@@ -76,7 +76,7 @@ class Identification:
         self._method.finish(observations)
 
     def _act(self, number: int) -> Observation:
-        """The observation of an interaction, which is performed if it was not yet."""
+        """Observation of an interaction, which is performed if it was not yet."""
         interactions = self._store.interactions()
         planned = interactions[number] if number < len(interactions) else None
         if planned is not None and planned.observation is not None:
@@ -116,7 +116,7 @@ class Identification:
 
 
 Commit = Callable[[Ticket | None], None]
-"""Puts on disk under which ticket a motor program is about to be asked for."""
+"""Commits the ticket under which a motor program is about to be asked for."""
 
 
 def carry_out(
@@ -127,12 +127,13 @@ def carry_out(
     Args:
         link: The robot.
         number: Number of the interaction.
-        planned: Its motor program; with a ticket when an earlier process asked for it.
+        planned: Record of its motor program; with a ticket when an earlier process asked for it.
         commit: Called before every request, and with ``None`` once a request has failed for good.
         listener: Hears of the progress, and is asked before a retry.
 
     Raises:
-        InteractionError: The robot did not do it; the message says what happened and what to do.
+        InteractionError: The robot did not perform the program; the message says what happened and
+            what to do.
     """
     try:
         if planned.ticket is not None:
@@ -161,7 +162,7 @@ def carry_out(
 def _ask_again(
     link: RobotLink, number: int, planned: InteractionRecord, listener: Listener
 ) -> Observation | None:
-    """The outcome of a request whose answer an earlier process did not live to see."""
+    """Outcome of a request of an earlier process, which ended before the answer came."""
     assert planned.ticket is not None
     try:
         moving = partial(listener.moving, number)

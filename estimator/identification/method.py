@@ -1,4 +1,4 @@
-"""The interfaces between a run and its method, and between a run and who listens to it."""
+"""The interfaces between a run and its method, and between a run and its listener."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Method(Protocol):
     A method begins where its run's store says that it stands.
 
     Attributes:
-        PHYSICS: Name of the back-end that it works with where nobody asks for another.
+        PHYSICS: Name of the back-end that it works with by default.
         RULE: Name of the exploration rule that chooses its motor programs by default.
     """
 
@@ -30,10 +30,10 @@ class Method(Protocol):
 
     @staticmethod
     def check(config: RunConfig) -> None:
-        """Refuses what the method has no use for.
+        """Refuses settings that the method has no use for.
 
         Raises:
-            EstimatorError: The config asks for such a thing.
+            EstimatorError: The config has such a setting.
         """
 
     @classmethod
@@ -44,7 +44,7 @@ class Method(Protocol):
 
         Args:
             store: The run's memory; opened for writing.
-            executors: Do the work.
+            executors: Executors that do the work.
             listener: Hears what happens.
             stack: Closes in the end what is opened here.
 
@@ -53,49 +53,49 @@ class Method(Protocol):
         """
 
     def work(self, number: int) -> float:
-        """How much there is to do after an interaction, in any unit."""
+        """Amount of work after an interaction, in any unit."""
 
     def done(self, number: int) -> float:
-        """How much of that is on disk already."""
+        """Amount of the work after an interaction that is on disk already."""
 
     def learn(self, number: int, observations: Sequence[Observation]) -> None:
         """Learns from an interaction; what was learnt before a crash is not learnt again.
 
         Args:
-            number: Of the interaction, from 0.
-            observations: Of all interactions so far.
+            number: Number of the interaction, from 0.
+            observations: Observations of all interactions so far.
         """
 
     def posterior(self) -> FittedPosterior:
         """What is known of the body by now; random bodies before the first interaction."""
 
     def is_sure(self, number: int) -> bool:
-        """Whether after this interaction no further one is worth its while, by the settings."""
+        """Whether the settings ask for no further interaction after this one."""
 
     def finish(self, observations: Sequence[Observation]) -> None:
-        """Asks the reference back-end for the last word, unless it was asked."""
+        """Checks the result with the reference back-end, unless that is done already."""
 
 
 class Listener:
     """Hears what happens in a run; every method may be overridden, and does nothing here."""
 
     def say(self, sentence: str) -> None:
-        """Something that a person should know."""
+        """Called with a sentence that a person should know."""
 
     def expect(self, work: float, done: float) -> None:
-        """How much work there is in all, in any unit, and how much of it is done already."""
+        """Called with the amount of work in all, in any unit, and what of it is done already."""
 
     def worked(self, work: float, what: str) -> None:
-        """Some of the work is done, and safe on disk; ``what`` says where the run stands."""
+        """Called when some work is done, and safe on disk; ``what`` says where the run stands."""
 
     def chosen(self, number: int, reason: str, bits: float | None) -> None:
-        """An interaction's motor program was chosen: why, and how much it should tell."""
+        """Called when a motor program was chosen: why, and its expected information, bits."""
 
     def moving(self, number: int, phase: str, fraction: float) -> None:
-        """How far an interaction is: its phase and the share of it that is done, 0 to 1."""
+        """Called with how far an interaction is: its phase, and the share of it done, 0 to 1."""
 
     def observed(self, number: int, observation: Observation) -> None:
-        """An interaction is over and its observation safe on disk."""
+        """Called when an interaction is over and its observation safe on disk."""
 
     def may_retry(self, error: RobotError) -> bool:
         """Whether to ask the robot again, now that a person has done what ``error`` advises."""
@@ -103,7 +103,7 @@ class Listener:
 
 
 def information_in_words(bits: float) -> str:
-    """Information that a movement is expected to give, as people understand it."""
+    """Says in words how much information, bits, a movement is expected to give."""
     if bits < 1:
         return f"it is expected to rule out {100 * (1 - 0.5**bits):.0f} % of the possibilities"
     return f"it is expected to leave one possibility in {2**bits:.0f}"

@@ -22,7 +22,7 @@ class ChoiceResources:
 
     Attributes:
         physics: Predicts what models feel.
-        jobs: Threads that a rule may use beside it.
+        jobs: Number of threads that a rule may use, apart from those of ``physics``.
     """
 
     physics: ArrayPhysics
@@ -35,12 +35,12 @@ def next_program(
     posterior: FittedPosterior,
     resources: ChoiceResources,
 ) -> Choice:
-    """The program that the rule chooses after the interactions so far; a resumed run gets it again.
+    """Motor program that a rule chooses after the interactions so far; the same in a resumed run.
 
     Args:
         store: The run's memory.
         rule: Name of the exploration rule.
-        posterior: What is known of the body after them.
+        posterior: Posterior after the interactions so far.
         resources: What the rule computes with.
 
     Raises:
@@ -58,7 +58,7 @@ def next_program(
 
 
 def _checked(chosen: object, rule: str, store: RunStore) -> Choice:
-    """A rule's choice, its program as floats, before any of it is kept or performed."""
+    """Checks a rule's choice before it is kept or performed; returns it with targets as floats."""
     if not isinstance(chosen, Choice):
         raise EstimatorError(f"the {rule} gave {chosen!r}: it must give a Choice")
     joints, driven = store.capabilities.joints, store.problem.motors.driven

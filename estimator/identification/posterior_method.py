@@ -48,10 +48,10 @@ from estimator.storage.records import Counters
 from estimator.storage.run_config import RunConfig
 from estimator.storage.store import RunStore
 
-_NAMED: Final = 0.5  # of the posterior, that causes explain
+_NAMED: Final = 0.5  # probability of all causes, above which they explain the readings
 
 PRECISE: Final = 0.005
-"""A length is known when half of its 90 % interval is no more, m."""
+"""Largest half-width of the 90 % interval of a length that counts as known, m."""
 
 
 class PosteriorMethod:
@@ -60,10 +60,10 @@ class PosteriorMethod:
     Args:
         store: The run's memory; opened for writing.
         listener: Hears what happens.
-        make_physics: Makes the back-end that samples, for each population one.
+        make_physics: Makes the back-end that samples; called for each population.
         physics: Another such back-end, on all cores: for what is done while the workers rest.
-        workers: Move the populations' chains, and weigh what these have found.
-        make_reference: Makes the back-end that has the last word, from the same workers.
+        workers: Executor that moves the populations' chains, and weighs what they have found.
+        make_reference: Makes the reference back-end, which checks the result, in the same workers.
     """
 
     PHYSICS: ClassVar = "statics"
@@ -161,7 +161,7 @@ class PosteriorMethod:
         return self._sampler.predictor
 
     def work(self, number: int) -> float:
-        """An interaction's share of the work grows with those before it."""
+        """Amount of work after an interaction, in any unit; it grows from one to the next."""
         return number + 4.0
 
     def done(self, number: int) -> float:
@@ -197,7 +197,7 @@ class PosteriorMethod:
     def is_sure(self, number: int) -> bool:
         """Whether attachments, causes and lengths are as sure as the settings ask for.
 
-        They must have been so before the last movement, too. A run that has ended stays so,
+        They must have been as sure before the last movement, too. A run that has ended stays so,
         whatever the simulator said then.
         """
         wanted = self._store.settings.sure
@@ -215,9 +215,10 @@ class PosteriorMethod:
         )
 
     def _overturned(self, number: int, summary: StoredPosterior) -> int | None:
-        """The last interaction before after which attachments were sure that are ruled out now.
+        """Last earlier interaction after which attachments were sure that are ruled out now.
 
-        They were sure after the one before it, too: of statements of 0.95 one in twenty is wrong.
+        They must have been sure after the interaction before that one, too: of statements of 0.95
+        one in twenty is wrong.
 
         ``None`` where all readings are explained by a robot that is otherwise than stated: it has
         not changed, it was taken to be as stated.
@@ -234,7 +235,7 @@ class PosteriorMethod:
         return sure[-1] if left < 1 - SURE else None
 
     def _lengths_known(self, summary: StoredPosterior) -> bool:
-        """Whether they are known so well if the robot is as stated: no movement tells more."""
+        """Whether all leg lengths are known to ``PRECISE`` if the robot is as stated."""
         if summary.as_stated_m:
             return all(one.high - one.low <= 2 * PRECISE for one in summary.as_stated_m)
         lengths = FittedPosterior.of_stored(self._store, summary, ()).leg_lengths
@@ -268,7 +269,7 @@ class PosteriorMethod:
         self._store.save_posterior(last, final, self._cost(), None)
 
     def _doubted(self, summary: StoredPosterior, fitted: FittedPosterior) -> StoredPosterior:
-        """The summary, with the probability of a robot that is otherwise as nobody looks for."""
+        """The summary, with the probability of a deviation that is not in the table."""
         outliers = outliers_left(
             np.array([one.outlier_probability for one in summary.predicted]),
             fitted.posterior,
@@ -329,7 +330,7 @@ class PosteriorMethod:
 
 
 def attachments_known(summary: StoredPosterior, wanted: float, store: RunStore) -> bool:
-    """Whether a run is so sure of attachments, and stands by them."""
+    """Whether attachments are so probable, readings are explained, and problem and robot agree."""
     contradicted = store.problem.contradictions(store.capabilities)
     return (summary.probability or 0.0) >= wanted and summary.explained and not contradicted
 

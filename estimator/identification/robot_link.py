@@ -12,7 +12,7 @@ robot would say about itself; every run writes one, and by hand three keys are e
     {"base_size": [0.14, 0.14, 0.085], "base_mass": 0.6, "clearance_upper": 0.2}
 
 in m and kg; ``clearance_upper`` is the largest clearance that could have been measured. A sensor
-without a column was not read, so it counts as one that the robot lacks.
+without a column was not read, so the robot counts as lacking it.
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ class RobotLink(Protocol):
     """A connection to a robot, or a record of its readings.
 
     Attributes:
-        capabilities: What the robot is.
-        client_id: The name under which requests reach it.
+        capabilities: Capabilities of the robot.
+        client_id: Client id of requests to the robot.
         recorded: The motor programs of a record, the only ones it can perform; ``None``: a robot,
             which performs any.
     """
@@ -55,7 +55,7 @@ class RobotLink(Protocol):
     recorded: tuple[Program, ...] | None
 
     def ticket(self) -> Ticket | None:
-        """The name of the next request, to be committed before it is sent; ``None``: none needed.
+        """Ticket of the next request, to be committed before that is sent; ``None``: not needed.
 
         Raises:
             BodyschemaError: The robot cannot be had, for example because another holds it.
@@ -69,7 +69,7 @@ class RobotLink(Protocol):
         Args:
             number: Number of the interaction, by which a record finds its row.
             program: Targets, rad, one per joint in motor order.
-            ticket: From ``ticket``.
+            ticket: Ticket that the method ``ticket`` returned.
             on_progress: Called with the progress of the motion.
 
         Raises:
@@ -132,7 +132,7 @@ class Record:
 
 
 def open_replay(directory: Path) -> Record:
-    """The interactions of a recorded run.
+    """Opens the interactions of a recorded run as a robot link.
 
     Raises:
         RunDirectoryError: There is no run, or nothing was observed in it.
@@ -154,12 +154,12 @@ _SLEW: Final = math.radians(60.0)  # the paper's servos
 
 
 def open_by_hand(path: Path, driven: Callable[[Capabilities], Collection[int]]) -> Record:
-    """Readings by hand as a robot link.
+    """Opens a hand-written table of readings as a robot link.
 
     Args:
         path: The table.
-        driven: Says which motors' angles every row must say; the others stand at 0 without a
-            column.
+        driven: Returns the motors whose angles every row must state; the others stand at 0 where
+            they have no column.
 
     Raises:
         ReadingsError: A file cannot be read or is wrong; the message names it and the reason.
@@ -251,7 +251,7 @@ PATIENCE: Final = 10.0
 """Seconds without a word from the robot after which a run stops."""
 
 _NEVER_DONE: Final = ("not_controller", "expired")
-"""Errors that say that a request of an earlier connection did not move the robot."""
+"""Error codes that say that a request of an earlier connection did not move the robot."""
 
 
 class WireLink:
@@ -260,8 +260,8 @@ class WireLink:
     Args:
         uri: ``tcp://host:port``.
         client_id: The client id of requests, the same for the whole run.
-        first_id: The first request id of this connection; above all that were used before.
-        keys: The key directory, where the robot asks for keys.
+        first_id: First request id of this connection; above all that were used before.
+        keys: Key directory, where the robot asks for keys.
 
     Raises:
         BodyschemaError: Nothing answers there, or not in a version of the protocol that we know.
@@ -367,15 +367,15 @@ def open_robot(
     """Connects to a robot, or opens a record of one.
 
     Args:
-        uri: See the module's table.
-        driven: Says which motors of a robot the problem drives.
-        client_id: The name under which requests reach the robot.
-        first_id: The first request id that this connection may use.
-        keys: The key directory, where the robot asks for keys.
+        uri: URI of the robot or the record; see the module's table.
+        driven: Returns the motors of a robot that the problem drives.
+        client_id: Client id of requests to the robot.
+        first_id: First request id that this connection may use.
+        keys: Key directory, where the robot asks for keys.
 
     Raises:
-        EstimatorError: The URI is of no known kind, the record cannot be read, or the robot says of
-            its body what no robot can be.
+        EstimatorError: The URI is of no known kind, the record cannot be read, or the robot
+            describes a body that no robot can have.
         BodyschemaError: The robot cannot be reached.
     """
     scheme, _, rest = uri.partition(":")

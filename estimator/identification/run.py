@@ -40,7 +40,7 @@ METHODS: Final[Mapping[MethodName, type[Method]]] = MappingProxyType(
 """The methods by name, the default first."""
 
 Report: TypeAlias = Callable[[RunStore], Summary]
-"""Writes what a run leaves beside its database, and sums the run up."""
+"""Writes a run's files beside its database, and returns a summary of the run."""
 
 
 def identify(
@@ -52,16 +52,16 @@ def identify(
     keys: Path | None = None,
     report: Report[Summary],
 ) -> Summary:
-    """Starts a run and sees it through.
+    """Starts a run and continues it to its end.
 
     Nothing is left behind when the robot cannot be reached or does not fit the problem.
 
     Args:
-        directory: Where the run is to be.
-        config: What is asked of it.
-        executors: Do the work.
+        directory: Directory of the run, which is made.
+        config: What is asked of the run.
+        executors: Executors that do the work.
         listener: Hears what happens.
-        keys: The key directory, where the robot asks for keys.
+        keys: Key directory, where the robot asks for keys.
         report: Called after each iteration and at the end, for what is returned.
 
     Raises:
@@ -100,18 +100,18 @@ def resume(
     keys: Path | None = None,
     report: Report[Summary],
 ) -> Summary:
-    """Sees an interrupted run through, as if it had not been interrupted.
+    """Continues an interrupted run to its end, as if it had not been interrupted.
 
     Args:
-        directory: The run.
-        executors: Do the work.
+        directory: The run directory.
+        executors: Executors that do the work.
         listener: Hears what happens.
         robot: Where the robot is now; default: where it was.
-        keys: The key directory, where the robot asks for keys; a run does not remember it.
+        keys: Key directory, where the robot asks for keys; a run does not remember it.
         report: Called after each iteration and at the end, for what is returned.
 
     Raises:
-        BodyschemaError: Something prevents it; the message says what.
+        BodyschemaError: Something prevents that; the message says what.
     """
     with RunStore.open(directory) as store:
         _compare_packages(store, listener)
@@ -123,7 +123,7 @@ def resume(
 def reconnect(
     store: RunStore, uri: str, listener: Listener, *, keys: Path | None = None
 ) -> RobotLink:
-    """The robot of a run that exists already.
+    """Connects to the robot of a run that exists already.
 
     Raises:
         InteractionError: Another robot answers there.
@@ -150,16 +150,16 @@ def open_same_robot(
     first_id: int,
     keys: Path | None = None,
 ) -> RobotLink:
-    """The robot that was identified, under the name of a client of one's own.
+    """Connects to the robot that a run identified, under a client id of the caller's own.
 
     Args:
-        problem: Of the run that identified it.
-        was: What the robot said of itself then.
-        uri: Where it is now.
-        listener: Hears what is odd about it.
-        client_id: The name under which requests reach it.
-        first_id: The first request id that this connection may use.
-        keys: The key directory, where the robot asks for keys.
+        problem: Problem of the run that identified the robot.
+        was: Capabilities of the robot then.
+        uri: Where the robot is now.
+        listener: Hears if the robot's configuration has changed.
+        client_id: Client id of requests to the robot.
+        first_id: First request id that this connection may use.
+        keys: Key directory, where the robot asks for keys.
 
     Raises:
         InteractionError: Another robot answers there.
@@ -185,7 +185,7 @@ def _driven(problem: Problem) -> Callable[[Capabilities], Collection[int]]:
 
 
 def _body(capabilities: Capabilities) -> tuple[object, ...]:
-    """What must not change during a run; noise, software and network addresses may."""
+    """Properties that must not change during a run; noise, software and addresses may."""
     return (
         [joint.name for joint in capabilities.joints],
         [(sensor.modality, sensor.count, sensor.upper) for sensor in capabilities.sensors],
@@ -221,7 +221,7 @@ def _said(packages: Mapping[str, str]) -> str:
 
 
 def _check_names(config: RunConfig) -> None:
-    """Refuses names that nothing has, before the robot is asked for anything."""
+    """Refuses names that no implementation has, before the robot is asked for anything."""
     if config.explore is not None:
         RULES.check(config.explore)
     if config.search is not None:
@@ -232,7 +232,7 @@ def _check_names(config: RunConfig) -> None:
 def _settings(
     config: RunConfig, problem: Problem, modalities: tuple[str, ...], link: RobotLink
 ) -> RunSettings:
-    """What a run works with: what was left open is decided."""
+    """Settings of a run, in which what its config left open is decided."""
     recorded, interactions = link.recorded, config.interactions
     if interactions is None:
         interactions = problem.search.interactions if recorded is None else len(recorded)

@@ -1,1 +1,1 @@
-"""What of a robot may be otherwise than its problem says: one table, a row for each parameter."""
+"""In what a robot may differ from its problem: one table with a row for each parameter."""

@@ -1,6 +1,6 @@
-"""How well a robot says that it was calibrated, and what of the table that tightens.
+"""How well a robot says that it was calibrated, and which rows of the table that tightens.
 
-Only narrow spreads: that a calibration is wrong altogether stays as possible as it was.
+It tightens narrow spreads only: that a calibration is wrong altogether stays as possible as it was.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ from estimator.parameters.table import Parameter
 from protocol.wire.capabilities import Capabilities
 
 _GROUND: Final = math.radians(0.2)
-"""How the ground slopes where a robot lies, which no calibration of the robot knows and which feels
-like its accelerometer's own tilt. Floors may be 4 mm in 1 m uneven, 0.23° (DIN 18202)."""
+"""Standard deviation of the ground's slope, rad, which no calibration of a robot knows and which
+feels like its accelerometer's own tilt. Floors may be 4 mm in 1 m uneven, 0.23° (DIN 18202)."""
 
 Announced: TypeAlias = Mapping[tuple[str, int | None], float]
-"""Standard deviations, SI or of a logarithm, by group and, of a joint, its motor."""
+"""Standard deviations, in SI units or of a logarithm, by group and motor; ``None``: no joint's."""
 
 
 def announced(capabilities: Capabilities) -> Announced:
-    """What a robot announces of its calibration, as far as it does."""
+    """Standard deviations that a robot announces of its calibration."""
     stated: dict[tuple[str, int | None], float | None] = {}
     if tilt := capabilities.sensor("tilt"):
         level = tilt.zero_sigma and math.hypot(tilt.zero_sigma, _GROUND)
@@ -38,12 +38,12 @@ def announced(capabilities: Capabilities) -> Announced:
 
 
 def tightened(row: Parameter, stated: Announced) -> Parameter:
-    """The row, with a narrow spread of no more than is announced."""
+    """The row with a narrow spread that is no larger than announced."""
     return replace(row, narrow=min(row.narrow, stated.get((row.group, row.motor), math.inf)))
 
 
 def tightens(table: Iterable[Parameter], stated: Announced) -> str:
-    """Which rows of a table are as narrow as is announced, for people; empty: none are."""
+    """Groups of a table whose rows are as narrow as announced, for people; empty: none are."""
     groups: dict[str, list[float]] = {}
     for row in table:
         if row.narrow == stated.get((row.group, row.motor)):

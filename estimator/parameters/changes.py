@@ -30,17 +30,17 @@ GROUPS: Final = frozenset(
 )
 """Groups of the table of parameters that may change while a robot is in use."""
 
-_THICKER: Final = 2.0  # a leg above its foot, which is what problems tell the thickness of
+_THICKER: Final = 2.0  # thickness of a leg above its foot, as a factor on what problems state
 
 
 @dataclass(frozen=True, kw_only=True)
 class Within(Parameter):
-    """The share of its length that a leg has, even between two ends; negative: it ends in an edge.
+    """Share of its length that a leg has, uniformly distributed; negative: it ends in an edge.
 
     Attributes:
-        low: The one.
-        high: The other.
-        motor: Of the leg.
+        low: Smallest share.
+        high: Largest share.
+        motor: Motor of the leg.
     """
 
     low: float
@@ -48,7 +48,7 @@ class Within(Parameter):
     motor: int
 
     def amounts(self, spread: float, theta: Array) -> Array:
-        """Of n standard normal numbers: of negative ones the leg ends in an edge."""
+        """Shares for n standard normal numbers; for negative ones the leg ends in an edge."""
         places = 2 * _normal(np.abs(theta)) - 1
         return np.copysign(self.low + (self.high - self.low) * places, theta)
 
@@ -74,7 +74,7 @@ def changes_of(
     """All rows for a robot in use.
 
     Args:
-        body: As it was identified.
+        body: The body as it was identified.
         joints: Names of its joints, in motor order: parts that are driven are called by them.
         parts: Names of its parts.
     """
@@ -97,7 +97,7 @@ def changes_of(
 
 
 def _lengths(body: Morphology, joints: Sequence[str]) -> Iterator[Parameter]:
-    """Legs that are shorter or longer, with a gauge that still feels and without."""
+    """Rows for legs that are shorter or longer, with a gauge that still works or without."""
     for root in sorted(set(body.rigid_groups)):
         motor = body.parts[root].motor
         if motor is None:
@@ -130,7 +130,7 @@ def _scaled(members: list[int], draft: Draft, shares: Array) -> None:
 
 
 def _shortened(members: list[int], draft: Draft, shares: Array) -> None:
-    """A bar of as large a section stands for what ends in an edge."""
+    """Shortens legs; a bar of the same cross-section stands for one that ends in an edge."""
     _scaled(members, draft, shares)
     edged = np.flatnonzero(shares < 0)[:, None], members
     draft.measures("radius")[edged] *= math.sqrt(math.pi) / 2
@@ -138,7 +138,7 @@ def _shortened(members: list[int], draft: Draft, shares: Array) -> None:
 
 
 def _broken(members: list[int], draft: Draft, shares: Array) -> None:
-    """Of positive shares the stump is as thick as a leg may be above its foot."""
+    """Breaks legs off; for positive shares the stump is as thick as a leg may be above its foot."""
     _shortened(members, draft, -np.abs(shares))
     thick = np.flatnonzero(shares > 0)[:, None], members
     draft.measures("radius")[thick] *= _THICKER

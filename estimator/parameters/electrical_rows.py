@@ -1,4 +1,4 @@
-"""Rows of the table of parameters for what a robot feels with, and how all of it is plugged in."""
+"""Rows of the table of parameters for sensors, and for how servos and sensors are plugged in."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ _QUARTER_TURNS: Final = {
     "left/right tilt reversed": (-1.0, 0.0, 0.0, 1.0),
     "forward/back tilt reversed": (1.0, 0.0, 0.0, -1.0),
 }
-"""What they make of gravity leftward and forward, row by row."""
+"""What each makes of gravity leftward and forward: a 2×2 matrix, row by row."""
 
 
 def of_sensors(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]:
-    """How they were put on, and calibrated."""
+    """Rows for how sensors were mounted and calibrated, and for those that fail."""
     for axis, (way, rises) in enumerate((("left/right", "left"), ("forward/back", "front"))):
         yield Parameter(
             name=f"accelerometer's own tilt, {way}",
@@ -100,8 +100,9 @@ def of_sensors(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter
         wide=0.2,
         limit=LARGEST_FACTOR,
     )
+    # Where parents or mounts are to be found, bodies are found turned as well.
     known = all(part.parent is not None and part.mount is not None for part in parts)
-    for name, matrix in _QUARTER_TURNS.items() if known else ():  # else bodies are turned as well
+    for name, matrix in _QUARTER_TURNS.items() if known else ():
         yield Parameter(
             name=name,
             group="accelerometer_wiring",
@@ -125,7 +126,7 @@ def of_sensors(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter
 
 
 def _level_turned(draft: Draft, angles: Array) -> None:
-    """Rows are what is felt leftward and forward of a board that is turned leftward."""
+    """Turns accelerometers leftward; rows of ``turn`` are what they feel leftward and forward."""
     base, cosine, sine = draft.measures("base"), np.cos(angles), np.sin(angles)
     turn = np.stack([cosine, -sine, sine, cosine], axis=1)
     base[:, LEVEL] = _product(turn, base[:, LEVEL])
@@ -141,7 +142,7 @@ def _rewired(matrix: Sequence[float], draft: Draft, amounts: Array) -> None:
 
 
 def _product(ones: Array, others: Array) -> Array:
-    """Of matrices of two rows, each as four numbers."""
+    """Products of 2×2 matrices, each given as four numbers."""
     return (ones.reshape(-1, 2, 2) @ others.reshape(-1, 2, 2)).reshape(-1, 4)
 
 
@@ -154,7 +155,7 @@ def _stuck(gauge: int, reads: int, draft: Draft, amounts: Array) -> None:
 
 
 def of_wiring(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]:
-    """Directions and plugs; where mounts and hinges are to be found they are found with these."""
+    """Rows for directions and plugs, except where they are found with unknown mounts and hinges."""
     driven = [(index, part) for index, part in enumerate(parts) if part.motor is not None]
     for index, part in driven:
         if part.hinge is not None:

@@ -14,11 +14,11 @@ from estimator.readings.observation import PredictedReadings
 def performed(programs: Array, bodies: Bodies) -> Array:
     """Angles that motors reach in programs, by the travel of their servos, rad, shape (n, motors).
 
-    For a simulator that takes objects, which do not have it.
+    For a simulator that takes bodies as objects, which have no travel.
 
     Args:
-        programs: rad, shape (n, motors).
-        bodies: The body of each.
+        programs: Motor programs, rad, shape (n, motors).
+        bodies: The body that performs each program.
     """
     odd, part = np.nonzero((bodies.travel != 1) & (bodies.motor >= 0))
     if not odd.size:
@@ -32,15 +32,15 @@ def as_sensed(readings: PredictedReadings, bodies: Bodies) -> PredictedReadings:
     """Readings as the bodies' sensors give them; limp parts lie on the ground and touch it.
 
     Args:
-        readings: Of n bodies, as a back-end has them.
-        bodies: These.
+        readings: Readings of n bodies, as a back-end predicts them.
+        bodies: The n bodies.
     """
     odd_tilt, odd_distance, odd_touch = bodies.odd_sensors
     if not (odd_tilt or odd_distance or odd_touch):
         return readings
     tilt, clearance = readings.tilt, readings.clearance
     whole, rows = bodies.origin
-    own = whole.base[:, LEVEL.start : ROUND].T.take(rows, axis=1)  # one after the other in memory
+    own = whole.base[:, LEVEL.start : ROUND].T.take(rows, axis=1)  # columns contiguous in memory
     if odd_tilt:
         one, other, third, fourth, *_ = own
         odd = (one != 1) | (other != 0) | (third != 0) | (fourth != 1)

@@ -23,7 +23,7 @@ from estimator.parameters.table import (
     shifted,
 )
 
-_STUB: Final = 0.02  # of the length of a part that hangs limply
+_STUB: Final = 0.02  # share of its length that a part keeps which hangs limply
 _MASS: Final = 3  # column of ``Bodies.base``
 _AXES: Final = (
     ("its own length", "how the servo's axis lies along the leg"),
@@ -36,7 +36,7 @@ _AXES: Final = (
 
 
 def of_parts(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]:
-    """Thickness, mass, and how parts are put on."""
+    """Rows for the thickness and mass of parts, and for how they are mounted."""
     every = slice(None)
     yield Parameter(
         name="thickness of all parts",
@@ -112,7 +112,7 @@ def of_parts(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]:
 
 
 def _thicker(columns: slice, draft: Draft, factors: Array) -> None:
-    """Of as much mass: or a heavy part and a thick one could hardly be told apart."""
+    """Makes parts thicker, as heavy as before: else heavy and thick could hardly be told apart."""
     draft.measures("radius")[:, columns] *= factors[:, None]
     draft.measures("density")[:, columns] /= factors[:, None] ** 2
 
@@ -126,7 +126,7 @@ def _aside(part: int, draft: Draft, angles: Array) -> None:
 
 
 def _moved(part: int, draft: Draft, ways: Array) -> None:
-    """Along the side of the main body that it sits on: leftward, seen as it points."""
+    """Moves a part along the side of the main body that it sits on: leftward, seen as it points."""
 
     def move(own: Array, yaw: slice) -> None:
         cosine, sine = own[:, yaw].T
@@ -161,7 +161,7 @@ def _turn(vectors: Array, columns: slice | list[int], angles: Array) -> None:
 
 
 def of_the_main_body(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]:
-    """Its mass, and where that is."""
+    """Rows for the main body's mass and centre of mass."""
     yield Parameter(
         name="mass of the main body",
         group="main_mass",
@@ -191,7 +191,7 @@ def of_the_main_body(parts: Sequence[PartOutline], sensors: int) -> Iterator[Par
 
 
 def of_servos(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]:
-    """Where they stand at 0, how far they turn, about what, and whether they do."""
+    """Rows for where servos stand at 0, how far they turn, about what, and whether they do."""
     yield Parameter(
         name="travel of all servos",
         group="travel",
@@ -277,7 +277,7 @@ def _off_zero(part: int, draft: Draft, angles: Array) -> None:
 
 
 def _askew(part: int, axis: int, draft: Draft, angles: Array) -> None:
-    """About one of the part's own directions: its length, leftward, and the vertical."""
+    """Turns a hinge about one of the part's own axes: its length, leftward, and the vertical."""
     hinge = draft.numbers("hinge")
     own = draft.measures("hinges")[hinge[:, part]]
     _turn(own, [(axis + 1) % 3, (axis + 2) % 3], angles)
@@ -285,7 +285,7 @@ def _askew(part: int, axis: int, draft: Draft, angles: Array) -> None:
 
 
 def _limp(part: int, draft: Draft, amounts: Array) -> None:
-    """It hangs with what it carries: supports nothing, as if it had no length, and lies down."""
+    """Lets a part hang with all it carries: it lies, and supports nothing, as if of no length."""
     parent = draft.numbers("parent")
     rows, hanging = np.arange(len(parent)), np.zeros(parent.shape, dtype=bool)
     hanging[:, part] = amounts > 0

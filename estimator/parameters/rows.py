@@ -1,10 +1,10 @@
-"""The table: what robots have otherwise than their problems say, and by how much.
+"""The table: in what robots differ from their problems, and by how much.
 
 Narrow spreads are those of robots as people build them, wide ones what is noticed only by moving.
-What feels the same has one row, whose sentence names both: ground that slopes and an accelerometer
-that is turned, a foot and the part that it is on. A row more is one entry in ``mechanical_rows`` or
-``electrical_rows`` and a test of what it does; a package adds some by the entry-point group
-``bodyschema.parameters``.
+Causes that feel the same have one row, whose sentence names both: ground that slopes and an
+accelerometer that is turned, a foot and the part that it is on. A new row is one entry in
+``mechanical_rows`` or ``electrical_rows`` and a test of what it does; another package adds rows by
+the entry-point group ``bodyschema.parameters``.
 """
 
 from __future__ import annotations
@@ -21,27 +21,27 @@ class PartOutline(Protocol):
 
     @property
     def name(self) -> str:
-        """For people."""
+        """Name for people."""
 
     @property
     def parent(self) -> int | None:
-        """What it sits on."""
+        """Index of the part that it sits on, or ``BASE``."""
 
     @property
     def mount(self) -> str | None:
-        """Where."""
+        """Name of the mount that it sits on."""
 
     @property
     def hinge(self) -> str | None:
-        """How its hinge turns it."""
+        """Name of its hinge."""
 
     @property
     def motor(self) -> int | None:
-        """The motor that drives it; ``None``: none does."""
+        """Index of the motor that drives it; ``None``: none does."""
 
     @property
     def sensor(self) -> int | None:
-        """The touch sensor that it has."""
+        """Index of the touch sensor that it has; ``None``: it has none."""
 
     @property
     def radius(self) -> float:
@@ -53,11 +53,11 @@ class PartOutline(Protocol):
 
     @property
     def length(self) -> tuple[float, float]:
-        """Its length, m: the least and the most."""
+        """Shortest and longest length, m."""
 
 
 RowSource: TypeAlias = Callable[[Sequence[PartOutline], int], Iterable[Parameter]]
-"""Rows for a robot with these parts and so many touch sensors."""
+"""Makes rows for a robot with these parts and this number of touch sensors."""
 
 SOURCES: Final = Registry[RowSource](
     kind="table of parameters",
@@ -73,12 +73,12 @@ SOURCES: Final = Registry[RowSource](
 
 
 def table_of(parts: Sequence[PartOutline], sensors: int) -> tuple[Parameter, ...]:
-    """All rows for a robot with these parts and so many touch sensors."""
+    """All rows for a robot with these parts and this number of touch sensors."""
     return tuple(row for name in SOURCES.names() for row in SOURCES.load(name)(parts, sensors))
 
 
 def packages() -> dict[str, str]:
-    """Version by name of the packages that add rows."""
+    """Versions, by name, of the packages that add rows."""
     return {
         package: version
         for name in SOURCES.names()

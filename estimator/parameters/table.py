@@ -30,26 +30,26 @@ WIRING: Final = frozenset({"servo_reversed", "servo_plugs", "gauge_plugs", "acce
 """Groups of what is plugged in, or put on, the wrong way round."""
 
 MEDIAN_CARE: Final = 1.4
-"""Median of the common factor on the narrow spreads of all that care decides; it is log-normal."""
+"""Median of the log-normal factor that the narrow spreads of all that care decides share."""
 
 CARE: Final = 0.6
-"""Standard deviation of its logarithm: of one robot in four the factor is 2 or more, of one in 25
-a half or less."""
+"""Standard deviation of that factor's logarithm: of one robot in four the factor is 2 or more, of
+one in 25 a half or less."""
 
 DEGREES: Final = math.degrees(1.0)
-"""What an amount in radians is multiplied by for a sentence,"""
+"""Factor on an amount in radians for a sentence, in degrees."""
 
 MM: Final = 1000.0
-"""and one in metres."""
+"""Factor on an amount in metres for a sentence, in millimetres."""
 
 LARGEST_FACTOR: Final = math.log(12.0)
-"""Limit of factors: its logarithm."""
+"""Logarithm of the largest factor."""
 
 FARTHEST_TURN: Final = math.radians(40.0)
 """Limit of turns, rad: beyond it a hinge is another hinge."""
 
-_UNNOTICED: Final = 4.0  # narrow standard deviations: farther is wide
-_CARELESSLY: Final = 2.0  # factor on these where care decides how narrow
+_UNNOTICED: Final = 4.0  # narrow standard deviations; what is farther off is wide
+_CARELESSLY: Final = 2.0  # factor on ``_UNNOTICED`` where care decides the spread
 _STATED: Final = frozenset({"thickness", "mass"})  # what robots are built of: no matter of care
 
 
@@ -57,7 +57,7 @@ class Draft:
     """Bodies that are being changed: each array is copied when first asked for.
 
     Args:
-        bodies: Are left as they are.
+        bodies: The bodies, which are left as they are.
     """
 
     def __init__(self, bodies: Bodies) -> None:
@@ -80,7 +80,7 @@ class Draft:
         return self._array(name)
 
     def extended(self, table: str, rows: Array) -> Integers:
-        """Adds rows to a table of mounts or hinges; their numbers, shape (rows,)."""
+        """Adds rows to a table of mounts or hinges; returns their numbers, shape (rows,)."""
         before = self._array(table)
         self._changed[table] = np.vstack([before, rows])
         return len(before) + np.arange(len(rows))
@@ -106,8 +106,8 @@ def shifted(column: int, draft: Draft, amounts: Array) -> None:
 
 
 Change: TypeAlias = Callable[[Draft, Array], None]
-"""Changes n bodies, each by its own amount, shape (n,); what is 0, or of a factor 1, it leaves as
-it is. Travels to worker processes."""
+"""Changes n bodies, each by its own amount, shape (n,); an amount of 0, or a factor of 1, changes
+nothing. Must be picklable, for worker processes."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,21 +115,22 @@ class Parameter:
     """A row of the table: one thing that may be otherwise.
 
     Attributes:
-        name: Its own, for people.
-        group: What it is one of: a problem's ``[uncertain]`` says how well a group is known.
-        belongs_to: The robot as a whole, or a kind of thing that it has.
-        change: What it does to bodies.
+        name: Name for people, unique in the table.
+        group: Group that it belongs to: a problem's ``[uncertain]`` says how well one is known.
+        belongs_to: What it is about: the robot as a whole, or a kind of thing that it has.
+        change: Changes bodies by amounts of it.
         sentence: For people, as the rest of "a robot with …"; braces stand for the amount.
-        check: What to look at with one's hands.
+        check: What a person can check by hand.
         factor: Whether amounts are factors, and spreads those of their logarithms.
-        switch: Whether it either is so or is not, without an amount: 1 and 0.
-        unit: Factor from SI on the amount in the sentence.
+        switch: Whether it either is so, 1, or is not, 0, without an amount.
+        unit: Factor from SI units to those of the amount in the sentence.
         narrow: Standard deviation of robots as people build them; 0: as stated.
         wide: Standard deviation of a robot that is not as stated; 0: there is none.
-        limit: No amount goes farther.
-        motor: Of the joint whose calibration says how narrow it is; ``None``: no joint's does.
-        stops: The part that no longer turns on its hinge under it, if any: on another hinge it
-            would stand still elsewhere.
+        limit: Largest amount, of a factor its logarithm, in either direction.
+        motor: Motor of the joint whose calibration says how narrow it is; ``None``: no joint's
+            does.
+        stops: Index of the part that no longer turns on its hinge because of it, if any: on another
+            hinge the part would stand still elsewhere.
     """
 
     name: str
@@ -160,7 +161,7 @@ class Parameter:
     def amounts(self, spread: float, theta: Array) -> Array:
         """Amounts that are ``theta`` times ``spread`` off what is stated.
 
-        Factors, or SI; of a switch 1 wherever it is open.
+        Factors, or in SI units; 1 for a switch.
         """
         if self.switch:
             return np.ones_like(theta)
@@ -189,13 +190,13 @@ class Parameter:
 
 
 def applied(table: Sequence[Parameter], bodies: Bodies, deviations: Array) -> Bodies:
-    """Bodies as columns of a posterior have them.
+    """Bodies with the deviations that columns of a posterior hold.
 
     Args:
         table: The rows that columns stand for.
         bodies: n bodies, as stated.
-        deviations: Of each from that, shape (n, rows): SI, of factors their logarithms, of
-            switches 1. What is 0 is as stated.
+        deviations: Deviations of each body from what is stated, shape (n, rows): in SI units, of
+            factors their logarithms, of switches 1; 0: as stated.
     """
     if not table:
         return bodies
@@ -216,7 +217,7 @@ def prior_probabilities(table: Sequence[Parameter]) -> Array:
     are is not a hundred times less probable because there are so many hinges.
 
     Returns:
-        Shape (rows + 1,); 0 where a row has no wide component.
+        Probabilities, shape (rows + 1,); 0 where a row has no wide component.
     """
     sizes = Counter(one.group for one in table if one.may_deviate)
     others = len(sizes.keys() - WIRING)
@@ -234,7 +235,7 @@ def deviating(table: Sequence[Parameter], deviations: Array) -> NDArray[np.int64
 
     Args:
         table: The rows.
-        deviations: Of the bodies from what is stated, shape (n, rows), as of ``applied``.
+        deviations: Deviations of the bodies from what is stated, shape (n, rows); see ``applied``.
     """
     least = [
         _UNNOTICED * one.narrow * (_CARELESSLY if one.by_care else 1.0)

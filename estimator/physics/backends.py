@@ -33,9 +33,9 @@ class Executors:
     """Where a run's work is done; its result does not depend on it.
 
     Attributes:
-        open_physics: Makes back-ends there.
-        workers: Does other work.
-        threads: How many this process may use.
+        open_physics: Makes back-ends that run there.
+        workers: Executor that does all other work.
+        threads: Number of threads that this process may use.
     """
 
     open_physics: OpenPhysics
@@ -62,8 +62,8 @@ BACKENDS: Final[Registry[Any]] = Registry(
 MakePhysics: TypeAlias = Callable[[], Physics]
 
 _CHUNK: Final = 25  # most simulations that a worker fetches at a time: about 0.2 s of work
-_CHUNKS: Final = 32  # of a batch, at least, as long as it has so many pairs; not tuned
-_Chunk: TypeAlias = tuple[PredictedReadings, int, int]  # and its simulations and steps
+_CHUNKS: Final = 32  # fewest chunks of a batch that has as many pairs; not tuned
+_Chunk: TypeAlias = tuple[PredictedReadings, int, int]  # readings, simulations, steps
 
 
 def physics_class(name: str) -> type[Physics]:
@@ -155,7 +155,7 @@ def in_this_process(name: str, settings: WorldSettings) -> Physics:
 
 
 IN_THIS_PROCESS: Final = Executors(open_physics=in_this_process, workers=ThisProcess())
-"""For callers that are one of many processes."""
+"""Executors for callers that are themselves one of many processes."""
 
 
 class PhysicsPool(Physics):
@@ -168,7 +168,7 @@ class PhysicsPool(Physics):
     Args:
         make: Makes the back-end, in the worker; must be picklable, such as
             ``functools.partial(PyBulletPhysics, settings)``.
-        workers: Do the work; stay open.
+        workers: Executor that does the work; it stays open.
     """
 
     def __init__(self, make: MakePhysics, workers: Executor) -> None:
@@ -199,7 +199,7 @@ def _cut(pairs: Sequence[Pair]) -> list[Sequence[Pair]]:
 
 
 class _Kept(threading.local):
-    """The engine of a worker, and how it was made; an engine can be used by one thread only."""
+    """The engine of a worker, and what made it, pickled; one thread only can use an engine."""
 
     engine: tuple[bytes, Physics] | None = None
 

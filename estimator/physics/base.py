@@ -35,18 +35,18 @@ class WorldSettings:
     """The world that bodies are simulated in; the same for robot and models where it can be.
 
     Attributes:
-        steps: Steps of one simulation; the paper's 300.
+        steps: Number of steps of one simulation; the paper's 300.
         step: Time step, s. The paper gives 300 steps and 5-second interactions, so 1/60 s is our
             inference.
-        friction: Coefficient between body and ground. The paper is silent.
+        friction: Coefficient of friction between body and ground. The paper gives none.
         slew: Speed of the joints, rad/s; the paper's servos reach 60°/s.
         clearance_cap: Range of the distance sensor, m.
         touch_gap: A part touches when its gap to the ground is smaller, m.
         doubtful_gap: A touch is doubtful when the gap lies between 0 and this, m.
         joint_tolerance: A reading counts only if every joint is this close to its target, rad.
-        full_steps: Simulate all steps of every body, also of one that came to rest long before.
-        rest_window: A body rests that has kept tilt and height for so long, s; 0: one that hardly
-            moves at a few looks, which is enough with coarse steps.
+        full_steps: Whether to simulate all steps of every body, also of one that rests already.
+        rest_window: Time after which a body rests that has kept tilt and height, s; 0: one rests
+            that hardly moves at a few looks, which is enough with coarse steps.
         least_inertia: Every link of a body in PyBullet gets at least this local inertia, in units
             of the body's weight times its reach times the square of the time step; see
             ``inertia_floor``. 0 leaves the links as they are.
@@ -67,9 +67,9 @@ class WorldSettings:
     def inertia_floor(self, body: Morphology) -> float:
         """The least inertia that the links of a body are simulated with, kg·m².
 
-        A joint under load lags by what gravity, with the body's weight at the end of its longest
-        limb, turns a link in one step. So light links miss their targets, heavy ones have more
-        momentum than they should, and what is just enough grows with the body.
+        A joint under load lags by the angle that gravity, with the body's weight at the end of its
+        longest limb, turns a link in one step. So links with little inertia miss their targets,
+        those with much have too much momentum, and what is just enough grows with the body.
         """
         return self.least_inertia * GRAVITY * body.mass * body.reach * self.step**2
 
@@ -80,7 +80,7 @@ class Physics(Closable):
     A reading depends on its own pair only, never on the others in the batch, their order, earlier
     batches or the number of processes.
 
-    A back-end derives from this class, defines ``read``, and adds what it did to the two counts.
+    A back-end derives from this class, defines ``read``, and adds what it did to both counts below.
     ``backends`` loads the class by name and calls it with the ``WorldSettings``, in this process or
     in others; so it has to be picklable, a class at the top level of its module.
 
@@ -102,7 +102,7 @@ class Physics(Closable):
                 motor, rad.
 
         Returns:
-            One row per pair, in order.
+            Readings, one row per pair, in order.
 
         Raises:
             PhysicsError: A motor program is too short or not finite, or the engine failed.
@@ -140,13 +140,13 @@ class ArrayPhysics(Physics):
                 tangents towards x and y in the body frame: shape (2,) for all bodies, or (n, 2);
                 plumb by default. Where a body lands under small inclinations says where it might
                 have landed.
-            coarse_step: Few bodies may land elsewhere than they should, if that costs less: what a
-                search looks at first, and again before it is believed.
-            stances: Of readings of bodies that are nearly the same, shape (n,). Where a body can
-                rest so too, it is taken to, however it would fall; elsewhere they change nothing.
+            coarse_step: Whether a few bodies may land elsewhere than they should, if that costs
+                less: for a first look, after which what is found is computed again.
+            stances: ``stance`` of readings of nearly the same bodies, shape (n,). A body that can
+                rest so, too, is taken to, however it would fall; for others they change nothing.
 
         Returns:
-            One row per body.
+            Readings, one row per body.
 
         Raises:
             PhysicsError: The programs or inclinations have a wrong shape or are not finite, or the
@@ -157,16 +157,16 @@ class ArrayPhysics(Physics):
     def path_margins_of_bodies(
         self, bodies: Bodies, programs: Array, most: float = math.inf
     ) -> Array:
-        """By which angle gravity may be inclined without each body landing elsewhere.
+        """Angle by which gravity may be inclined without each body landing elsewhere.
 
         Args:
             bodies: n bodies.
             programs: As for ``read_bodies``.
-            most: The largest margin that is wanted, rad: who only asks whether margins are above
-                an angle need not wait for more.
+            most: Largest margin that is wanted, rad: whether margins are above an angle is found
+                faster than how large they are.
 
         Returns:
-            rad, shape (n,), from 0.
+            Path margins, rad, shape (n,), at least 0.
 
         Raises:
             PhysicsError: The programs have a wrong shape or are not finite, or the engine failed.
@@ -200,7 +200,7 @@ def sensor_count(pairs: Sequence[Pair]) -> int:
     """Returns how many touch sensors each body of a batch has.
 
     Raises:
-        PhysicsError: They have different numbers of touch sensors.
+        PhysicsError: The bodies have different numbers of touch sensors.
     """
     counts = {morphology.sensors for morphology, _ in pairs}
     if len(counts) > 1:

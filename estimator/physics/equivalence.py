@@ -5,10 +5,10 @@ axis, where a locked leg is divided into upper and lower part, and, without tilt
 a square main body.
 
 Readings are computed by statics, which treats equal bodies alike however they are put down; in
-PyBullet they differ in one program of thirty. Where less than that decides on which feet a body
-comes to rest, even statics must take one side, so such programs say nothing. Of the others nearly
-all must agree, and bodies that differ in fewer poses than that pass as equivalent, for example by
-the hinge of a leg too short to reach the ground.
+PyBullet equal bodies differ in one program of thirty. Where next to nothing decides on which feet a
+body comes to rest, even statics must take one side, so such programs say nothing (``MARGIN``). Of
+the other programs nearly all must agree, and bodies that differ in few of them pass as equivalent,
+for example by the hinge of a leg too short to reach the ground.
 """
 
 from __future__ import annotations
@@ -31,30 +31,30 @@ from estimator.readings.modalities import MODALITIES
 from estimator.readings.observation import PredictedReadings
 
 PROGRAMS: Final = 500
-"""Random motor programs in which bodies are compared."""
+"""Number of random motor programs in which bodies are compared."""
 
 AGREEMENT: Final = 0.99
 """Share of the programs that must agree, of those that say anything. Equal quadrupeds (turned,
 mirrored, with a leg that only rolls) agree in all of them; bodies that differ as little as by the
 direction in which one leg swings sideways, in 0.92."""
 
-_FIRST: Final = 50  # programs, in which nearly all bodies differ already that differ at all
+_FIRST: Final = 50  # programs compared first: nearly all bodies that differ do so in these
 
 MARGIN: Final = math.radians(0.05)
-"""A program says something if gravity could be inclined by more than this without the body landing
-elsewhere."""
+"""A program says something if gravity could be inclined by more than this, rad, without the body
+landing elsewhere."""
 
 _UNLIKE: Final = (
-    200.0  # tolerances, by which a body differs that cannot perform a program; any large number
+    200.0  # difference, in tolerances, of a body that cannot perform a program; any large number
 )
 
-_COINCIDENT: Final = 1e-6  # m, and of unit vectors: far above rounding
+_COINCIDENT: Final = 1e-6  # m, or difference of unit vectors: far above rounding
 
 Indices: TypeAlias = NDArray[np.intp]
 
 
 Read: TypeAlias = Callable[[Indices, Indices], PredictedReadings]
-"""Readings of bodies, by their numbers, after motor programs, by theirs; a row for each pair."""
+"""Predicts readings of numbered bodies after numbered motor programs, a row for each pair."""
 
 
 def indistinguishable(
@@ -68,13 +68,14 @@ def indistinguishable(
 
     Args:
         one: Predicts readings of the first body of each pair.
-        other: Predicts readings of the second.
-        margins: Path margins of the first, rad; those above ``MARGIN`` need not be exact.
-        shape: How many pairs there are, and how many programs.
+        other: Predicts readings of the second body of each pair.
+        margins: Path margins of the first body of each pair, rad; those above ``MARGIN`` need not
+            be exact.
+        shape: Number of pairs, and of programs.
         modalities: Sensors that may discriminate between bodies.
 
     Returns:
-        Shape (pairs,).
+        Whether each pair reads alike, shape (pairs,).
     """
     pairs, programs = shape
     allowed = int((1 - AGREEMENT) * programs)
@@ -86,7 +87,7 @@ def indistinguishable(
             break
         readings = one(rows, performed), other(rows, performed)
         differ = ~agree(*readings, modalities).reshape(len(left), len(some))
-        # Margins cost as much as many readings; twice as many as are allowed will do.
+        # Margins cost as much as many readings: they are asked for twice as many as may differ.
         asked = np.flatnonzero(differ & (np.cumsum(differ, axis=1) <= 2 * (allowed + 1)))
         tells = np.zeros(differ.size, dtype=bool)
         tells[asked] = margins(rows[asked], performed[asked]) > MARGIN
@@ -139,15 +140,15 @@ class Reference:
         return bool(like) and bool(informative.size)
 
     def residuals(self, bodies: Bodies, programs: Indices) -> Array:
-        """Differences of many bodies' readings from this one's.
+        """Differences of many bodies' readings from the reference's.
 
         Args:
             bodies: n bodies with the reference's motors and sensors.
             programs: Numbers of m programs among ``informative``.
 
         Returns:
-            Shape (n, m, values): in units of what is tolerated, so that 1 is hardly
-            discriminated; a program that a body cannot perform differs by far.
+            Differences, shape (n, m, values), in units of the sensors' tolerances, so that 1 is
+            hardly discriminated; very large for a program that a body cannot perform.
         """
         rows = np.repeat(np.arange(len(bodies)), len(programs))
         performed = np.tile(programs, len(bodies))
@@ -209,9 +210,9 @@ def mirrored(body: Morphology) -> Morphology:
 
 
 def images(body: Morphology) -> Iterator[Morphology]:
-    """The body turned, and its mirror image too, as far as it has the mounts.
+    """Yields the body turned, then its mirror image turned, as far as it has the mounts.
 
-    By quarter turns; where the main body is round, by those that bring its first mount to another.
+    It is turned by quarter turns; if its main body is round, by those from its first mount to each.
     """
     turns: Sequence[float] = range(4)
     if body.base.round:
@@ -226,7 +227,7 @@ def images(body: Morphology) -> Iterator[Morphology]:
 
 
 def _base_mount(body: Morphology, mount: int, change: Array) -> int:
-    """The mount on the main body that lies where a rotation or reflection carries another."""
+    """Index of the mount on the main body where a rotation or reflection carries another."""
     mounts = body.base.mounts
     places = np.array([[one.at, *_axes(one)] for one in mounts])
     wanted = (places[mount] @ change.T).ravel()
@@ -234,7 +235,7 @@ def _base_mount(body: Morphology, mount: int, change: Array) -> int:
 
 
 def _axes(mount: Mount) -> Array:
-    """The x and z axes of what sits on a mount, its hinge at 0, shape (2, 3)."""
+    """The x and z axes of a part on a mount, its hinge at 0, shape (2, 3)."""
     turned = direction(mount)
     return np.array([turned[:, 0], turned[:, 2]])
 
@@ -247,7 +248,7 @@ def _nearest(rows: Array, wanted: Sequence[float] | Array, what: str) -> int:
 
 
 def agree(one: PredictedReadings, other: PredictedReadings, modalities: Sequence[str]) -> Flags:
-    """Programs in which two bodies' sensors read alike, or that neither can perform."""
+    """Whether, in each program, two bodies' sensors read alike, or neither can perform it."""
     same = one.valid & other.valid
     for name in modalities:
         same &= MODALITIES[name].alike(one, other)

@@ -3,13 +3,13 @@
 Settings of MuJoCo that matter:
 
 * Joints are position servos whose targets move at the slew speed. They are so stiff that a body's
-  weight at the end of its longest limb turns one by a fifth of the tolerance, and damped to follow
-  within two steps.
+  weight at the end of its longest limb turns a joint by a fifth of the tolerance, and damped to
+  follow within two steps.
 * Each joint has ``armature``: inertia against its own turning and nothing else. MuJoCo's solver of
   contacts does not see how stiff a servo is. Without armature it takes light parts for loose ones,
   and bodies rock on them for seconds; with as much as the servo's stiffness is worth in one step,
   all links keep their true inertia and lie still.
-* MuJoCo's contacts are soft. With these a body of any mass sinks in by some micrometres.
+* MuJoCo's contacts are soft. As set here a body of any mass sinks in by some micrometres.
 * The friction of a pair is the larger one, so body and ground both have the pair's coefficient.
 * Parts touch the ground alone, not each other.
 * A body that flies apart stays so, instead of being put back to its start.
@@ -37,7 +37,7 @@ from estimator.readings.observation import PredictedReadings
 from protocol.system.missing_library import install_command
 from protocol.wire.readings import up_in_body
 
-_YIELD: Final = 0.2  # of the joints' tolerance, under the body's weight; not tuned
+_YIELD: Final = 0.2  # turn under the body's weight, as a share of the joints' tolerance; not tuned
 _SOFTNESS: Final = 3.0  # time constant of a contact, in steps; MuJoCo's least is 2
 _IMPEDANCE: Final = (0.999, 0.9999, 0.001, 0.5, 2.0)  # solimp: bodies sink in by micrometres
 _SHORTEST: Final = 1e-6  # m; a capsule whose centres are closer is a sphere
@@ -47,7 +47,7 @@ class MuJoCoPhysics(Physics):
     """Simulates each interaction from the planar pose, and reads the body at the last step.
 
     Args:
-        settings: The world.
+        settings: Settings of the world.
 
     Raises:
         PhysicsError: MuJoCo is not installed.
@@ -63,7 +63,7 @@ class MuJoCoPhysics(Physics):
                 f"MuJoCo cannot be imported ({error}): {install_command('estimator')}"
             ) from error
         if self._engine.get_mju_user_warning() is None:
-            # MuJoCo would write them into a file in the working directory.
+            # MuJoCo would write warnings into a file in the working directory.
             self._engine.set_mju_user_warning(_ignore)
 
     def close(self) -> None:
@@ -142,7 +142,7 @@ def build(engine: Any, body: Morphology, settings: WorldSettings) -> Any:
     Args:
         engine: The module ``mujoco``.
         body: The body.
-        settings: Its world.
+        settings: Settings of its world.
 
     Raises:
         ValueError: MuJoCo refuses the body.
@@ -213,4 +213,4 @@ def _shape(engine: Any, part: Part) -> dict[str, Any]:
 
 
 def _ignore(_: str) -> None:
-    """Hears MuJoCo's warnings, which a reading says as ``valid``."""
+    """Ignores a warning of MuJoCo: ``valid`` of the readings says whether they can be believed."""

@@ -16,7 +16,7 @@ Settings of PyBullet that matter:
 * Most bodies rest after a quarter of the steps, and are read there: of 1,000 random bodies of each
   kind every one then read the same as after all steps, within 0.05° and 0.2 mm. ``full_steps``
   is the reference.
-* Friction multiplies: the ground has 1, so that the parts' coefficient is the pair's.
+* Coefficients of friction multiply: the ground has 1, so that the parts' coefficient is the pair's.
 
 Gaps to the ground are computed from the links' poses, not taken from ``getContactPoints``, which
 lists near misses and may leave out an end of a capsule.
@@ -44,14 +44,14 @@ _MOST_PARTS: Final = 100  # PyBullet has room for 128 joint commands at a time, 
 _ALONG_X: Final = (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))  # turns capsules from z to x
 _UPRIGHT: Final = (0.0, 0.0, 0.0, 1.0)  # no turn; quaternions are x, y, z, w
 
-_BODIES_PER_WORLD: Final = 200  # before all memory is given back; not tuned
+_BODIES_PER_WORLD: Final = 200  # built before the world is made anew; not tuned
 
 
 class PyBulletPhysics(Physics):
     """Simulates each interaction from the planar pose, and reads the body at the last step.
 
     Args:
-        settings: The world.
+        settings: Settings of the world.
 
     Raises:
         PhysicsError: PyBullet is not installed or does not start.
@@ -60,8 +60,8 @@ class PyBulletPhysics(Physics):
     def __init__(self, settings: WorldSettings | None = None) -> None:
         super().__init__()
         self._settings = settings or WorldSettings()
-        self._bodies = 0  # built in the present world
-        self._body = -1  # the last of them, which is still there
+        self._bodies = 0  # how many were built in the present world
+        self._body = -1  # the engine's number of the last one, which is still there
         self._client = -1
         with native_output_discarded():
             try:
@@ -109,13 +109,13 @@ class PyBulletPhysics(Physics):
             except self._engine.error as error:
                 if not self._engine.isConnected(physicsClientId=self._client):
                     raise PhysicsError(f"PyBullet is gone: {error}") from error
-                self.start_afresh()  # who knows what is left in the world
+                self.start_afresh()  # what is left in the world is not known
                 readings.valid[row] = False
                 readings.joint_miss[row] = math.inf
         return readings
 
     def _build(self, morphology: Morphology) -> int:
-        """A body in the planar pose, alone on the ground."""
+        """Builds a body in the planar pose, alone on the ground; returns its engine number."""
         engine, client, settings = self._engine, self._client, self._settings
         if self._bodies % _BODIES_PER_WORLD == 0:
             self._make_world()
@@ -162,7 +162,7 @@ class PyBulletPhysics(Physics):
             flags=engine.URDF_MAINTAIN_LINK_ORDER,
             physicsClientId=client,
         )
-        if base.round:  # else its rim is rounded
+        if base.round:  # without this its rim would be rounded
             engine.changeDynamics(self._body, -1, collisionMargin=0.0, physicsClientId=client)
         floor = settings.inertia_floor(morphology)
         for link, inertia in enumerate(_inertias(morphology), start=-1):
@@ -299,7 +299,7 @@ class PyBulletPhysics(Physics):
 
 
 def _inertias(morphology: Morphology) -> Iterator[tuple[float, float, float]]:
-    """Moments about the centre of mass, of the main body and of each part, kg·m²."""
+    """Moments of inertia about the centre of mass: the main body's, then each part's, kg·m²."""
     yield morphology.base.inertia
     for part, weight in zip(morphology.parts, morphology.masses.tolist(), strict=True):
         if part.shape == "box":

@@ -25,10 +25,10 @@ class MainBody(NamedTuple):
     """How the main body moves and lies.
 
     Attributes:
-        velocity: m/s.
+        velocity: Velocity, m/s.
         spin: Angular velocity, rad/s.
-        height: Of its middle, m.
-        up: World up in its frame.
+        height: Height of its middle, or of its centre of mass, m.
+        up: World up in the main body's frame.
     """
 
     velocity: Iterable[float]
@@ -40,12 +40,12 @@ class MainBody(NamedTuple):
 class RestWatch:
     """Notices when a simulated body rests.
 
-    By default at several looks, some steps apart, it hardly moved. With fine steps contacts creep
-    and rattle at millimetres a second for ever, which no sensor notices: then it rests when height
-    and tilt have stayed the same for as long as ``WorldSettings.rest_window`` says.
+    By default a body rests that hardly moved at several looks, some steps apart. With fine steps
+    contacts creep and rattle at millimetres a second for ever, which no sensor notices: then a body
+    rests when height and tilt have stayed the same for ``WorldSettings.rest_window``.
 
     Args:
-        settings: The world; where all steps are wanted, nothing ever rests.
+        settings: Settings of the world; with ``full_steps`` no body ever rests.
     """
 
     # Chosen together: 1,000 bodies of each kind read as after all steps, to 0.05° and 0.2 mm.
@@ -68,7 +68,7 @@ class RestWatch:
         return not self._full_steps and self._calm >= (1 if self._window else self._LOOKS)
 
     def look(self, body: MainBody) -> None:
-        """Looks at the main body, ``STEPS_PER_LOOK`` after the last look."""
+        """Looks at the main body; to be called every ``STEPS_PER_LOOK`` steps."""
         still = self._stays(body) if self._window else self._hardly_moves(body)
         self._calm = self._calm + 1 if still else 0
 
@@ -100,10 +100,10 @@ def fill_row(
 
     Args:
         readings: Receives touch, tilt and clearance.
-        row: Of the body.
+        row: Row of the body.
         body: The body.
-        settings: Its world.
-        height: Of the main body's middle above the ground, m.
+        settings: Settings of its world.
+        height: Height of the main body's middle above the ground, m.
         up: The world's up in the body's frame.
         gaps: Distance of each part from the ground, m; negative where it sinks in.
     """

@@ -5,7 +5,7 @@ in one plane, so friction has no moment about any axis in that plane, and stable
 centre of mass projects inside the polygon of the contacts: its height is a minimum over
 orientations. The body starts flat and each joint slews to its own target, so the minimum is
 followed while the shape changes, a step at a time. This is the limit of small inertia, or of slow
-slewing: what depends on momentum it cannot know, and ``path_margins`` says how near that is.
+slewing: momentum has no effect, and ``path_margins`` says how near a body is to landing elsewhere.
 
 * A pose is *undecided* where the centre of mass is balanced on the rim of its support, to within a
   micrometre: a saddle. There the body is left balanced.
@@ -36,34 +36,34 @@ from protocol.system.missing_library import install_command
 from protocol.system.process import interrupts_deferred
 
 PACE: Final = math.radians(1.5)
-"""Turn of a joint in one step: 20 steps to the end of the paper's range. Of 12,000 random bodies,
-7 land elsewhere than with steps thirty times smaller."""
+"""Turn of a joint in one step, rad: 20 steps to the end of the paper's range. Of 12,000 random
+bodies, 7 land elsewhere than with steps thirty times smaller."""
 
 COARSE_PACE: Final = math.radians(8.0)
-"""Coarser turn of a joint in one step: costs three quarters, and one body in several hundred lands
-elsewhere. With finer steps a body that goes on lying flat is looked at as rarely."""
+"""Turn of a joint in one coarse step, rad: costs three quarters as much, and one body in several
+hundred lands elsewhere. With finer steps, too, a body that lies flat is looked at only so often."""
 
-_FEWEST: Final = 100  # bodies worth waking another thread for: a quarter of a millisecond
+_FEWEST: Final = 100  # fewest bodies that are worth another thread: a quarter of a millisecond
 _LARGEST_MARGIN: Final = math.atan(0.5)
 _WAYS: Final = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
-_SAME: Final = 1e-3  # rad; poses that differ by less are one: far below what sensors resolve
+_SAME: Final = 1e-3  # rad; poses that differ by less count as one: far below what sensors resolve
 _LADDER: Final = (
-    5  # rungs from the steepest inclination down, each a quarter of the one above; not tuned
+    5  # inclinations tried from the steepest down, each a quarter of the one before; not tuned
 )
 _FINE: Final = (
     1.2  # ratio of the two inclinations between which a margin is known to lie; not tuned
 )
-_UNKNOWN: Final = np.full(1, -1)  # stance of all bodies
-_FARTHEST: Final = 100 * 2 * math.pi  # rad; so far no joint turns
+_UNKNOWN: Final = np.full(1, -1)  # no known stance, for all bodies
+_FARTHEST: Final = 100 * 2 * math.pi  # rad; no joint turns as far
 
 
 class StaticsPhysics(ArrayPhysics):
     """Computes the resting pose of each body.
 
-    The settings' steps and time step count only in how far joints get; friction not at all.
+    Of the settings, steps and time step only limit how far joints turn; friction has no effect.
 
     Args:
-        settings: The world.
+        settings: Settings of the world.
         jobs: Number of threads; results do not depend on it.
         pace: Turn of a joint in one step, rad; finer steps cost more and see narrower forks.
 
@@ -82,7 +82,7 @@ class StaticsPhysics(ArrayPhysics):
         self._settings = settings or WorldSettings()
         self._pace = pace
         self._threads = Threads(jobs)
-        self._compiled: set[Any] = set()  # of the kernel's functions
+        self._compiled: set[Any] = set()  # functions of the kernel
         try:
             with interrupts_deferred():
                 self._kernel: Any = importlib.import_module("estimator.physics.kernel.batch")
@@ -93,7 +93,7 @@ class StaticsPhysics(ArrayPhysics):
             ) from error
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Travels to worker processes with its counts, and works there on one core."""
+        """Pickles settings, pace and counts; the copy works on one core."""
         make = partial(StaticsPhysics, self._settings, pace=self._pace)
         return make, (), {"simulations": self.simulations, "steps": self.steps}
 
@@ -124,7 +124,7 @@ class StaticsPhysics(ArrayPhysics):
     ) -> Array:
         """Path margins, at most the arc tangent of 0.5; see ``ArrayPhysics``.
 
-        Each costs as much as 4 readings where it is the largest wanted, 10 to 20 elsewhere.
+        A margin costs as much as 4 readings where it is the largest wanted, else as 10 to 20.
         """
         most = min(most, _LARGEST_MARGIN)
         steepest = math.tan(most)
@@ -139,7 +139,7 @@ class StaticsPhysics(ArrayPhysics):
             inclined = tried[rows, None] * np.tile(_WAYS, (len(searched), 1))
             _, up = self._at_rest(bodies[rows], own, inclined, self._pace, plumb=False)
             away = np.abs(up - plumb[rows]).reshape(len(searched), -1).max(axis=1)
-            alike = away <= _SAME  # not where it is NaN
+            alike = away <= _SAME  # False where it is NaN
             good[searched[alike]] = tried[searched[alike]]
             bad[searched[~alike]] = tried[searched[~alike]]
             rungs += 1
@@ -158,9 +158,9 @@ class StaticsPhysics(ArrayPhysics):
         *,
         plumb: bool,
     ) -> tuple[PredictedReadings, Array]:
-        """Readings, and where up was under the inclined gravity: NaN where the body did not rest.
+        """Readings, and up in the body frame, shape (n, 3): NaN where the body did not rest.
 
-        Without ``plumb`` there is nothing in the readings.
+        Without ``plumb`` gravity stays inclined, and the readings are not filled in.
         """
         settings, count, trees = self._settings, len(bodies), self._kernel.Trees
         told, farthest = _checked_programs(bodies, programs)
@@ -200,7 +200,7 @@ class StaticsPhysics(ArrayPhysics):
         return readings, up
 
     def _slew(self, farthest: float, pace: float) -> Any:
-        """How joints turn that turn so far at most, as the kernel takes it."""
+        """How joints turn that turn by at most ``farthest``, rad: the kernel's ``Slew``."""
         settings = self._settings
         reach = min(settings.slew * settings.step * settings.steps, _FARTHEST)
         angles = pace * np.arange(math.ceil(min(farthest, reach) / pace) + 2)
@@ -208,12 +208,12 @@ class StaticsPhysics(ArrayPhysics):
         return self._kernel.Slew(pace, stride, reach, np.cos(angles), np.sin(angles))
 
     def _share_out(self, function: Any, count: int, arguments: tuple[Any, ...]) -> int:
-        """Has all rows computed, each by one thread alone, so that sums have one order."""
+        """Computes all rows, each in one thread, so that sums have one order; returns the steps."""
         if function not in self._compiled:
             if not function.signatures:
                 with interrupts_deferred(), self._compiling.announced():
                     function(0, 0, *arguments)
-            self._compiled.add(function)  # to ask Numba costs a tenth of a small batch
+            self._compiled.add(function)  # asking Numba costs a tenth of a small batch
         steps = self._threads.share_out(
             lambda start, end: int(function(start, end, *arguments)), count, fewest=_FEWEST
         )
@@ -221,7 +221,7 @@ class StaticsPhysics(ArrayPhysics):
 
 
 def _checked_programs(bodies: Bodies, programs: Array) -> tuple[Array, float]:
-    """One motor program for all bodies, or one for each; and an angle that no hinge goes beyond.
+    """One motor program for all bodies, or one for each; and an angle that no hinge exceeds, rad.
 
     Raises:
         PhysicsError: The programs have a wrong shape or are not finite.
@@ -267,6 +267,6 @@ def _checked_stances(bodies: Bodies, stances: Integers | None) -> Integers:
 
 
 def _farthest(rows: Array) -> float:
-    """The largest size of a number, from the least and the largest: NaN where any is."""
+    """Largest absolute value, found from the least and the largest number; NaN where one is NaN."""
     least, most = float(rows.min(initial=0.0)), float(rows.max(initial=0.0))
     return most if math.isnan(most) else max(most, -least)

@@ -1,6 +1,6 @@
 """What a run knows of the robot's body, for whoever builds on it: ``FittedPosterior``.
 
-Exploration rules are given it, and everything that tells or checks a run reads it here.
+Exploration rules are given it, and everything that reports or checks a run reads it here.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ class Attachment(BaseModel):
     """One thing that a problem leaves open about how a part is attached.
 
     Attributes:
-        what: Its name, such as ``mount of leg 1``.
-        value: The best body's.
+        what: Name of what is open, such as ``mount of leg 1``.
+        value: Value that the best body has.
         probability: Share of the posterior that has this value.
     """
 
@@ -72,13 +72,13 @@ class FittedPosterior:
         open_physics: Opens the back-end that computes readings, when it is first needed.
         best: The best body's genome, shape (genes,); ``None`` before the first interaction. Of a
             posterior it has the most probable attachments and the medians of their lengths.
-        summary: What a run stores and states of it; ``None`` of a population, and before the first
-            interaction.
-        errors: Of a population, subjective errors, shape (n,): by the reference back-end where it
+        summary: What a run stores and states of the posterior; ``None`` of a population, and before
+            the first interaction.
+        errors: Subjective errors of a population, shape (n,): by the reference back-end where it
             was asked.
-        searched: Of a population, subjective errors as the search computed them, shape (n,).
-        ranking: Of a population, its indices, best first, shape (n,). Models that the reference
-            back-end simulated come before the others, in its order.
+        searched: Subjective errors of a population as the search computed them, shape (n,).
+        ranking: Indices of a population's members, best first, shape (n,). Models that the
+            reference back-end simulated come before the others, in the order of its errors.
         changes: What has changed since the body was identified, in the order of the posterior's
             ``changed``.
     """
@@ -100,7 +100,7 @@ class FittedPosterior:
 
     @classmethod
     def of(cls, store: RunStore) -> FittedPosterior | None:
-        """Reads it from a run; ``None`` before anything was learnt."""
+        """Reads the posterior from a run; ``None`` before anything was learnt."""
         if not store.settings.keeps_samples:
             return cls._of_population(store)
         stored = store.posteriors()
@@ -120,7 +120,7 @@ class FittedPosterior:
     def of_stored(
         cls, store: RunStore, stored: StoredPosterior, observations: Sequence[Observation]
     ) -> FittedPosterior:
-        """As a run has stored it."""
+        """The posterior as a run has stored it."""
         with reading(store.directory):
             best = np.array(stored.best, dtype=float)
             posterior = load_posterior(stored, Unknowns(store.genome, store.problem.table))
@@ -167,7 +167,7 @@ class FittedPosterior:
         Args:
             store: The run.
             posterior: The samples.
-            observations: That they were learnt from.
+            observations: Observations that the samples were learnt from.
         """
         settings = store.settings
         physics = settings.physics if settings.keeps_samples else "statics"
@@ -191,7 +191,7 @@ class FittedPosterior:
 
     @property
     def samples(self) -> Array:
-        """Genomes, shape (n, genes), each number in [0, 1]."""
+        """Genomes of the samples, shape (n, genes), each number in [0, 1]."""
         return self.unknowns.cube(self.points)
 
     @property
@@ -205,7 +205,7 @@ class FittedPosterior:
 
     @property
     def weights(self) -> Array:
-        """Of the samples, adding up to 1, shape (n,)."""
+        """Weights of the samples, adding up to 1, shape (n,)."""
         return self.posterior.weights
 
     @property
@@ -224,7 +224,7 @@ class FittedPosterior:
         return None if self.best is None else self.genome.decode(self.best)
 
     def bodies(self, count: int) -> list[Morphology]:
-        """So many representative bodies, each as often as its weight says to within one."""
+        """``count`` representative bodies, each as often as its weight says to within one."""
         return self.genome.decode_all(self.samples[systematic(self.weights, count, 0.5)])
 
     def sample(self, count: int, rng: np.random.Generator) -> FittedPosterior:
@@ -289,7 +289,7 @@ class FittedPosterior:
 
     @cached_property
     def unknowns(self) -> Unknowns:
-        """What the posterior is over."""
+        """The cube that the posterior is over."""
         genes = self.posterior.values.shape[1] - len(self.genome.genes)
         table = self.problem.table if genes else ()
         if self.changes:
@@ -332,11 +332,11 @@ class FittedPosterior:
 
     @cached_property
     def likelihood(self) -> Likelihood:
-        """Of the observations."""
+        """Likelihood of the observations."""
         return self.likelihood_of(self.observations)
 
     def likelihood_of(self, observations: Sequence[Observation]) -> Likelihood:
-        """Of some observations; sensors that do not count are left out."""
+        """Likelihood of some observations; sensors that do not count are left out."""
         return Likelihood(
             SensorData.of(observations, self.modalities, self.clearance_cap), self.noise
         )
@@ -365,13 +365,13 @@ class FittedPosterior:
         return readings if angles.ndim == 1 else readings.reshaped(len(several), count)
 
     def margins(self, programs: ArrayLike) -> Array:
-        """By how much gravity may be inclined on the way without a sample's falling elsewhere, rad.
+        """Path margins, rad: how far gravity may be inclined until a sample falls elsewhere.
 
         Args:
-            programs: As for ``predict``; errors are those, too.
+            programs: As for ``predict``, which raises the same errors.
 
         Returns:
-            Shape (n,), or (p, n).
+            Margins of all samples, shape (n,), or (p, n).
         """
         angles = self._checked(programs)
         several, count = np.atleast_2d(angles), len(self)
@@ -427,5 +427,5 @@ class FittedPosterior:
 
 
 def each_with_each(count: int, programs: Array) -> tuple[Columns, Array]:
-    """Numbers of all bodies with the first program, then with the next; and their programs."""
+    """Indices of all bodies for the first program, then for the next; and the program of each."""
     return np.tile(np.arange(count), len(programs)), np.repeat(programs, count, axis=0)

@@ -19,9 +19,9 @@ from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.posterior import Mode, Posterior
 
 Indistinguishable: TypeAlias = Callable[[Array, Array], Flags]
-"""Of two arrays of n points, whether body by body no sensor discriminates between them."""
+"""Whether no sensor discriminates between the bodies of two arrays of n points, pair by pair."""
 
-_COMPARED: Final = 0.002  # probability of a mode that is compared
+_COMPARED: Final = 0.002  # probability above which a mode without samples is compared
 
 
 def indistinguishable_points(
@@ -37,7 +37,7 @@ def indistinguishable_points(
         others: Points of the bodies that they are compared with, shape (n, size).
 
     Returns:
-        Shape (n,).
+        Whether they are, shape (n,).
     """
     unknowns = predictor.unknowns
     first, second = (unknowns.bodies(unknowns.as_built(points)) for points in (ones, others))
@@ -53,13 +53,14 @@ def indistinguishable_points(
 def probability_of(
     point: Array, posterior: Posterior, predictor: Predictor, indistinguishable: Indistinguishable
 ) -> float:
-    """How probable a body's attachments are by a posterior, up to what no sensor can tell.
+    """Probability of a body's attachments by a posterior, up to what no sensor can tell.
 
     Args:
         point: The body, shape (size,).
-        posterior: Its samples are held against bodies like them with these attachments.
+        posterior: Posterior whose samples are compared with bodies like them that have these
+            attachments.
         predictor: Knows which columns are attachments.
-        indistinguishable: The test.
+        indistinguishable: Tests whether bodies are indistinguishable.
     """
     unknowns = predictor.unknowns
     others = _attached_like(point, posterior.values, unknowns)
@@ -75,17 +76,17 @@ def indistinguishable_shares(
     predictor: Predictor,
     indistinguishable: Indistinguishable,
 ) -> Array:
-    """How much of each mode no sensor can tell from the first mode's attachments.
+    """Share of each mode that no sensor can tell from the first mode's attachments.
 
     Args:
-        modes: The first of the posterior's.
-        posterior: Has the samples that stand for each mode; of a mode without any its best body
-            stands for it.
+        modes: The first modes of the posterior.
+        posterior: Posterior whose samples stand for the modes; for a mode without any its best body
+            does.
         predictor: Knows which columns are attachments.
-        indistinguishable: The test.
+        indistinguishable: Tests whether bodies are indistinguishable.
 
     Returns:
-        From 0 to 1, shape (modes,); 1 for the first.
+        Shares from 0 to 1, shape (modes,); 1 for the first mode.
     """
     unknowns = predictor.unknowns
     numbers = {mode.attachments: number for number, mode in enumerate(modes)}
@@ -108,7 +109,7 @@ def indistinguishable_shares(
 
 
 def _attached_like(point: Array, values: Array, unknowns: Unknowns) -> Array:
-    """The n points, with the attachments of one."""
+    """The n points of ``values``, with the attachments of ``point``."""
     others = values.copy()
     others[:, unknowns.choices] = point[unknowns.choices]
     return others

@@ -25,7 +25,7 @@ class Mode:
     Attributes:
         attachments: The chosen values, in the order of the columns that choose.
         probability: Share of the posterior.
-        point: Its best point of the cube, shape (size,).
+        point: Best point of the cube with these attachments, shape (size,).
         ess: Effective number of draws behind the probability.
         found: Whether each population has found it.
     """
@@ -41,12 +41,12 @@ class CauseShare(NamedTuple):
     """How probable one wide component of the table of parameters is.
 
     Attributes:
-        row: Of the table.
+        row: Row of the table.
         probability: Share of the posterior.
         low: 5 % quantile of the deviation, in the units of ``parameters.table.applied``, in the
             posterior with this component.
-        median: Its median.
-        high: Its 95 % quantile.
+        median: Median of the deviation there.
+        high: 95 % quantile of the deviation there.
     """
 
     row: int
@@ -63,8 +63,8 @@ class Posterior:
     Attributes:
         values: Points of the cube, shape (n, size).
         scales: Logarithms of the noise factors on tilt and clearance, shape (n, 2).
-        weights: Of the samples, adding up to 1, shape (n,).
-        modes: The most probable first.
+        weights: Weights of the samples, adding up to 1, shape (n,).
+        modes: The modes, the most probable first.
         adequate_fit: Whether the readings are explained so well that a body can be probable.
         changed: How far each sample is by now from what it was when it was identified, standard
             normal before any reading, shape (n, changes); ``None``: nothing has changed.
@@ -86,7 +86,7 @@ class Posterior:
     def equally_likely(
         cls, values: Array, scales: Array | None = None, changed: Array | None = None
     ) -> Self:
-        """Samples that are as good as each other, under the announced noise by default."""
+        """A posterior of equally likely samples, under the announced noise by default."""
         count = len(values)
         return cls(
             values=values,
@@ -108,9 +108,9 @@ def systematic(weights: Array, count: int, start: float) -> Columns:
     """Indices of ``count`` samples, each as often as its weight says to within one.
 
     Args:
-        weights: Adding up to 1, shape (n,).
-        count: How many.
-        start: Between 0 and 1: uniform, the expected counts are exact.
+        weights: Weights of the samples, adding up to 1, shape (n,).
+        count: Number of indices.
+        start: Offset between 0 and 1; expected counts are exact if it is drawn uniformly.
     """
     ends = np.cumsum(weights)
     places = (np.arange(count) + start) / count * ends[-1]
@@ -127,8 +127,8 @@ def coverage(shares: Array, found: Flags) -> float:
     that probability, so a small share is always counted as missed.
 
     Args:
-        shares: Of the posterior, shape (n,).
-        found: Which of them each population has found, shape (n, populations).
+        shares: Shares of the posterior, shape (n,).
+        found: Which of these each population has found, shape (n, populations).
     """
     missed = 1.0
     for population in range(found.shape[1]):
@@ -142,13 +142,13 @@ def coverage(shares: Array, found: Flags) -> float:
 def coverage_of_classes(shares: Array, found: Flags, indistinguishable: Array) -> float:
     """Coverage, where modes that are indistinguishable from the first count as one.
 
-    One of which only a trifle does, such as one leg so short that it touches nothing, does not
+    A mode of which only a trifle is so, such as one leg so short that it touches nothing, does not
     stand for the first.
 
     Args:
-        shares: Of the posterior, shape (n,).
-        found: Which of them each population has found, shape (n, populations).
-        indistinguishable: The part of each that is indistinguishable from the first, shape (n,).
+        shares: Share of the posterior that each mode has, shape (n,).
+        found: Which modes each population has found, shape (n, populations).
+        indistinguishable: Part of each mode that is indistinguishable from the first, shape (n,).
     """
     together = np.append(shares * (1 - indistinguishable), shares @ indistinguishable)
     return coverage(together, np.vstack([found, found[indistinguishable >= MOSTLY].any(axis=0)]))
@@ -157,13 +157,13 @@ def coverage_of_classes(shares: Array, found: Flags, indistinguishable: Array) -
 def ess_of_class(shares: Array, ess: Array, indistinguishable: Array) -> float:
     """Effective sample size behind the probability of all that is indistinguishable from the first.
 
-    The errors of their evidences are independent, so those of many that few draws stand for even
-    out.
+    Errors of the modes' evidences are independent, so they even out over many modes, even if few
+    draws stand for each.
 
     Args:
-        shares: Of the posterior, shape (n,).
-        ess: Effective sample size of each, shape (n,).
-        indistinguishable: The part of each that is indistinguishable from the first, shape (n,).
+        shares: Share of the posterior that each mode has, shape (n,).
+        ess: Effective sample size of each mode, shape (n,).
+        indistinguishable: Part of each mode that is indistinguishable from the first, shape (n,).
     """
     counted = shares * indistinguishable
     return float(counted.sum() ** 2 / np.sum(counted**2 / ess))

@@ -47,11 +47,12 @@ def summarise(
     """Summarises a posterior.
 
     Args:
-        posterior: After some interactions.
+        posterior: The posterior after some interactions.
         predictor: Computes readings.
-        likelihood: Of these.
-        indistinguishable: The test of equivalence.
-        before: The posterior before the last interaction, by which its information is measured.
+        likelihood: Likelihood of what was observed in these interactions.
+        indistinguishable: Tests whether bodies are indistinguishable.
+        before: The posterior before the last interaction, by which that one's information is
+            measured.
     """
     modes, unknowns = posterior.modes[:_KEPT], predictor.unknowns
     compared = modes if posterior.adequate_fit else modes[:_RIVALS]
@@ -216,7 +217,7 @@ def load_posterior(stored: StoredPosterior, unknowns: Unknowns) -> Posterior:
 
 
 SAMPLES: Final = 200
-"""Samples by which information is measured, which limits it to their number's logarithm."""
+"""Number of samples by which information is measured; its logarithm is the most that results."""
 
 
 def information_gained(
@@ -230,9 +231,9 @@ def information_gained(
 
     Args:
         before: The posterior before the last interaction.
-        after: The one after it.
+        after: The posterior after the last interaction.
         predictor: Computes readings.
-        likelihood: Of all interactions.
+        likelihood: Likelihood of all interactions.
     """
     last = likelihood[-1:]
     rows = systematic(before.weights, SAMPLES - 1, 0.5)

@@ -1,1 +1,1 @@
-"""Problems: what is known about a robot, and what is to be found. ``library`` has ours."""
+"""Problems: what is known about a robot, and what is to be found; ``library`` ships some."""

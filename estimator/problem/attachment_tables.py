@@ -29,9 +29,9 @@ class Attached:
     """What is known of how one part is attached; ``None``: to be found, or impossible there.
 
     Attributes:
-        on_base: Its mount if it sits on the main body.
-        on_part: Its mount if it sits on a part.
-        hinge: Its hinge.
+        on_base: Index of its mount if it sits on the main body.
+        on_part: Index of its mount if it sits on a part.
+        hinge: Index of its hinge.
     """
 
     on_base: int | None
@@ -39,7 +39,7 @@ class Attached:
     hinge: int | None
 
     def mount(self, parent: int) -> int | None:
-        """Its mount on a parent."""
+        """Index of the part's mount on a parent."""
         return self.on_base if parent == BASE else self.on_part
 
 
@@ -47,20 +47,21 @@ class AttachmentTables:
     """All mounts and hinges: first those of the tables, which genes choose from, then the others.
 
     Args:
-        mounts: The problem's; none on the main body, or on parts: the paper's four sides there.
-        hinges: The problem's; none: the paper's six.
-        parts: The problem's.
+        mounts: Mounts of the problem; without any on the main body, or on parts: the paper's four
+            sides there.
+        hinges: Hinges of the problem; without any: the paper's six.
+        parts: Parts of the problem.
 
     Attributes:
         part_mounts: Where parts can sit on parts.
-        hinges: How they can turn.
+        hinges: How parts can turn.
         base_choices: How many mounts on the main body a gene chooses from.
-        part_choices: Those on a part.
-        hinge_choices: How many hinges.
-        attached: What is known, for each part.
+        part_choices: How many mounts on a part a gene chooses from.
+        hinge_choices: How many hinges a gene chooses from.
+        attached: What is known of how each part is attached.
 
     Raises:
-        ValueError: Key, name and reason.
+        ValueError: A table or a part is wrong: key, name and reason.
     """
 
     def __init__(
@@ -94,18 +95,18 @@ class AttachmentTables:
         self.attached = tuple(self._attached(index, part) for index, part in enumerate(parts))
 
     def base_mounts(self, size: Vector) -> tuple[BaseMount, ...]:
-        """Where parts can sit on a main body with these extents, m."""
+        """Mounts on a main body with these extents, m."""
         return (*(self._on_base or four_sides(size)), *self._further)
 
     def mount_names(self, parent: int) -> Sequence[str]:
-        """What a gene chooses from on a parent."""
+        """Names of the mounts on a parent that a gene chooses from."""
         return self._names[parent == BASE]
 
     def check_doubles(self, parts: Sequence[PartRule]) -> None:
         """Refuses two parts that are known to sit on one mount.
 
         Raises:
-            ValueError: Key, names and reason.
+            ValueError: Parts share a mount, or would have to: key, names and reason.
         """
         owners: dict[tuple[int, int], PartRule] = {}
         for index, (rule, attached) in enumerate(zip(parts, self.attached, strict=True)):
@@ -221,4 +222,4 @@ def _distinct(table: str, names: list[str]) -> list[str]:
 
 
 PAPERS_TABLES: Final = AttachmentTables((), (), ())
-"""Four sides and six hinges."""
+"""The paper's four sides and six hinges."""

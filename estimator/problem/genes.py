@@ -1,4 +1,4 @@
-"""What each gene of a problem's genomes decides, and where genes of a kind stand.
+"""What each gene of a problem's genomes decides, and which columns have genes of a kind.
 
 A genome goes through the problem's parts in order. Each part contributes one gene for each thing
 that is to be found about it, in the order of the paper's rows: parent P, mount O, hinge J, length.
@@ -27,13 +27,13 @@ class Gene:
 
     Attributes:
         part: Index of the part.
-        trait: Which of the part's traits.
-        choices: How many values it chooses from, at most: the main body may have other mounts than
-            parts have. 0 for what is any in a range.
-        name: For people.
-        parent: What the part sits on, where that is known.
-        unit: For people, of what is any in a range.
-        observable: Whether a sensor may show it: never the hinge of a locked part.
+        trait: The part's trait that it decides.
+        choices: Largest number of values that it chooses from: the main body may have more or
+            fewer mounts than parts have. 0: any value in a range.
+        name: Name for people.
+        parent: Index of what the part sits on, where that is known.
+        unit: Unit, for people, of a value in a range.
+        observable: Whether a sensor may show what it decides: never for the hinge of a locked part.
     """
 
     part: int
@@ -46,7 +46,7 @@ class Gene:
 
     @property
     def is_choice(self) -> bool:
-        """Whether it chooses among several values, and which one is observable."""
+        """Whether the gene chooses among several values, and a sensor may show which."""
         return self.choices > 1 and self.observable
 
 
@@ -65,16 +65,16 @@ class GeneColumns:
 
     Attributes:
         counts: How many values each column chooses from; 0: any in a range. Shape (size,).
-        open_mounts: Columns of mounts on a parent that is chosen, too.
-        their_parents: Columns of these parents.
-        known: Choices that are none of genes', to be read as further columns.
-        chosen: Columns of parents, mounts and hinges, shape (3, parts).
+        open_mounts: Columns of mounts of parts whose parents genes choose, too.
+        their_parents: Columns of the parents of these parts.
+        known: Choices that no gene makes, to be read as further columns.
+        chosen: Columns of parents, mounts and hinges, further ones included, shape (3, parts).
         lengths: Columns of lengths, shape (parts,); any where the length is known.
-        shortest: Lengths, m, shape (parts,).
-        spans: By how much they may be larger, m.
-        mounted: Parts of which the mount is known and the parent is not.
-        on_base: Their mounts if they sit on the main body.
-        on_part: Those on a part.
+        shortest: Shortest lengths, m, shape (parts,).
+        spans: By how much lengths may be larger than the shortest, m, shape (parts,).
+        mounted: Indices of parts whose mount is known and whose parent is not.
+        on_base: Mounts of these parts if they sit on the main body.
+        on_part: Mounts of these parts if they sit on a part.
     """
 
     counts: Integers

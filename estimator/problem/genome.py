@@ -1,6 +1,6 @@
 """Genomes: gene arrays in [0, 1] that encode bodies.
 
-``genes`` has what each of them decides. A gene that stands for a choice among k is scaled to the
+``genes`` says what each gene decides. A gene that stands for a choice among k is scaled to the
 integers 0 to k − 1; row i chooses its parent among the main body and the i − 1 earlier parts, and
 its mount among those of that parent.
 """
@@ -56,13 +56,13 @@ class Genome:
         return len(self.genes)
 
     def choices(self, genes: Array) -> Integers:
-        """What n genomes choose; −1 for lengths.
+        """What the genes of n genomes choose, as numbers from 0; −1 for lengths.
 
         Args:
             genes: Shape (n, size), each in [0, 1].
 
         Returns:
-            Shape (n, size).
+            Choices, shape (n, size).
         """
         values, columns = np.asarray(genes, dtype=float), self._columns
         chosen = _scaled(values, columns.counts)
@@ -72,11 +72,11 @@ class Genome:
         return chosen
 
     def log_room(self, genes: Array) -> Array:
-        """How much of the cube the choices of n genomes have, shape (n,).
+        """How much of the cube of genes stands for the choices of each of n genomes, shape (n,).
 
         Returns:
-            Logarithms, 0 where every part of unknown parent sits on what has the more mounts: a
-            choice among fewer mounts has more room for each.
+            Logarithms; 0 where every part of unknown parent sits on a carrier that has the more
+            mounts: each of fewer mounts has more room.
         """
         if not self._columns.open_mounts.size:
             return np.zeros(len(genes))
@@ -86,7 +86,7 @@ class Genome:
         return rooms
 
     def _mounts_of_parents(self, chosen: Integers) -> Integers:
-        """How many mounts the parts of unknown parent choose from, shape (n, parts)."""
+        """Number of mounts that parts of unknown parent and mount choose from, shape (n, parts)."""
         tables = self._problem.tables
         on_base = chosen[:, self._columns.their_parents] == 0
         return np.where(on_base, tables.base_choices, tables.part_choices)
@@ -107,7 +107,7 @@ class Genome:
         )
 
     def quantities(self, column: int, genes: Array) -> Array:
-        """What genes between 0 and 1 of one column stand for, a length, mm, shape (n,)."""
+        """Lengths that n genes of one column, between 0 and 1, stand for, mm, shape (n,)."""
         low, high = self._problem.parts[self.genes[column].part].length
         return 1000 * (low + genes * (high - low))
 
@@ -156,7 +156,7 @@ class Genome:
         """Returns the body that parts make up on this robot, with its touch sensors.
 
         Args:
-            parts: In the order of the problem's rows.
+            parts: Parts, in the order of the problem's rows.
         """
         if self._problem.touch == "outermost":
             parts = with_outermost_sensors(parts, self._problem.sensors)
@@ -174,7 +174,7 @@ class Genome:
 
         Args:
             genes: Shape (n, size), each in [0, 1].
-            like: One body, which has what genes do not decide; by default as the problem says.
+            like: One body that says what genes do not decide; default: as the problem says.
 
         Raises:
             SearchStateError: The shape is wrong or a gene lies outside [0, 1].
@@ -271,12 +271,12 @@ class Genome:
 
 
 def _scaled(values: Array, counts: Integers) -> Integers:
-    """Genes as choices among so many; −1 where they are none, among 0."""
+    """Genes as choices among ``counts`` values each; −1 where there are 0."""
     return np.minimum((values * counts).astype(np.int64), counts - 1)
 
 
 def with_outermost_sensors(parts: Sequence[Part], sensors: int) -> list[Part]:
-    """Parts with so many touch sensors on those of them that carry no other; see ``Problem``."""
+    """Parts with ``sensors`` touch sensors, first on those that carry no part; see ``Problem``."""
     carriers = {part.parent for part in parts}
     chosen = sorted(range(len(parts)), key=lambda index: (index in carriers, index))[:sensors]
     numbers = {index: number for number, index in enumerate(sorted(chosen))}
@@ -284,11 +284,11 @@ def with_outermost_sensors(parts: Sequence[Part], sensors: int) -> list[Part]:
 
 
 def outermost_sensors(parent: Integers, sensors: int) -> Integers:
-    """Touch sensor of each part of n bodies, on those that carry no other; −1: none; (n, parts).
+    """Touch sensors of parts of n bodies, first on those that carry no part; −1: none; (n, parts).
 
     Args:
-        parent: Of each part, shape (n, parts).
-        sensors: How many there are.
+        parent: Parent of each part, shape (n, parts).
+        sensors: Number of touch sensors.
     """
     rows, parts = parent.shape
     carriers = np.zeros((rows, parts + 1), dtype=bool)  # the main body's, −1, in the last column
@@ -301,7 +301,7 @@ def outermost_sensors(parent: Integers, sensors: int) -> Integers:
 
 
 Place: TypeAlias = tuple[int, int]
-"""Parent and mount."""
+"""Where a part sits: its parent, and the mount there."""
 
 
 def spread(problem: Problem, wanted: Sequence[Place]) -> list[Place]:

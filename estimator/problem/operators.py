@@ -22,8 +22,10 @@ from estimator.errors import SearchStateError
 
 Array: TypeAlias = NDArray[np.float64]
 Distance: TypeAlias = Callable[[Array, Array], Array]
-Permit: TypeAlias = Callable[[Array], Array]
 """Two arrays of shape (m, genes) in, distance of each row's two members out, shape (m,)."""
+
+Permit: TypeAlias = Callable[[Array], Array]
+"""Genomes in, shape (m, genes), with forbidden ones changed into others out."""
 
 _STRICT: Final = {"extra": "forbid"}  # read by pydantic when a problem file names an operator
 
@@ -61,7 +63,7 @@ class BlendCrossover:
     as the population converges.
 
     Attributes:
-        alpha: How far beyond either parent, as a share of their distance.
+        alpha: How far the interval reaches beyond either parent, as a share of their distance.
         rate: Share of the pairs that are crossed at all.
     """
 
@@ -137,13 +139,13 @@ Mutation: TypeAlias = GaussianMutation | ResetMutation
 
 
 def euclidean(first: Array, second: Array) -> Array:
-    """Distance of genomes: Euclid's, every gene counting alike."""
+    """Euclidean distance of genomes, every gene counting alike."""
     distances: Array = np.linalg.norm(first - second, axis=1)
     return distances
 
 
 def as_they_are(genes: Array) -> Array:
-    """The genes, where none are forbidden."""
+    """Returns genes unchanged, for problems in which none are forbidden."""
     return genes
 
 

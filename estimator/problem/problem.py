@@ -41,7 +41,7 @@ from estimator.readings.modalities import MODALITIES
 from protocol.text import TomlError, parse_toml
 from protocol.wire.capabilities import Capabilities
 
-_TURNED = 1.0  # degrees, from which an accelerometer is asked first how it is turned
+_TURNED = 1.0  # degrees of uncertainty, from which the accelerometer's own tilt is read first
 
 
 class Problem(Strict):
@@ -50,19 +50,20 @@ class Problem(Strict):
     Attributes:
         name: Short name.
         description: One sentence for people.
-        density: Of all parts, kg/m³.
+        density: Density of all parts, kg/m³.
         motors: Which joints move, and how.
-        uncertain: How well the robot is known to be as all this says.
+        uncertain: How well the robot is known to be as the problem says.
         search: How the models are optimised.
         world: How models are simulated.
         touch: ``outermost``: the robot's touch sensors sit on the parts that carry no other, in
             the parts' order; where there are more sensors than such parts, the first other parts
-            have the rest. So each part has one if there are as many. ``None``: on the parts that
-            say so themselves.
-        mounts: Where parts can sit; none on the main body, or on parts: the paper's four sides.
-        hinges: How parts can turn; none: the paper's six ways.
+            have the rest. So each part has one if there are as many. ``None``: they sit on the
+            parts that say so by ``sensor``.
+        mounts: Where parts can sit; without any on the main body, or on parts: the paper's four
+            sides there.
+        hinges: How parts can turn; without any: the paper's six ways.
         share_mounts: Whether several parts may sit on one mount.
-        parts: Parents before children; the order is that of the genome's rows.
+        parts: The parts, parents before children; the order is that of the genome's rows.
     """
 
     name: Name
@@ -110,13 +111,13 @@ class Problem(Strict):
 
         Args:
             text: The file's content.
-            origin: Names it in errors.
-            robot: What the problem is written out for; default: the first robot that it suits,
-                the paper's before others.
+            origin: Name of the text in errors.
+            robot: Robot that the problem is written out for; default: the first that it suits, the
+                paper's before others.
 
         Raises:
-            ProblemError: The text is wrong: file, key and reason. What suits no robot is told as
-                it is for the first.
+            ProblemError: The text is wrong, or suits no robot: file, key and reason, as for the
+                first robot.
         """
         try:
             raw = parse_toml(text)
@@ -215,22 +216,22 @@ class Problem(Strict):
 
     @property
     def supposed(self) -> Inventory:
-        """The robot that it is written out for."""
+        """The robot that the problem is written out for."""
         return self._robot
 
     @property
     def reads_flat_first(self) -> bool:
         """Whether the first interaction moves nothing.
 
-        Of a body that lies flat an accelerometer reads its own tilt alone.
+        While the body lies flat the accelerometer reads its own tilt alone.
         """
         return self.uncertain.spreads.get("accelerometer_deg", 0.0) >= _TURNED
 
     @cached_property
     def table(self) -> tuple[Parameter, ...]:
-        """What may be otherwise than all this says.
+        """Parameters in which the robot may differ from what the problem says.
 
-        ``[uncertain]`` tightens, widens or closes rows; the robot's calibration tightens others.
+        ``[uncertain]`` tightens, widens or removes rows; the robot's calibration tightens others.
         """
         rows, spreads = table_of(self.parts, self.sensors), self.uncertain.spreads
         if self.uncertain.exact:
@@ -267,7 +268,7 @@ class Problem(Strict):
 
     @cached_property
     def tables(self) -> AttachmentTables:
-        """Its mounts and hinges, and what is known of how parts are attached."""
+        """The problem's mounts and hinges, and what is known of how parts are attached."""
         return AttachmentTables(self.mounts, self.hinges, self.parts)
 
     def base(self, capabilities: Capabilities) -> Base:
@@ -372,11 +373,11 @@ class Problem(Strict):
         return self.differences(capabilities)
 
     def differences(self, capabilities: Capabilities) -> tuple[str, ...]:
-        """Sentences about what the robot says otherwise than the problem, which prevents no run."""
+        """Sentences about differences of robot and problem that do not prevent a run."""
         return (*self._differing_speeds(capabilities), *self._differing_radii(capabilities, 0.1))
 
     def contradictions(self, capabilities: Capabilities) -> tuple[str, ...]:
-        """What makes lengths certain and wrong: differences in parts that may touch the ground."""
+        """Differences in parts that may touch the ground, which make lengths certain and wrong."""
         carriers = {part.parent for part in self.parts}
         return self._differing_radii(capabilities, 0.25, carriers)
 

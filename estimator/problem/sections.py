@@ -44,10 +44,10 @@ class MountRule(Strict):
     """A place where parts can sit: on the main body if ``at`` is a point, or on any part.
 
     Attributes:
-        name: Its own among those on the main body, or on parts.
+        name: Name, unique among the mounts on the main body, or on parts.
         at: A point, m, or a fraction of the carrier's length.
-        yaw_deg: From the carrier's direction to that of the part that sits there.
-        elevation_deg: How far that rises over the carrier's plane; −90 hangs down.
+        yaw_deg: Angle from the carrier's direction to that of the part that sits there.
+        elevation_deg: Angle of that direction over the carrier's plane; −90 hangs down.
     """
 
     name: Name
@@ -57,10 +57,10 @@ class MountRule(Strict):
 
 
 class HingeRule(Strict):
-    """A way to turn.
+    """A way in which parts can turn.
 
     Attributes:
-        name: Its own.
+        name: Name, unique among the hinges.
         axis: Unit vector in the frame of the part that it turns.
     """
 
@@ -72,20 +72,21 @@ class PartRule(Strict):
     """What is known about one part; ``None`` stands for what is to be found.
 
     Attributes:
-        name: For people.
+        name: Name for people.
         parent: Index of an earlier part, or ``morphology.BASE``.
-        mount: Name of what it sits on; empty where ``at`` says it.
-        at: A place of its own, in the place of ``mount``; see ``MountRule``.
-        yaw_deg: Belongs to ``at``, as ``elevation_deg`` does.
-        hinge: Name of its hinge; empty where ``axis`` says it.
-        axis: An axis of its own, in the place of ``hinge``; see ``HingeRule``.
-        length: Shortest and longest, m; equal where the length is known.
-        shape: What the part is.
-        radius: Of a box half its width, m.
-        motor: The joint that moves it, or ``None`` where its hinge is locked.
-        locked: The joint that carries it where that stays at 0, if anybody knows: only for it can
+        mount: Name of the mount that it sits on; empty where ``at`` is given.
+        at: A place of its own instead of ``mount``; see ``MountRule``.
+        yaw_deg: Yaw of the part at ``at``; see ``MountRule``.
+        elevation_deg: Elevation of the part at ``at``; see ``MountRule``.
+        hinge: Name of its hinge; empty where ``axis`` is given.
+        axis: An axis of its own instead of ``hinge``; see ``HingeRule``.
+        length: Shortest and longest length, m; equal where the length is known.
+        shape: Shape of the part.
+        radius: Radius, or half the width of a box, m.
+        motor: Index of the joint that moves it, or ``None`` where its hinge is locked.
+        locked: Index of the joint that carries it and stays at 0, where it is known: only then can
             a score say whether the part is attached as it is on the robot.
-        sensor: The touch sensor that it carries, or ``None``.
+        sensor: Index of the touch sensor that it carries, or ``None``.
     """
 
     name: Name
@@ -110,7 +111,7 @@ class PartRule(Strict):
 
     @property
     def joint(self) -> int | None:
-        """The joint that carries it, moved or not."""
+        """Index of the joint that carries the part, moved or not."""
         return self.locked if self.motor is None else self.motor
 
     @model_validator(mode="after")
@@ -137,7 +138,7 @@ class Motors(Strict):
 
     Attributes:
         driven: Joints that are moved; the others stay at 0.
-        range_deg: Where random targets are drawn from, degrees.
+        range_deg: Range that random targets are drawn from, degrees.
         slew_deg_per_s: Speed of the joints, degrees per second.
     """
 
@@ -149,11 +150,12 @@ class Motors(Strict):
 class UncertainSection(BaseModel):
     """How well a robot is known to be as its problem says: standard deviations by group.
 
-    The groups are those of the rows of ``parameters``, in the units of their sentences, those of
-    factors as logarithms; 0: just as stated. What is not named is as robots are that people build.
+    The groups are those of the rows of ``parameters``, in the units of the rows' sentences; factors
+    have those of their logarithms; 0: just as stated. A group that is not named is as on robots
+    that people build.
 
     Attributes:
-        exact: Whether all is just as stated.
+        exact: Whether the whole robot is just as stated.
     """
 
     model_config = ConfigDict(frozen=True, extra="allow")
@@ -163,7 +165,7 @@ class UncertainSection(BaseModel):
 
     @property
     def spreads(self) -> dict[str, float]:
-        """By group."""
+        """Standard deviations by group."""
         return self.__pydantic_extra__
 
 
@@ -171,9 +173,9 @@ class WorldSection(Strict):
     """How models are simulated, where the paper is silent or only implies it.
 
     Attributes:
-        steps: Of one simulation (the paper's 300).
+        steps: Number of steps of one simulation (the paper's 300).
         step_s: Time step, s: the paper's 300 steps spread over its 5-second interactions.
-        friction: Between body and ground.
+        friction: Coefficient of friction between body and ground.
     """
 
     steps: Count = WorldSettings.steps

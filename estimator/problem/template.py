@@ -27,8 +27,8 @@ class Inventory:
 
     Attributes:
         joints: How many joints it has.
-        touch_sensors: How many touch sensors.
-        names: Of its joints, where the file goes by them.
+        touch_sensors: How many touch sensors it has.
+        names: Names of its joints, where the file uses them.
         announced: How well it was calibrated.
     """
 
@@ -42,7 +42,7 @@ PAPERS_ROBOT: Final = Inventory(joints=8, touch_sensors=4)
 
 
 def supposed_robots(raw: Mapping[str, Any]) -> Iterator[Inventory]:
-    """Yields robots to write a file out for before any is known: it is right if it suits one.
+    """Yields robots to write a file out for before one is known; a file is right if it suits one.
 
     The paper's comes first if the file allows it. Where all joints are driven and each part names
     its own, there is one robot, with as many joints as they name; where a part stands for one per
@@ -86,7 +86,7 @@ def _rules(raw: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def _joints_named(parts: Sequence[Mapping[str, Any]]) -> list[int]:
-    """The joints that parts name; none where a part stands for one of each."""
+    """Joints that parts name; none where a part stands for one such part per joint."""
     if any("each" in rule for rule in parts):
         return []
     numbers = [rule.get(key) for rule in parts for key in ("motor", "locked")]
@@ -97,7 +97,7 @@ def write_out(raw: Mapping[str, Any], robot: Inventory) -> tuple[dict[str, Any],
     """The file's content for one robot.
 
     Args:
-        raw: What TOML holds.
+        raw: Content of the TOML file.
         robot: The robot.
 
     Returns:
@@ -105,7 +105,7 @@ def write_out(raw: Mapping[str, Any], robot: Inventory) -> tuple[dict[str, Any],
         that it comes from.
 
     Raises:
-        ValueError: Key and reason.
+        ValueError: An entry is wrong: key and reason.
     """
     raw = _by_number(raw, robot.names)
     written = dict(raw)
@@ -140,7 +140,7 @@ def _joints(raw: Mapping[str, Any]) -> Iterator[tuple[str, Any, Any]]:
 
 
 def _by_number(raw: Mapping[str, Any], names: Sequence[str]) -> Mapping[str, Any]:
-    """The problem's table with joints by number that went by their names.
+    """The file's content with numbers of joints in the place of their names.
 
     Raises:
         ValueError: The robot has no such joint, or others go by their numbers.

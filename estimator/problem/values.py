@@ -139,7 +139,7 @@ Count: TypeAlias = Annotated[int, Field(ge=1, le=1_000_000, strict=True)]
 Population: TypeAlias = Annotated[Count, AfterValidator(_even)]
 Name: TypeAlias = Annotated[str, Field(min_length=1, max_length=60)]
 Number: TypeAlias = Annotated[int, BeforeValidator(_count_from_0)]
-"""Of a joint or a sensor: counted from 1 in the file and from 0 in code."""
+"""Number of a joint or a sensor: counted from 1 in the file and from 0 in code."""
 
 Angles: TypeAlias = Annotated[Ends, BeforeValidator(_parse_angles)]
 """``[lowest, highest]``, degrees."""
@@ -184,7 +184,7 @@ _REASONS: Final[Mapping[str, str]] = MappingProxyType(
         ),
     }
 )
-"""What a person reads for a kind of complaint that pydantic makes."""
+"""Reason that a person reads for each kind of complaint that pydantic makes."""
 
 
 def complaint(
@@ -196,9 +196,9 @@ def complaint(
     """Returns all complaints of a validation as text: file, key (counted from 1), name and reason.
 
     Args:
-        error: The validation's.
-        origin: Names the file.
-        raw: What the file holds; what is wrong in it goes by its name.
+        error: Error of the validation.
+        origin: Name of the file.
+        raw: Content of the file, for the names of the entries that are wrong.
         parts: For each part that was validated, the index of the part in the file that it comes
             from; a complaint about several that come from one is made once.
     """
@@ -207,7 +207,7 @@ def complaint(
     places = [item["loc"] for item in items]
     for item in items:
         if item["type"] == "too_short" and sum(place[:1] == item["loc"] for place in places) > 1:
-            continue  # there are some, each of them wrong
+            continue  # there are entries, each of them wrong
         place = list(item["loc"])
         if len(place) > 1 and place[0] == "parts" and isinstance(place[1], int):
             place[1] = parts[place[1]] if parts else place[1]

@@ -23,28 +23,28 @@ Value: TypeAlias = float | bool | None
 """One number of a reading; ``None`` where it was not taken."""
 
 ROUNDING: Final = 1e-6
-"""By how much a reading may exceed its range, in its unit: a millionth is no sensor's."""
+"""By how much a reading may exceed its range, in its unit; no sensor resolves a millionth."""
 
 CLEARANCE_RANGES: Final = (1e-3, 100.0)
-"""Of distance sensors, m."""
+"""Least and largest range of a distance sensor, m."""
 
 
 class Modality(ABC):
     """One kind of sensor; its readings are the field ``name`` of observations and predictions.
 
     Attributes:
-        name: As in the capabilities, in observations, in predictions and on the command line.
-        unit: Of a value on the wire.
+        name: Name in the capabilities, in observations, in predictions and on the command line.
+        unit: Unit of a value on the wire.
         scalar: Whether a reading is a single number; else it is several.
         on_parts: Whether each value belongs to a part, so that a problem says how many there are;
             else there are as many on every robot.
         upper: Largest value, where readings by hand leave it open; ``None`` where there is none.
-        weight: Of a unit in the paper's subjective error.
-        error_factor: From a value's unit to that of a prediction error.
+        weight: Weight of a unit in the paper's subjective error.
+        error_factor: Factor from a value's unit to that of a prediction error.
         error_name: Name of the prediction error in ``validation.json``, with its unit.
-        error_format: How a prediction error is said.
-        heading: Of the prediction error in tables.
-        table_factor: From ``error_name``'s unit to the heading's.
+        error_format: Format in which a prediction error is said.
+        heading: Heading of the prediction error in tables.
+        table_factor: Factor from ``error_name``'s unit to the heading's.
     """
 
     name: ClassVar[str]
@@ -85,7 +85,7 @@ class Modality(ABC):
 
     @abstractmethod
     def wrong_reading(self, observation: Observation, sensor: Sensor | None) -> str | None:
-        """What in a reading this sensor cannot have measured; ``None`` for a robot without it."""
+        """What in a reading a robot's sensor, ``None`` if it has none, cannot have measured."""
 
     def shown(self, error: float | None) -> float | None:
         """A prediction error in the unit of ``heading``."""
@@ -115,11 +115,11 @@ class Modality(ABC):
 
         Args:
             where: File and row, for the message.
-            column: Its heading.
-            cell: What stands there.
+            column: Heading of the column.
+            cell: Content of the cell.
 
         Raises:
-            ReadingsError: It is no such value.
+            ReadingsError: The cell holds no such value.
         """
 
     # --- predictions against the robot, and against each other ------------------------------------
@@ -190,7 +190,7 @@ class Touch(Modality):
         return f"touch {bits or '?'}"
 
     def wrong_reading(self, observation: Observation, sensor: Sensor | None) -> str | None:
-        """Bits that are not one to a sensor."""
+        """A number of bits that is not that of the sensors."""
         sensors = sensor.count if sensor else 0
         if len(observation.touch) != sensors:
             return f"{len(observation.touch)} touch bits of {sensors} touch sensors"
@@ -226,11 +226,11 @@ class Quantity(Modality):
     """Numbers in columns of a fixed name.
 
     Attributes:
-        column_names: One for each value.
-        written: A value in the unit in which it is written.
-        read: A number as it is written, as a value.
-        written_range: What a written number must lie in.
-        tolerance: Values that differ by no more can hardly be discriminated.
+        column_names: Names of the columns, one for each value.
+        written: Turns a value into the number that is written.
+        read: Turns a written number into a value.
+        written_range: Range that a written number must lie in.
+        tolerance: Largest difference at which values can hardly be discriminated.
     """
 
     column_names: ClassVar[tuple[str, ...]]
@@ -244,7 +244,7 @@ class Quantity(Modality):
         return self.column_names
 
     def count(self, header: Sequence[str]) -> int:
-        """All values, where there is a column of any."""
+        """The number of all values where there is a column of any, else 0."""
         present = any(column in header for column in self.column_names)
         return len(self.column_names) if present else 0
 
@@ -258,7 +258,7 @@ class Quantity(Modality):
         return None if number is None else type(self).read(number)
 
     def differences(self, one: PredictedReadings, other: PredictedReadings) -> Array:
-        """In units of ``tolerance``."""
+        """Differences in units of ``tolerance``."""
         return (self.predicted(one) - self.predicted(other)) / self.tolerance
 
 
@@ -308,7 +308,7 @@ class Clearance(Quantity):
     unit = "m"
     scalar = True
     upper = 0.2
-    weight = 10.0  # of a metre, beside a degree of tilt; the paper's
+    weight = 10.0  # weight of a metre, where a degree of tilt has 1; the paper's
     error_factor = 1000.0
     error_name = "clearance_mm"
     error_format = "{:.1f} mm"
@@ -318,7 +318,7 @@ class Clearance(Quantity):
     read = _metres
     written_range = (-100.0, 10_000.0)
     tolerance = 2e-3  # not tuned: twice the default robot's noise
-    _TOO_LITTLE: ClassVar[float] = 0.02  # m, that sensors read; the table's wide offset is of 8 mm
+    _TOO_LITTLE: ClassVar[float] = 0.02  # m below 0 that is believed; the wide offset is of 8 mm
     _OUTLIER: ClassVar[float] = 5.0  # times the noise, which is a root mean square; not tuned
 
     def say(self, observation: Observation) -> str:
@@ -351,7 +351,7 @@ class Clearance(Quantity):
 MODALITIES: Final[Mapping[str, Modality]] = MappingProxyType(
     {modality.name: modality for modality in (Touch(), Tilt(), Clearance())}
 )
-"""The modalities by name. Terms are added up in this order, so it decides about last digits."""
+"""The modalities by name. Errors are added up in this order, so it decides about last digits."""
 
 
 def check_modalities(names: Sequence[str]) -> tuple[str, ...]:
@@ -373,7 +373,7 @@ def parse_number(where: str, column: str, cell: str, least: float, largest: floa
     """A cell's number, or ``None`` where it is empty.
 
     Raises:
-        ReadingsError: It is no number, or lies outside ``least`` to ``largest``.
+        ReadingsError: The cell is no number, or lies outside ``least`` to ``largest``.
     """
     text = cell.strip()
     if not text:

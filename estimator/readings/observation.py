@@ -29,11 +29,11 @@ class Observation(BaseModel):
         touch: One value per touch sensor.
         tilt: Left/right and forward/back, rad; left side up and nose up are positive.
         clearance: Belly to ground along the belly's normal, m.
-        clearance_saturated: The ground lay beyond the sensor's range.
+        clearance_saturated: Whether the ground lay beyond the sensor's range.
         settled: Whether the robot came to rest before it was read.
         saturated_joints: Names of joints that stood at the end of what they can reach.
-        measured: Where each joint was, rad; empty where no servo says so.
-        off_target: Joints away from the angle commanded, each with what that is like.
+        measured: Where each joint was, rad; empty where no servo measures it.
+        off_target: Joints away from the angle commanded, by name, each with what may be wrong.
         sequence: The robot's number of this observation, where a daemon counted.
         robot_time: Robot clock at the end of sampling, s, where a daemon took it.
     """
@@ -90,20 +90,21 @@ class PredictedReadings:
     Attributes:
         touch: Shape (n, s): whether each touch sensor's part, or one rigidly joined to it, meets
             the ground.
-        touch_doubtful: Shape (n, s): the gap is so small that a real gauge might say otherwise.
+        touch_doubtful: Shape (n, s): whether the gap is so small that a real gauge might say
+            otherwise.
         tilt: Shape (n, 2): left/right and forward/back, rad.
         clearance: Shape (n,), m.
-        saturated: Shape (n,): the ground lies beyond the sensor's range.
+        saturated: Shape (n,): whether the ground lies beyond the sensor's range.
         speed: Shape (n,): speed of the main body at the last step, m/s.
         joint_miss: Shape (n,): largest distance of a joint from its target, rad.
-        valid: Shape (n,): the simulation can be believed. False where a joint missed its target,
-            the simulation diverged, or the engine refused the body; such a body loses against any
-            other, and the search counts it.
-        undecided: Shape (n,): the body is balanced on the rim of its support and might as well
-            lie elsewhere, so the reading says nothing. Only a back-end that computes the pose can
-            know; one that simulates never says so.
-        stance: Shape (n,): on what the body rests, as the back-end numbers it; −1: not known. For
-            ``ArrayPhysics.read_bodies``, of bodies that are nearly the same.
+        valid: Shape (n,): whether the simulation can be believed. False where a joint missed its
+            target, the simulation diverged, or the engine refused the body; such a body loses
+            against any other, and the search counts it.
+        undecided: Shape (n,): whether the body is balanced on the rim of its support and might as
+            well lie elsewhere, so that the reading says nothing. Only a back-end that computes the
+            pose can know; one that simulates never says so.
+        stance: Shape (n,): what the body rests on, as the back-end numbers it; −1: not known. For
+            ``ArrayPhysics.read_bodies`` of bodies that are nearly the same.
     """
 
     touch: Flags
@@ -184,7 +185,7 @@ def touched(sensors: Collection[int], observations: Sequence[Observation]) -> bo
         observations: The interactions.
 
     Returns:
-        ``None`` where none of them was read.
+        Whether one did; ``None`` where none of them was read.
     """
     bits = [
         observation.touch[sensor]

@@ -14,12 +14,12 @@ from estimator.readings.observation import Observation, Program
 from protocol.wire.capabilities import Capabilities
 
 LENGTHS: Final = (1e-4, 10.0)
-"""Of anything on a robot, m; what lies outside is a slip of the unit."""
+"""Least and largest length of anything on a robot, m; one outside is a slip of the unit."""
 
 DENSITIES: Final = (1.0, 25_000.0)
-"""From a hull full of air to solid platinum, kg/m³."""
+"""Least and largest density, from a hull full of air to solid platinum, kg/m³."""
 
-_COINCIDENCES: Final = 4  # equal noisy values in a row; two that are equal may be coarse, or chance
+_COINCIDENCES: Final = 4  # equal noisy values in a row; fewer may be coarse, or chance
 
 
 def implausible_body(robot: Capabilities) -> str | None:
@@ -72,7 +72,7 @@ class AnswerChecks:
     """Checks what a robot answers against what was asked of it, and against its answers before.
 
     Args:
-        robot: What it said that it is.
+        robot: What the robot said that it is.
     """
 
     def __init__(self, robot: Capabilities):
@@ -81,7 +81,10 @@ class AnswerChecks:
         self._coincidences = 0
 
     def wrong(self, program: Program, observation: Observation) -> str | None:
-        """What in the observation of a motor program cannot be; it is remembered if nothing is."""
+        """What in the observation of a motor program cannot be.
+
+        If nothing, it is remembered for the checks of later ones.
+        """
         coincidences = self._coincidences + self._repeated(observation)
         wrong = (
             impossible_reading(observation, self._robot)
@@ -98,7 +101,7 @@ class AnswerChecks:
         return wrong
 
     def _other_angles(self, program: Program, observation: Observation) -> str | None:
-        """Angles lie within one step of their targets (SPEC.md, 7.4)."""
+        """What is wrong with angles: they lie within one step of their targets (SPEC.md, 7.4)."""
         joints = self._robot.joints
         for joint, target, angle in zip(joints, program, observation.angles, strict=True):
             if abs(angle - target) > joint.resolution + ROUNDING:
@@ -124,7 +127,7 @@ class AnswerChecks:
     def _repeated(self, observation: Observation) -> int:
         """How many noisy values equal those of the last observation, after another movement.
 
-        Where one differs, or the movement is the same, counting begins anew.
+        Where one differs, or the movement is the same, minus the count so far, which begins anew.
         """
         if self._last is None or observation.angles == self._last.angles:
             return -self._coincidences
@@ -132,7 +135,7 @@ class AnswerChecks:
         return len(now) if now == before else -self._coincidences
 
     def _noisy(self, observation: Observation) -> list[Value]:
-        """Values of sensors that announce noise, but those at the end of a range."""
+        """Values of sensors that announce noise, except those at the end of a range."""
         return [
             value
             for sensor in self._robot.sensors

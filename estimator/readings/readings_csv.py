@@ -40,7 +40,7 @@ class Table:
 
     Attributes:
         joints: Names of the joints that have a column, in column order.
-        counts: How many values of each modality a row tells, by the modality's name.
+        counts: How many values of each modality a row has, by the modality's name.
         observations: The rows; ``angles`` is in the order of ``joints``.
     """
 
@@ -50,7 +50,7 @@ class Table:
 
 
 def write(path: Path, joints: Sequence[str], observations: Sequence[Observation]) -> None:
-    """Writes observations whose ``angles`` are in the order of ``joints``; as measured, if so."""
+    """Writes observations, ``angles`` in the order of ``joints``: as measured, else commanded."""
     modalities = MODALITIES.values()
     header = [f"{ANGLE}{joint}" for joint in joints]
     for modality in modalities:
@@ -112,7 +112,7 @@ def read(path: Path) -> Table:
 
 
 def _check_separator(path: Path, text: str) -> None:
-    """Refuses what a spreadsheet writes where commas stand in numbers."""
+    """Refuses separators that a spreadsheet writes where commas stand in numbers."""
     header = text.lstrip("\r\n").partition("\n")[0].strip()
     known = [column for one in MODALITIES.values() for column in one.columns(MAX_ITEMS)]
     for separator, said in ((";", "';'"), ("\t", "tabs"), ("|", "'|'")):

@@ -1,4 +1,4 @@
-"""Figures, the first of which loads Matplotlib, and each leg's colour, marker and label."""
+"""Figures, and each leg's colour, marker and label; the first figure loads Matplotlib."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ _NO_METADATA: Final = dict.fromkeys(("Creator", "Date", "Format", "Type"))
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """An empty figure, its size in inches."""
+    """Returns an empty figure; width and height are in inches."""
     with interrupts_deferred():
         make: type[Figure] = importlib.import_module("matplotlib.figure").Figure
-        importlib.import_module("matplotlib.backends.backend_agg")  # which draws it
+        importlib.import_module("matplotlib.backends.backend_agg")  # draws the figure
     return make(figsize=(width, height), dpi=DPI, layout="constrained")
 
 
 def new_axes() -> tuple[Figure, Axes]:
-    """A figure with one panel."""
+    """Returns a figure with one panel, and the panel."""
     figure = new_figure(7.0, 4.2)
     return figure, figure.add_subplot()
 
@@ -41,14 +41,14 @@ def leg_patches(names: Sequence[str]) -> list[Patch]:
 
 
 def as_png(figure: Figure) -> bytes:
-    """A figure as a picture."""
+    """Returns a figure as a PNG."""
     content = io.BytesIO()
     _laid_out(figure).print_png(content)  # Figure.savefig draws twice
     return content.getvalue()
 
 
 def as_svg(figure: Figure) -> str:
-    """A figure as an SVG element, transparent, the same bytes each time, its text as text."""
+    """Returns a figure as an SVG element: transparent, the same bytes each time, text as text."""
     content = io.StringIO()
     for background in (figure.patch, *(axes.patch for axes in figure.axes)):
         background.set_facecolor("none")
@@ -73,20 +73,20 @@ def _laid_out(figure: Figure) -> Any:
 
 
 MARKERS: Final = {"left": "<", "front": "^", "right": ">", "back": "v"}
-"""The paper's arrows: left, forward, right and back leg."""
+"""The paper's arrows for its left, forward, right and back leg, by mount."""
 
 OTHER_MARKERS: Final = ("s", "D", "P", "X", "*", "p", "h", "d")
-"""For legs on a mount that has its arrow already, or on none of the four; then come numbers."""
+"""Markers of legs on a mount whose arrow is taken, or on none of the four; then come numbers."""
 
 COLOURS: Final = (
     *("#0072b2", "#d55e00", "#009e73", "#cc79a7"),
     *("#e69f00", "#56b4e9", "#5e3c99", "#8c510a"),
 )
-"""Distinct to the colour-blind."""
+"""Colours of the first legs, distinct to the colour-blind."""
 
-_GOLDEN: Final = 0.381966  # of a circle: however many hues are taken in such steps, none recurs
+_GOLDEN: Final = 0.381966  # step between hues, in circles: however many are taken, none recurs
 _LIGHTNESS: Final = (0.33, 0.52, 0.70)
-_LONGEST: Final = 20  # characters of a name in a legend
+_LONGEST: Final = 20  # largest number of characters of a name in a legend
 
 
 def leg_colour(leg: int) -> str:
@@ -100,7 +100,7 @@ def leg_colour(leg: int) -> str:
 
 
 def leg_label(name: str) -> str:
-    """A name as a legend takes it: printable, short, without the underscore that would hide it."""
+    """A name for a legend: printable, short, without an underscore at its start, which hides it."""
     short = name if len(name) <= _LONGEST else f"{name[: _LONGEST - 1]}…"
     return printable(f" {short}" if short.startswith("_") else short)
 
@@ -109,7 +109,7 @@ def leg_markers(mounts: Sequence[str]) -> list[str]:
     """A matplotlib marker for each leg, no two the same.
 
     Args:
-        mounts: Where each leg sits. The first on each of the paper's four has its arrow.
+        mounts: Mount of each leg. The first leg on each of the paper's four has its arrow.
     """
     markers: list[str] = []
     for leg, mount in enumerate(mounts, 1):

@@ -26,18 +26,18 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_SPREAD: Final = 0.6  # of the distance between two legs, over which the runs' marks lie
+_SPREAD: Final = 0.6  # share of the distance between two legs over which the runs' marks lie
 
 
 @dataclass(frozen=True, kw_only=True)
 class ComparedRun:
-    """One of the runs.
+    """One of the runs that are compared.
 
     Attributes:
         name: Its directory, as it was given.
         result: The run in numbers.
-        body: Its best body; ``None`` before anything was learnt.
-        score: The run against the truth, if it was scored as it stands.
+        body: Best body of the run; ``None`` before anything was learnt.
+        score: Score of the run against the true body, if it was scored in its present state.
     """
 
     name: str
@@ -50,7 +50,7 @@ class ComparedRun:
         """Reads a run.
 
         Raises:
-            RunDirectoryError: There is none, or it is damaged.
+            RunDirectoryError: There is no run, or it is damaged.
         """
         with RunStore.open(directory, to_write=False) as store:
             result = summarise(store)
@@ -64,7 +64,7 @@ class ComparedRun:
 
     @property
     def lengths(self) -> dict[str, Interval]:
-        """Length of each leg, m, by its joint; with its 90 % interval or the population's."""
+        """Length of each leg by its joint, m, with its 90 % interval or range in the population."""
         joints = (leg.joint for leg in self.result.legs)
         return dict(zip(joints, self.result.leg_intervals, strict=True))
 
@@ -75,7 +75,7 @@ def joints_of(runs: Sequence[ComparedRun]) -> tuple[str, ...]:
 
 
 def comparison_picture(runs: Sequence[ComparedRun]) -> Figure:
-    """The best body of each run with all joints at 0, and the lengths of all below."""
+    """Draws the best body of each run with all joints at 0, and below all runs' leg lengths."""
     figure = new_figure(max(7.0, 3.2 * len(runs)), 7.0)
     grid = figure.add_gridspec(2, 1)
     above, below = (figure.add_subfigure(grid[row]) for row in range(2))
@@ -102,7 +102,7 @@ def comparison_picture(runs: Sequence[ComparedRun]) -> Figure:
 
 
 def _draw_lengths(axes: Axes, runs: Sequence[ComparedRun]) -> None:
-    """A colour for each leg, as above, and a marker for each run."""
+    """Draws leg lengths: a colour for each leg, as on the bodies, and a marker for each run."""
     joints = joints_of(runs)
     for number, run in enumerate(runs):
         marker = OTHER_MARKERS[number % len(OTHER_MARKERS)]

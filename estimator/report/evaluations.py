@@ -1,4 +1,4 @@
-"""Score and validation of a run: their files beside it, and their tables in a terminal.
+"""Score and validation of a run: files in the run directory, and tables in a terminal.
 
 Only reports read the files (``validation.json``, ``score.json``, ``truth.urdf``); the search never
 does. A file that is missing, damaged or of another version counts as none.
@@ -29,7 +29,7 @@ SCORE: Final = "score.json"
 TRUTH: Final = "truth.urdf"
 VALIDATION: Final = "validation.json"
 
-_FEW_WRONG: Final = 0.2  # of programs: those near a fork are as many, of right bodies, at most
+_FEW_WRONG: Final = 0.2  # largest share of programs (near forks) that a right body mispredicts
 _NOT_IDENTIFIABLE: Final = Text("not identifiable", style="dim")
 _FORK: Final = 0.2  # degrees of path margin; docs/accuracy.md shows what happens below
 
@@ -37,7 +37,7 @@ _Document = TypeVar("_Document", bound=BaseModel)
 
 
 def write_score(directory: Path, score: Score, truth: Path) -> None:
-    """Keeps a run's score, and the body that it was scored against.
+    """Writes a run's score, and the body that it was scored against, to the run directory.
 
     Raises:
         OSError: The directory cannot be written.
@@ -47,23 +47,23 @@ def write_score(directory: Path, score: Score, truth: Path) -> None:
 
 
 def read_score(directory: Path) -> Score | None:
-    """A run's score."""
+    """Score of a run; ``None`` where there is none."""
     return read_document(directory / SCORE, Score)
 
 
 def score_of(directory: Path, result: Result) -> Score | None:
-    """A run's score, if the run has not gone on since."""
+    """Score of a run; ``None`` where there is none, or the run has gone on since."""
     score, lengths = read_score(directory), [leg.length_m for leg in result.legs]
     return score if score and score.is_of(result.complete, lengths) else None
 
 
 def read_validation(directory: Path) -> Validation | None:
-    """A run's prediction errors."""
+    """Prediction errors of a run; ``None`` where there are none."""
     return read_document(directory / VALIDATION, Validation)
 
 
 def read_true_body(directory: Path) -> Urdf | None:
-    """The body that a run was scored against."""
+    """The body that a run was scored against; ``None`` where it cannot be read."""
     try:
         return read_urdf(directory / TRUTH)
     except (OSError, TruthError):
@@ -71,7 +71,7 @@ def read_true_body(directory: Path) -> Urdf | None:
 
 
 def read_document(file: Path, kind: type[_Document]) -> _Document | None:
-    """A document; ``None`` where there is none, or one that is damaged or of another version."""
+    """Reads a document; ``None`` where the file is missing, damaged or of another version."""
     try:
         return kind.model_validate_json(file.read_bytes())
     except (OSError, ValidationError):
@@ -79,7 +79,7 @@ def read_document(file: Path, kind: type[_Document]) -> _Document | None:
 
 
 def print_score(console: Console, score: Score) -> None:
-    """The best model against the truth."""
+    """Prints the best model beside the true body."""
     if not score.complete:
         console.print(
             Text.assemble(
@@ -116,7 +116,7 @@ def print_score(console: Console, score: Score) -> None:
 
 
 def _errors_of_truth(errors: Sequence[float | None], margins: Sequence[float]) -> str:
-    """How badly the true body fits: where worse than the best model, no search finds it."""
+    """Sentence: how badly the true body fits; if worse than the best model, no search finds it."""
     known = [math.inf if error is None else error for error in errors]
     worst = max(range(len(known)), key=known.__getitem__)
     others = known[:worst] + known[worst + 1 :]
@@ -135,7 +135,7 @@ def _errors_of_truth(errors: Sequence[float | None], margins: Sequence[float]) -
 
 
 def _print_configurations(console: Console, score: Score) -> None:
-    """How many attachments are right and, where the problem left any open, those of each part."""
+    """Prints how many attachments are right and, if the problem left any open, each part's."""
     known = "" if score.configurations_informative else " (given by the problem, not searched)"
     console.print(
         f"Configurations right: {score.configurations_right} of {score.configurations_total}"
@@ -171,7 +171,7 @@ def _marked(cell: Configuration) -> Text:
 
 
 def print_validation(console: Console, validation: Validation) -> None:
-    """Whether the best model predicts the robot; its errors beside those of knowing nothing."""
+    """Prints whether the best model predicts the robot, and its errors beside other models'."""
     right, wrong = validation.as_predicted, validation.programs - validation.as_predicted
     said = f"{right} of {validation.programs} read as predicted, to 1.5° and 5 mm"
     if wrong <= _FEW_WRONG * validation.programs:

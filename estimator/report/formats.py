@@ -18,11 +18,11 @@ class Format(Protocol):
     """Writes a report; any function of this form will do."""
 
     def __call__(self, result: Result, directory: Path) -> str:
-        """The report as text.
+        """Returns the report as text.
 
         Args:
             result: The run in numbers.
-            directory: Its run directory, whose derived files are up to date if it can be written.
+            directory: The run directory, whose derived files are up to date if it can be written.
         """
 
 

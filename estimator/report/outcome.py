@@ -29,7 +29,7 @@ WHAT_TO_CHECK: Final = (
     "Does every servo reach and hold its angle? robotd doctor --move shows it.",
     "Is the ground level and firm?",
 )
-"""Where no body explains the readings, the likeliest first."""
+"""What to check where no body explains the readings, the likeliest first."""
 
 _SURE: Final = 0.95
 _LIKELY: Final = 0.5
@@ -61,14 +61,14 @@ def _how_well(posterior: PosteriorReport) -> str:
 
 
 def _may_have_something_else(posterior: PosteriorReport) -> bool:
-    """Whether all is known but whether what the robot has otherwise only reads like it."""
+    """Whether all is sure, except that the named cause may only read like the real one."""
     named = posterior.causes and posterior.causes[0].probability >= _SURE
     within = posterior.probability_within_problem or 0.0
     return bool(named) and within >= _SURE > posterior.stated(1.0)
 
 
 def _subject(result: Result) -> str:
-    """What is told of: legs, or parts where some sit on others, since a leg may be several."""
+    """Number of legs in words, or of parts where some sit on others: a leg may be several parts."""
     parts = result.best_models[0].parts if result.best_models else ()
     if any(part.joint and part.parent != MAIN_BODY for part in parts):
         return f"{len(parts)} parts"
@@ -95,10 +95,10 @@ def print_result(
     """Prints the outcome of a run.
 
     Args:
-        console: Where.
+        console: Where to print.
         result: The outcome.
-        directory: Of the run, for the commands that come next.
-        details: Whether everything else that is known follows.
+        directory: The run directory, for the commands that are proposed next.
+        details: Whether to print everything else that is known, too.
     """
     judged = result.judged
     good = judged is not None and judged.explained
@@ -129,7 +129,7 @@ def print_result(
 
 
 def _body(result: Result) -> Iterator[Table]:
-    """How its parts hang together, and how long its legs are: one table where parts are legs."""
+    """Tables of how the parts are attached and how long the legs are; one where parts are legs."""
     if not result.legs:
         return
     model = result.best_models[0] if result.best_models else None

@@ -21,11 +21,11 @@ from estimator.storage.store import RunStore
 
 _RIVALS: Final = 5
 _INTERVAL: Final = (0.05, 0.5, 0.95)
-_LEARNT_MUCH: Final = 0.3  # width of the posterior's interval by that of the prior's
-_PRIOR_WIDTH: Final = 3.29  # standard deviations, of 90 %
-_TOGETHER: Final = 0.5  # of either length's interval
+_LEARNT_MUCH: Final = 0.3  # largest width of a posterior's interval, relative to the prior's
+_PRIOR_WIDTH: Final = 3.29  # width of a 90 % interval, in standard deviations
+_TOGETHER: Final = 0.5  # largest width of a sum's interval, relative to either length's
 _VAGUE: Final = 0.02  # m; narrower intervals of single lengths need no sums
-_SQUARE: Final = 0.05  # of the longer side; else sensors tell where a leg sits
+_SQUARE: Final = 0.05  # tolerance relative to the longer side; else sensors tell where a leg sits
 
 
 class _Record(BaseModel):
@@ -36,9 +36,9 @@ class Rival(_Record):
     """Another set of attachments that explains the readings.
 
     Attributes:
-        probability: Share of the posterior.
-        differs: What it has otherwise than the best body, such as ``mount of leg 1: left``.
-        indistinguishable: Whether no sensor can tell it from the best body.
+        probability: Share of the posterior that has these attachments.
+        differs: Attachments that differ from the best body's, such as ``mount of leg 1: left``.
+        indistinguishable: Whether no sensor can tell these attachments from the best body's.
     """
 
     probability: float
@@ -47,11 +47,11 @@ class Rival(_Record):
 
 
 class SumOfLengths(_Record):
-    """The lengths of two legs together, which are known where neither is, as of parts in line.
+    """The sum of two legs' lengths, known where neither length is, as of parts in line.
 
     Attributes:
-        legs: Which, in motor order, from 0.
-        length_m: Of both, m.
+        legs: Indices of the two legs, in motor order, from 0.
+        length_m: Sum of the two lengths, m.
     """
 
     legs: tuple[int, int]
@@ -59,12 +59,12 @@ class SumOfLengths(_Record):
 
 
 class ParameterEstimate(_Record):
-    """What the readings say of one of the things that robots have a little otherwise than stated.
+    """What the readings say of one parameter in which robots differ a little from what is stated.
 
     Attributes:
-        name: Of the row in the table of parameters.
-        sentence: The rest of "a robot with …", with the amount and its interval.
-        interval: Of the amount, a factor or SI.
+        name: Name of the parameter's row in the table of parameters.
+        sentence: Words that complete "a robot with …", with the amount and its interval.
+        interval: The amount, a factor or in SI units.
     """
 
     name: str
@@ -76,10 +76,10 @@ class Step(_Record):
     """How the posterior changed with one interaction.
 
     Attributes:
-        reason: Why its motor program was chosen.
-        expected_gain_bits: Information that it was expected to give.
-        information_gain_bits: Information that it gave.
-        probability: Stated of the attachments afterwards; ``None``: it is not known.
+        reason: Why the motor program was chosen.
+        expected_gain_bits: Information that the interaction was expected to give, bits.
+        information_gain_bits: Information that the interaction gave, bits.
+        probability: Stated probability of the attachments afterwards; ``None``: it is not known.
         explained: Whether some body of the problem explained the readings so far.
     """
 
@@ -94,18 +94,19 @@ class PosteriorReport(PosteriorSummary):
     """The posterior after a run's interactions so far.
 
     Attributes:
-        contradictions: Between the problem and what the robot states of itself.
+        contradictions: Contradictions between the problem and what the robot states of itself.
         verdict: Whether some body of the problem explains the readings, as sentences.
-        attachments: What the problem leaves open, as the best body has it.
-        lengths_m: Of each leg, m, in motor order.
-        sums: Of two legs, where the readings determine these but not the single lengths.
-        parameters: What the readings say of what robots have a little otherwise than stated.
+        attachments: Choices that the problem leaves open, each as the best body has it.
+        lengths_m: Length of each leg, m, in motor order.
+        sums: Sums of two legs' lengths, where the readings determine these but not each length.
+        parameters: Parameters in which robots differ a little from what is stated, as far as the
+            readings determine them.
         rivals: Other sets of attachments, the most probable first.
-        equivalent: Faults that no movement can tell from the best body.
-        noise: Factor on the noise that is expected of tilt and clearance: what the robot announces,
-            together with what models leave, 0.2° and 0.8 mm.
-        steps: One per interaction.
-        samples: How many stand for the posterior.
+        equivalent: Faults of a robot that no movement can tell from the best body.
+        noise: Factor on the expected noise of tilt and clearance: what the robot announces,
+            together with the error that models leave, 0.2° and 0.8 mm.
+        steps: How the posterior changed, one entry per interaction.
+        samples: Number of samples that stand for the posterior.
         changes: What has changed since the robot was identified, as sentences.
     """
 
@@ -126,12 +127,12 @@ class PosteriorReport(PosteriorSummary):
     @computed_field  # type: ignore[prop-decorator]
     @property
     def explained(self) -> bool:
-        """Whether some body of the problem, which is the robot's, explains the readings."""
+        """Whether the problem is the robot's, and some body of it explains the readings."""
         return super().explained and not self.contradictions
 
 
 def posterior_report(store: RunStore) -> PosteriorReport | None:
-    """What a run's posterior says; ``None`` where its method has none, or none yet."""
+    """Report on a run's posterior; ``None`` where its method has none, or the run has none yet."""
     history = FittedPosterior.history(store)
     if not history:
         return None
@@ -194,7 +195,7 @@ def _rivals(genome: Genome, stored: StoredPosterior) -> tuple[Rival, ...]:
 def _equivalent(
     genome: Genome, stored: StoredPosterior, problem: Problem, modalities: Sequence[str]
 ) -> tuple[str, ...]:
-    """Faults that feel like a body, as far as the problem leaves the body open."""
+    """Faults whose readings are those of some body, as far as the problem leaves the body open."""
     best = genome.decode(np.array(stored.best))
     mounts, hinges = (
         [gene.part for gene in genome.genes if gene.trait == trait and gene.is_choice]
@@ -223,11 +224,11 @@ def _equivalent(
 
 
 def length_intervals(lengths: Array, weights: Array) -> tuple[Interval, ...]:
-    """Length of each leg, m, in motor order.
+    """Length of each leg with its 90 % interval, m, in motor order.
 
     Args:
-        lengths: Of the legs of each sample, m, shape (n, legs).
-        weights: Of the samples, shape (n,).
+        lengths: Lengths of the legs of each sample, m, shape (n, legs).
+        weights: Weights of the samples, shape (n,).
     """
     return tuple(_interval(column, weights) for column in lengths.T)
 
@@ -236,8 +237,8 @@ def sums_of_lengths(lengths: Array, weights: Array) -> tuple[SumOfLengths, ...]:
     """The pairs of legs whose sum is known much better than either length.
 
     Args:
-        lengths: Of the legs of each sample, m, shape (n, legs).
-        weights: Of the samples, shape (n,).
+        lengths: Lengths of the legs of each sample, m, shape (n, legs).
+        weights: Weights of the samples, shape (n,).
     """
     widths = [_width(_interval(column, weights)) for column in lengths.T]
     sums = []
@@ -254,7 +255,7 @@ def _width(interval: Interval) -> float:
 
 
 def _parameters(fitted: FittedPosterior) -> tuple[ParameterEstimate, ...]:
-    """Of what the readings say much more than was known before."""
+    """Estimates of the parameters of which the readings say much more than was known before."""
     estimates = []
     for name, deviations in fitted.unknowns.amounts(fitted.points).items():
         row = next(one for one in fitted.problem.table if one.name == name)

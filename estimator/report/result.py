@@ -17,7 +17,7 @@ from estimator.versions import versions
 
 RESULT: Final = "result.json"
 PAGE: Final = "report.html"
-"""The last file of a finished run to be written."""
+"""Name of the page, the last file of a finished run to be written."""
 
 
 class _Record(BaseModel):
@@ -25,21 +25,22 @@ class _Record(BaseModel):
 
 
 MAIN_BODY: Final = "main body"
-"""What parts that sit on it say they sit on."""
+"""Name of the parent of parts that sit on the main body."""
 
 
 class PartResult(_Record):
     """One part of a model.
 
     Attributes:
-        name: Its name in the problem.
+        name: Name of the part in the problem.
         parent: Name of the part that it sits on, or ``main body``.
-        mount: Where on its parent.
-        hinge: How a positive angle moves it.
-        length_m: Joint axis to outermost tip, m.
-        joint: The joint that turns it; ``None`` where it is locked.
-        agreement: Share of a posterior's samples that attach it in the same way: parent, mount,
-            hinge. ``None`` without a posterior: a population that has converged agrees anyway.
+        mount: Mount of the parent that the part sits on.
+        hinge: Hinge of the part: how a positive angle moves it.
+        length_m: Length of the part from its joint's axis to its outermost tip, m.
+        joint: Name of the joint that turns the part; ``None`` where it is locked.
+        agreement: Share of the posterior's samples that attach the part in the same way: parent,
+            mount, hinge. ``None`` without a posterior: a population that has converged agrees
+            anyway.
     """
 
     name: str
@@ -52,14 +53,15 @@ class PartResult(_Record):
 
 
 class ModelResult(_Record):
-    """One model.
+    """One model of the robot's body.
 
     Attributes:
-        sensor_error: Its subjective error; by the reference where that had the last word; ``None``
-            where its simulations are invalid.
-        searched_error: Its subjective error by the physics that searched.
-        leg_lengths_m: Length of each leg (what one motor turns as one piece), m.
-        parts: Its configuration.
+        sensor_error: Subjective error of the model, by the reference back-end where that simulated
+            it; ``None`` where its simulations are invalid, and of the method ``posterior``.
+        searched_error: Subjective error of the model by the physics that the search used; ``None``
+            where simulations by it are invalid, and of the method ``posterior``.
+        leg_lengths_m: Length of each leg (what one motor turns as one piece), m, in motor order.
+        parts: Parts of the model, and how each is attached.
     """
 
     sensor_error: float | None
@@ -72,12 +74,13 @@ class LegResult(_Record):
     """What is known about one leg.
 
     Attributes:
-        joint: The joint that turns it.
-        mount: Where it sits on the best model.
-        length_m: Its length on the best model, m.
-        population_m: Its shortest and longest length in the final population, m: how far a search
-            has converged, and not how sure the length is. ``None`` where a posterior says that.
-        touched: Whether it touched the ground in some interaction; ``None`` where no sensor said.
+        joint: Name of the joint that turns the leg.
+        mount: Mount of the leg on the best model.
+        length_m: Length of the leg on the best model, m.
+        population_m: Shortest and longest length of the leg in the final population, m: how far the
+            search has converged, not how certain the length is. ``None`` with a posterior, which
+            says how certain it is.
+        touched: Whether the leg touched the ground in some interaction; ``None``: not sensed.
     """
 
     joint: str
@@ -88,12 +91,12 @@ class LegResult(_Record):
 
     @property
     def touched_in_words(self) -> str:
-        """Whether it touched the ground."""
+        """Whether the leg touched the ground, in words."""
         return in_words(self.touched)
 
 
 def in_words(touched: bool | None) -> str:
-    """Whether a leg touched the ground; ``None`` where no sensor said."""
+    """Whether a leg touched the ground, in words; ``None``: not sensed."""
     return "not sensed" if touched is None else "yes" if touched else "never"
 
 
@@ -101,8 +104,8 @@ class FitReport(BestFit):
     """How the best model of a finished search explains the readings.
 
     Attributes:
-        contradictions: Between the problem and what the robot states of itself.
-        verdict: Whether it explains them, as sentences.
+        contradictions: Contradictions between the problem and what the robot states of itself.
+        verdict: Whether the best model explains the readings, as sentences.
     """
 
     contradictions: tuple[str, ...]
@@ -112,18 +115,18 @@ class FitReport(BestFit):
     @computed_field  # type: ignore[prop-decorator]
     @property
     def explained(self) -> bool:
-        """Whether it explains them, but for outliers, and the problem is the robot's."""
+        """Whether the model explains all but outliers, and the problem is the robot's."""
         return super().explained and not self.contradictions
 
 
 class ReferenceResult(_Record):
-    """How far the reference, which has the last word, agrees with the physics that searched.
+    """How far the reference back-end, whose ranking counts, agrees with the physics that searched.
 
     Attributes:
-        models: Leading distinct models that were simulated again.
-        pairs: Pairs of them.
-        pairs_turned: Pairs of which the two disagree which model is better.
-        best_changed: Whether the reference prefers another model to the search's best.
+        models: Number of leading distinct models that it simulated again.
+        pairs: Number of pairs of these models.
+        pairs_turned: Number of pairs of which the two back-ends disagree which model is better.
+        best_changed: Whether it prefers another model to the search's best.
     """
 
     models: int
@@ -136,40 +139,42 @@ class Result(_Record):
     """The outcome of a run, so far.
 
     Attributes:
-        complete: Whether the run has come to its end, what a simulator says of it included.
-        method: ``paper`` or ``posterior``.
+        complete: Whether the run is finished, its last check by the reference back-end included.
+        method: Method of the run, ``paper`` or ``posterior``.
         problem: Name of the problem.
-        problem_asked: What was asked for: the name of one that ships, or its file.
+        problem_asked: Problem as it was asked for: the name of a shipped one, or its file.
         searched: Names of the genes: what the problem leaves open.
         physics: Back-end that predicted the readings of models.
-        reference: Back-end that had the last word, where that is another.
-        search: What optimised the population of the method ``paper``; like the objective, what
-            counts its models and its generations, and what came of its simulations, ``None`` for
-            the method ``posterior``.
-        objective: What that minimised.
-        explore: What chose the motor programs, unless they were recorded.
-        modalities: Modalities that the subjective error counts.
-        seed: Source of all randomness.
-        population: Models in the population.
-        generations: Generations after each interaction.
-        versions: Of everything that computed.
-        robot_uri: Where the readings came from.
+        reference: Reference back-end, in which samples, or leading models that another back-end
+            found, are simulated again in the end.
+        search: Search that optimised the population of the method ``paper``. For the method
+            ``posterior`` this is ``None``, as are ``objective``, ``population``, ``generations``,
+            ``simulations_invalid`` and ``simulations_undecided``.
+        objective: Objective that the search minimised.
+        explore: Rule that chose the motor programs, unless they were recorded.
+        modalities: Sensor modalities that count.
+        seed: Seed of all randomness.
+        population: Number of models in the population.
+        generations: Number of generations after each interaction.
+        versions: Versions of everything that computed the result, by name.
+        robot_uri: Address of the robot, or of the recorded readings.
         robot: The robot's capability dictionary.
-        interactions: Interactions performed.
-        simulations_requested: Models x motor programs that the search asked for.
-        simulations_run: How many of them had to be simulated.
-        simulations_invalid: How many of those were invalid, which counts as the worst error.
-        simulations_undecided: How many of those had no weight, since the body lay in balance.
-        steps: Physics steps simulated.
-        wall_seconds: Time spent.
-        sensor_error: Smallest subjective error in the population; ``None`` before the first, and
-            where no model could be simulated.
+        interactions: Number of interactions performed.
+        simulations_requested: Number of simulations, models x motor programs, that the search asked
+            for.
+        simulations_run: Number of simulations that had to be run.
+        simulations_invalid: Number of those run that were invalid, which counts as the worst error.
+        simulations_undecided: Number of those run that had no weight, as the body lay in balance.
+        steps: Number of physics steps simulated.
+        wall_seconds: Time spent, s.
+        sensor_error: Subjective error of the best model; ``None`` before there is one, where no
+            model could be simulated, and for the method ``posterior``.
         legs: The legs, in motor order.
         best_models: The best models, best first.
-        finish: How far the reference agrees, where something else searched.
-        fit: Whether the best model explains the readings, once the method paper has ended.
-        posterior: What the posterior says, by the method posterior.
-        warnings: What a person should know before trusting this.
+        finish: How far the reference back-end agrees with the one that searched, if it is another.
+        fit: How the best model explains the readings, once a run of the method ``paper`` has ended.
+        posterior: Report on the posterior, for the method ``posterior``.
+        warnings: What a person should know before trusting the result, as sentences.
     """
 
     complete: bool
@@ -206,11 +211,11 @@ class Result(_Record):
 
     @classmethod
     def of_finished(cls, store: RunStore) -> Result | None:
-        """What a finished run's ``result.json`` holds, and its other files: nothing changes it.
+        """Reads the ``result.json`` of a finished run, which nothing changes any more.
 
         Returns:
-            ``None`` where the run is not finished, or has no report, or the file is missing,
-            damaged, or another version's.
+            The result; ``None`` where the run is not finished, or has no report, or the file is
+            missing, damaged, or another version's.
         """
         if not (store.complete and (store.directory / PAGE).exists()):
             return None
@@ -222,12 +227,12 @@ class Result(_Record):
 
     @property
     def judged(self) -> PosteriorReport | FitReport | None:
-        """What says whether any body explains the readings; ``None``: nothing does yet."""
+        """Report that says whether any body explains the readings; ``None``: there is none yet."""
         return self.posterior or self.fit
 
     @property
     def leg_intervals(self) -> tuple[Interval, ...]:
-        """Length of each leg, m, as the posterior has it, or with its range in the population."""
+        """Length of each leg, m, with its posterior interval or its range in the population."""
         if self.posterior is not None:
             return self.posterior.lengths_m
         ends = [leg.population_m or (leg.length_m, leg.length_m) for leg in self.legs]
@@ -238,7 +243,7 @@ class Result(_Record):
 
 
 def versions_of(store: RunStore) -> dict[str, str]:
-    """Of everything that computes what is said of a run."""
+    """Versions of everything that computes what is said of a run, by name."""
     return versions() | dict(store.settings.plugins)
 
 
@@ -247,7 +252,7 @@ _ATTRIBUTE: Final = re.compile(r"^ {4}(\w+): ((?:.+\n?)(?: {8}.+\n?)*)", re.MULT
 
 
 def result_schema() -> dict[str, Any]:
-    """What ``result.json`` holds, with the docstrings of its records as descriptions."""
+    """JSON schema of ``result.json``, with the docstrings of its records as descriptions."""
     schema = Result.model_json_schema(mode="serialization")
     for record in (schema, *schema["$defs"].values()):
         record["description"] = _describe(record, record["description"])

@@ -35,8 +35,8 @@ def write_report(store: RunStore, *, plots: bool = True, page: bool = False) -> 
 
     Args:
         store: The run.
-        plots: Whether to draw once the run is finished, which takes longer than all the rest.
-        page: Whether to draw, and write ``report.html``, even though the run is not finished.
+        plots: Whether to draw plots if the run is finished; this takes longer than all the rest.
+        page: Whether to draw plots, and write ``report.html``, even if the run is not finished.
     """
     result = summarise(store)
     write_files(store, result, plots=page or (plots and result.complete), page=page)
@@ -49,9 +49,9 @@ def write_files(store: RunStore, result: Result, *, plots: bool = True, page: bo
 
     Args:
         store: The run.
-        result: What is known of it.
-        plots: Whether to draw.
-        page: Whether to write ``report.html`` even though the run is not finished.
+        result: The run in numbers.
+        plots: Whether to draw plots; without them no ``report.html`` is written.
+        page: Whether to write ``report.html`` even if the run is not finished.
 
     Raises:
         OSError: The directory cannot be written.
@@ -86,7 +86,7 @@ def write_samples(path: Path, fitted: FittedPosterior) -> None:
 
     Args:
         path: The file.
-        fitted: After the last interaction.
+        fitted: The posterior after the last interaction.
     """
     genome = fitted.genome
     names = [f"{gene.name} ({gene.unit})" if gene.unit else gene.name for gene in genome.genes]

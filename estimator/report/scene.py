@@ -21,13 +21,13 @@ from estimator.readings.observation import Observation
 from protocol.wire.readings import belly_ray, up_of
 
 MAIN_BODY: Final = -1
-"""In place of a limb's number: the link belongs to the main body."""
+"""Number of the limb of links and solids that belong to the main body."""
 
 _DIGITS: Final = 7
 
 
 def _rounded(values: Sequence[float]) -> list[float]:
-    """Numbers as a page takes them."""
+    """Numbers rounded for a page, without negative zeros."""
     return [round(value, _DIGITS) + 0.0 for value in values]
 
 
@@ -48,8 +48,8 @@ class Shape(_Record):
         kind: ``box``, ``cylinder``, ``sphere`` or ``capsule``.
         size: Box: extents; cylinder (about z): radius, length; sphere: radius; capsule (along x):
             radius, distance of its centres; m.
-        place: Of its middle in the link's frame, m.
-        turn: Of the shape in the link's frame, nine numbers row by row.
+        place: Position of its middle in the link's frame, m.
+        turn: Rotation of the shape in the link's frame, nine numbers row by row.
     """
 
     kind: Kind | Literal["capsule"]
@@ -62,16 +62,17 @@ class Link(_Record):
     """What moves as one piece; link 0 is the main body.
 
     Attributes:
-        name: For people.
-        parent: An earlier link; −1 for the main body.
-        place: Of its joint in the parent's frame, m.
-        turn: Of its frame in the parent's while its joint stands at 0, nine numbers row by row.
-        axis: Of its joint, in its own frame.
+        name: Name for people.
+        parent: Index of its parent, an earlier link; −1 for the main body.
+        place: Position of its joint in the parent's frame, m.
+        turn: Rotation of its frame in the parent's while its joint stands at 0, nine numbers row by
+            row.
+        axis: Axis of its joint, in its own frame.
         joint: Index of the robot's joint that turns it; −1: none does.
-        limb: Which leg's colour it has, or ``MAIN_BODY``.
-        certainty: Share of the posterior that attaches it so.
-        end: Its outermost point in its own frame, m; ``None`` where that has no name.
-        shapes: What it looks like.
+        limb: Number of the leg whose colour it has, or ``MAIN_BODY``.
+        certainty: Share of the posterior that attaches it in this way.
+        end: Its outermost point in its own frame, m; ``None``: the page does not list it.
+        shapes: Shapes of the link.
     """
 
     name: str
@@ -93,8 +94,8 @@ def model_links(
 
     Args:
         body: The model.
-        names: Of its parts, where anybody reads them.
-        certainties: Share of the posterior that attaches each part so; default: all.
+        names: Names of its parts; default: no names.
+        certainties: Share of the posterior that attaches each part in this way; default: all.
     """
     angles = body.part_angles(np.zeros(body.motors))
     limbs = _limb_numbers(body)
@@ -129,7 +130,7 @@ def robot_links(urdf: Urdf, joints: Sequence[str], limbs_of: Mapping[str, int]) 
     """A robot as links.
 
     Args:
-        urdf: Its body; parents come before children.
+        urdf: The robot's body; parents come before children.
         joints: Names of the robot's joints in motor order; others stand at 0.
         limbs_of: Number of the limb that each joint carries, by the joint's name.
     """
@@ -200,18 +201,18 @@ def _shape_of(shape: Box | Cylinder | Sphere | None) -> tuple[Kind, tuple[float,
 
 
 _LYING: Final = rotation((0.0, 1.0, 0.0), math.pi / 2)
-"""Turns a cylinder from z to x."""
+"""Rotation that turns a cylinder's axis from z to x."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Solid:
-    """One shape.
+    """One shape at its place in a frame.
 
     Attributes:
-        kind: Of shape.
+        kind: Kind of shape.
         size: Box: its three extents; cylinder: radius and length (along z); sphere: radius; m.
         turn: Rotation, shape (3, 3).
-        place: Of its middle, m, shape (3,).
+        place: Position of its middle, m, shape (3,).
         limb: Number of the limb that it belongs to, in motor order, or ``MAIN_BODY``.
     """
 
@@ -222,7 +223,7 @@ class Solid:
     limb: int
 
     def lowest(self, up: Array) -> float:
-        """Its least extent along a direction, m, from the origin."""
+        """Coordinate of its lowest point along the direction ``up``, from the origin, m."""
         along = up @ self.turn
         if self.kind == "box":
             reach = float(np.abs(along) @ np.array(self.size)) / 2
@@ -235,11 +236,11 @@ class Solid:
 
 
 def solids_of(links: Sequence[Link], angles: Sequence[float] | Array) -> list[Solid]:
-    """A body in its main body's frame.
+    """The solids of a body in its main body's frame.
 
     Args:
         links: The body; parents come before children.
-        angles: Of the robot's joints, rad, in motor order.
+        angles: Angles of the robot's joints, rad, in motor order.
     """
     frames: list[tuple[Array, Array]] = []
     solids: list[Solid] = []
@@ -259,7 +260,7 @@ def solids_of(links: Sequence[Link], angles: Sequence[float] | Array) -> list[So
 
 
 def _solids(shape: Shape, turn: Array, place: Array, limb: int) -> Iterator[Solid]:
-    """A shape; a capsule is a cylinder, if it has any length, and its two ends."""
+    """A shape as solids; a capsule is a cylinder, if it has any length, and two spheres."""
     if shape.kind != "capsule":
         yield Solid(kind=shape.kind, size=shape.size, turn=turn, place=place, limb=limb)
         return
@@ -281,8 +282,9 @@ def at_rest(solids: Sequence[Solid], readings: Observation | None) -> list[Solid
     """The solids of a body, moved from its own frame to where its readings say it rests.
 
     Args:
-        solids: In the body's own frame.
-        readings: A tilt that was not read counts as level; ``None``: nothing was.
+        solids: Solids in the body's own frame.
+        readings: Readings at rest. A tilt that was not read counts as level; ``None``: nothing was
+            read.
     """
     turn = turn_at_rest(solids, readings or Observation(angles=()))
     lift = np.array([0.0, 0.0, -_lowest(solids, turn[2])])
@@ -293,8 +295,8 @@ def turn_at_rest(solids: Sequence[Solid], readings: Observation) -> Array:
     """Rotation from a body's own frame to the world's, shape (3, 3).
 
     Args:
-        solids: In the body's own frame.
-        readings: Where the body rests.
+        solids: Solids in the body's own frame.
+        readings: Readings where the body rests.
     """
     up = _up(readings, upright=True)
     if readings.clearance_saturated and _belly_ray(solids, up) < (readings.clearance or 0.0):
@@ -318,9 +320,9 @@ def _lowest(solids: Sequence[Solid], up: Array) -> float:
 
 
 def _belly_ray(solids: Sequence[Solid], up: Array) -> float:
-    """From the belly's middle to the ground, m, if the body rests with ``up``."""
+    """Distance from the belly's middle to the ground, m, if the body rests with ``up`` upwards."""
     main = next((item for item in solids if item.limb == MAIN_BODY), None)
-    if main is None or main.kind == "sphere":  # nobody knows its belly
+    if main is None or main.kind == "sphere":  # its belly is not known
         return math.inf
     belly = main.place - np.array([0.0, 0.0, main.size[-1] / 2])
     return belly_ray(float(up @ belly - _lowest(solids, up)), up)

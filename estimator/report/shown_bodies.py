@@ -30,7 +30,7 @@ from estimator.storage.store import RunStore
 
 
 def predict(store: RunStore, bodies: Sequence[Morphology]) -> list[list[Observation | None]]:
-    """Simulates bodies in a run's interactions, by the physics whose word the run's tables give.
+    """Simulates bodies in a run's interactions, by the physics whose numbers its tables show.
 
     Args:
         store: The run.
@@ -53,7 +53,7 @@ def predict(store: RunStore, bodies: Sequence[Morphology]) -> list[list[Observat
 
 
 def _predicted(observation: Observation, item: PredictedInteraction) -> Observation:
-    """An interaction as a posterior's best body predicts it."""
+    """Observation that a posterior's best body predicts for an interaction."""
     return Observation(
         angles=observation.taken, touch=item.touch, tilt=item.tilt, clearance=item.clearance
     )
@@ -62,7 +62,7 @@ def _predicted(observation: Observation, item: PredictedInteraction) -> Observat
 def observation_of(
     readings: PredictedReadings, row: int, angles: Sequence[float]
 ) -> Observation | None:
-    """A body's readings as an interaction; ``None`` where the simulation is invalid."""
+    """A row of predicted readings as an observation; ``None`` where the simulation is invalid."""
     if not readings.valid[row] or not np.isfinite(readings.tilt[row]).all():
         return None
     left, ahead = readings.tilt[row].tolist()
@@ -76,24 +76,24 @@ def observation_of(
 
 
 SAMPLES: Final = 16
-"""How many samples of a posterior are drawn, translucent, around the best body."""
+"""Number of samples of a posterior that are drawn, translucent, around the best body."""
 
 _DIGITS: Final = 6
 
 
 @dataclass(frozen=True, kw_only=True)
 class ShownBody:
-    """One body.
+    """One body that the page shows.
 
     Attributes:
-        title: What it is.
+        title: What it is, such as ``Best body``.
         note: What differs from the best body, or how probable it is.
-        links: The body.
-        samples: Others that stand for how uncertain it is.
-        stands: For each interaction its rotation at rest, nine numbers row by row; ``None`` where
-            that is not known.
-        standing: What it looks like in the last interaction.
-        true: Whether it is the robot's.
+        links: Links of the body.
+        samples: Links of other bodies, which show how uncertain this one is.
+        stands: Rotation of the body at rest in each interaction, nine numbers row by row; ``None``
+            where that is not known.
+        standing: Solids of the body, placed as in the last interaction.
+        true: Whether it is the robot's true body.
     """
 
     title: str
@@ -110,9 +110,9 @@ class ShownBodies:
     """The bodies of a run, and what the best one predicts of each interaction.
 
     Attributes:
-        bodies: The best first; empty before anything was learnt.
-        predicted: By the best body, one per interaction that it was fitted to; ``None`` where its
-            simulation is invalid.
+        bodies: The bodies, the best first; empty before anything was learnt.
+        predicted: Readings that the best body predicts, one per interaction that was performed;
+            ``None`` where its simulation is invalid.
     """
 
     bodies: tuple[ShownBody, ...] = ()
@@ -125,7 +125,7 @@ def shown_bodies(store: RunStore, result: Result, true_body: Urdf | None) -> Sho
     Args:
         store: The run.
         result: The run in numbers.
-        true_body: The robot's, where it is known.
+        true_body: The robot's true body; ``None`` where it is not known.
     """
     if not result.best_models:
         return ShownBodies()
@@ -205,9 +205,9 @@ def _stands(
     seen: Sequence[Observation],
     readings: Sequence[Observation | None],
 ) -> tuple[tuple[tuple[float, ...] | None, ...], tuple[Solid, ...]]:
-    """How a body stands in each interaction, and what it looks like in the last one.
+    """Rotation of a body at rest in each interaction, and its solids as placed in the last one.
 
-    Where nothing tells how it stands, the picture shows it level.
+    Where nothing tells how the body is rotated, its solids lie level.
     """
     stands: list[tuple[float, ...] | None] = []
     standing: list[Solid] = []

@@ -102,7 +102,7 @@ def summarise(store: RunStore) -> Result:
 
 
 def _errors(fitted: FittedPosterior) -> list[tuple[float | None, float | None]]:
-    """Subjective errors of the models, best first, and as the search saw them."""
+    """Subjective errors of the models, best first: those that count, and those of the search."""
     if fitted.errors is None or fitted.searched is None:
         return [(None, None)] * len(fitted.models)
     return [
@@ -185,7 +185,7 @@ def _model(
 
 
 def _known(error: float) -> float | None:
-    """An error for JSON, which knows no infinity."""
+    """An error for JSON, which has no infinity: ``None`` in its place."""
     return float(error) if math.isfinite(error) else None
 
 
@@ -200,7 +200,7 @@ def _joint(motor: int | None, capabilities: Capabilities) -> str | None:
 
 
 def _contradictions(problem: Problem, capabilities: Capabilities) -> Iterator[str]:
-    """What the problem says otherwise than the robot."""
+    """Sentences about what the problem says otherwise than the robot."""
     for sentence in problem.differences(capabilities):
         yield f"{sentence[0].upper()}{sentence[1:]}."
 

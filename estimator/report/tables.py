@@ -27,7 +27,7 @@ def plain_table(*columns: str, justify: JustifyMethod = "right") -> Table:
 
 
 def print_details(console: Console, result: Result) -> None:
-    """Probabilities, rivals, each movement, how each reading fits, and what it all cost."""
+    """Prints probabilities, rivals, each movement, how each reading fits, and what the run cost."""
     posterior = result.posterior
     console.print(
         Text.assemble(
@@ -71,7 +71,7 @@ def _print_posterior(console: Console, result: Result, posterior: PosteriorRepor
 
 
 def as_stated_in_words(result: Result, posterior: PosteriorReport) -> str:
-    """A sentence: the lengths if the robot is just as stated; empty where nothing else may be."""
+    """A sentence: the lengths if the robot is just as stated; empty without ``as_stated_m``."""
     if not posterior.as_stated_m:
         return ""
     listed = ", ".join(
@@ -136,7 +136,7 @@ def _print_residuals(console: Console, posterior: PosteriorReport) -> None:
 
 
 def probability_after(step: Step) -> str:
-    """Stated probability of the attachments after a movement, in a cell of a table."""
+    """Stated probability of the attachments after a movement, as text for a cell of a table."""
     stated = "not known" if step.probability is None else percent(step.probability)
     return stated if step.explained else f"{stated}, not explained"
 
@@ -158,7 +158,7 @@ def probability_sentence(posterior: PosteriorReport) -> str:
 
 
 def sum_of_lengths(result: Result, known: SumOfLengths) -> str:
-    """A sentence: two legs of which only the sum is known."""
+    """A sentence: two legs of whose lengths only the sum is known."""
     one, other = (result.legs[leg].joint for leg in known.legs)
     return (
         f"Of {one} and {other} the sum is known: {mm(known.length_m.median)} mm "
@@ -167,18 +167,18 @@ def sum_of_lengths(result: Result, known: SumOfLengths) -> str:
 
 
 def percent(share: float) -> str:
-    """A probability as people read it."""
+    """A probability in per cent, as text."""
     return f"{100 * share:.1f} %" if share < 0.9995 else "> 99.9 %"
 
 
 def between(interval: Interval, factor: float, digits: int = 1) -> str:
-    """The ends of an interval, each times a factor."""
+    """The ends of an interval, each times a factor, as text."""
     dash = "–" if interval.low >= 0 else " to "
     return f"{factor * interval.low:.{digits}f}{dash}{factor * interval.high:.{digits}f}"
 
 
 def _print_search(console: Console, result: Result) -> None:
-    """What the search of the method ``paper`` did."""
+    """Prints what the search of the method ``paper`` did."""
     uncounted = f"{result.simulations_invalid:,} of them invalid"
     if result.simulations_undecided:
         uncounted += f", {result.simulations_undecided:,} undecided"

@@ -18,16 +18,16 @@ from estimator.storage.posteriors import (
 from estimator.storage.records import BestFit
 
 _WORTH_SAYING: Final = 1 - SURE
-_NAMED: Final = 3  # causes
-_TELLS: Final = 0.25  # bits about causes
+_NAMED: Final = 3  # causes, at most
+_TELLS: Final = 0.25  # bits about causes, from which on a movement tells them apart
 
 
 def verdict_on_best_model(fit: BestFit, contradictions: Sequence[str] = ()) -> str:
     """Whether the best model of a population explains the readings, as sentences.
 
     Args:
-        fit: How it explains them.
-        contradictions: Between the problem and what the robot states.
+        fit: How the model explains the readings.
+        contradictions: Contradictions between the problem and what the robot states.
     """
     if contradictions:
         return f"{_not_the_robots(contradictions)} {verdict_on_best_model(fit)}"
@@ -50,8 +50,8 @@ def verdict_on_posterior(
 
     Args:
         summary: What is stated of the posterior.
-        contradictions: Between the problem and what the robot states.
-        joints: Their names, in motor order.
+        contradictions: Contradictions between the problem and what the robot states.
+        joints: Names of the joints, in motor order.
     """
     if contradictions:
         return f"{_not_the_robots(contradictions)} {verdict_on_posterior(summary, (), joints)}"
@@ -90,13 +90,13 @@ def verdict_on_posterior(
 
 
 def _otherwise(summary: PosteriorSummary) -> str:
-    """What the robot has otherwise than its problem says, or which of several causes it may be."""
+    """Clause: what the robot has otherwise than its problem says, or which causes compete."""
     competing = not summary.knows_cause(SURE)
     listed = [one for one in summary.causes if one.probability > _WORTH_SAYING][:_NAMED]
     listed = listed or list(summary.causes[:1] if competing else ())
     if not listed:
         return ""
-    # Where no body explains the readings these are shares of what the table holds.
+    # Where no body explains the readings, probabilities are shares of what the table holds.
     unlisted = summary.misspecification_probability if summary.explained else 0.0
 
     def percent(share: float) -> str:
@@ -128,8 +128,8 @@ def program_in_words(program: Sequence[float], joints: Sequence[str]) -> str:
     """Target angles of the joints that move, degrees.
 
     Args:
-        program: rad, in motor order.
-        joints: Their names.
+        program: Target angles, rad, in motor order.
+        joints: Names of the joints, in motor order.
     """
     return ", ".join(
         f"{name} to {math.degrees(angle):+.0f}°"
@@ -150,7 +150,7 @@ def _but_outliers(fit: FitVerdict) -> str:
 
 
 def _reasons(fit: FitVerdict, interactions: int) -> list[str]:
-    """What a body leaves unexplained of so many interactions."""
+    """Clauses: what a body leaves unexplained, out of so many interactions."""
     reasons = []
     numbers = [str(item.interaction + 1) for item in fit.unexplained]
     if not fit.has_only_outliers(interactions):

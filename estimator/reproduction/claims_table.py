@@ -37,7 +37,7 @@ HEADER: Final = (
 
 @dataclass(frozen=True, kw_only=True)
 class ClaimsTable:
-    """All verdicts; what was not run is empty or ``None``."""
+    """Verdicts on all claims; what was not run is empty or ``None``."""
 
     findings: tuple[VariantComparison, ...]
     asides: tuple[TiltAloneComparison, ...]

@@ -35,9 +35,9 @@ HEADER: Final = (
     *("mean_leg_error_m", "longest_minus_shortest_m", "variance_m2"),
 )
 RANDOM_MODELS: Final = 5000
-_SEED: Final = 0  # of those
+_SEED: Final = 0  # of the random models
 _COLOURS: Final = ("#1b4f72", "#2e86c1", "#85929e", "#1e8449", "#bfc9ca", "#82c99d", "#566573")
-"""Blue and green with tilt, grey without."""
+"""Colours of the variants: blue and green with tilt, grey without."""
 
 _MEASURES: Final = (
     ("a", "mean_leg_error_m", "mean |leg - true leg| (mm)", 1e3),
@@ -61,11 +61,11 @@ class Quality:
 
 
 def quality(lengths: Array, true_lengths: Array) -> Quality:
-    """The measures of some models.
+    """Quality of some models.
 
     Args:
-        lengths: m, shape (models, legs).
-        true_lengths: m, shape (legs,).
+        lengths: Leg lengths of the models, m, shape (models, legs).
+        true_lengths: Leg lengths of the robot, m, shape (legs,).
     """
     return Quality(
         mean_error=np.mean(np.abs(lengths - true_lengths), axis=1),
@@ -75,14 +75,14 @@ def quality(lengths: Array, true_lengths: Array) -> Quality:
 
 
 def random_models(genome: Genome, true_lengths: Array) -> Quality:
-    """The measures of models whose genes were drawn at random, as the first population's are."""
+    """Quality of models whose genes were drawn at random, as the first population's are."""
     genes = generator(_SEED, Stream.RANDOM_MODELS).random((RANDOM_MODELS, genome.size))
     return quality(leg_lengths(genome.decode_all(genes)), true_lengths)
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Cell:
-    """One run at the end of one iteration."""
+    """Quality of the best model of one run at the end of one iteration."""
 
     variant: int
     iteration: int
@@ -230,7 +230,7 @@ def _row(cell: _Cell) -> Row:
 
 
 def _samples(cells: Sequence[_Cell], iterations: int) -> Samples:
-    """Model quality at the end of the last iteration."""
+    """Model quality of all runs at the end of the last iteration."""
     samples: dict[Any, dict[int, float]] = {}
     for variant in VARIANTS:
         for panel, measure, _, _ in _MEASURES:

@@ -38,7 +38,7 @@ _LETTERS: Final = {"parent": "P", "mount": "O", "hinge": "J"}
 
 
 def choose(root: Path, budget: Budget, runs: int | None) -> PlannedRun | None:
-    """The first successful run by seed, or where there is none the one that has most right."""
+    """The first successful run by seed, or else the one with most configurations right."""
     scores = {run: Summary.read(run, root).score for run in topological_runs(runs, budget)}
     right = {run: score.configurations_right for run, score in scores.items() if score}
     return max(right, key=lambda run: right[run], default=None)  # the first of equals
@@ -165,7 +165,7 @@ def _sentences(run: FinishedRun, right: Any) -> tuple[str, ...]:
 
 
 def _fits(run: FinishedRun) -> str:
-    """How well the model explains the readings, beside the true body."""
+    """A sentence: how well the model explains the readings, beside the true body."""
     error, truth = run.result.sensor_error, run.score.true_body_error
     return (
         f"Its last best model has a subjective error of {number(error)}, where the true body, had "

@@ -125,7 +125,7 @@ def _subject(name: str, links: Sequence[Link], observation: Observation) -> _Sub
 
 
 def _tilt(item: _Subject) -> tuple[float, float]:
-    """Degrees; 0 where it was not read."""
+    """Tilt of a body, degrees; 0 where it was not read."""
     left, ahead = (math.degrees(angle or 0.0) for angle in item.observation.tilt)
     return left, ahead
 

@@ -30,7 +30,7 @@ HEADER: Final = (
 
 @dataclass(frozen=True, kw_only=True)
 class Study:
-    """Runs with one genome.
+    """A study of runs with one genome.
 
     Attributes:
         name: Stem of the figure's files.
@@ -61,7 +61,7 @@ EIGHT_BY_FOUR: Final = Study(
 def make(
     root: Path, budget: Budget, runs: int | None, study: Study
 ) -> tuple[DrawnFigure, Share | None]:
-    """Draws the figure of a study and writes its files; the share of runs with all right."""
+    """Draws a study's figure and writes its files; returns it and the share of successful runs."""
     finished = list(read_finished(root, topological_runs(runs, budget, study.problem)))
     if not finished:
         missing = ("All runs are missing.",)
@@ -118,7 +118,7 @@ def make(
 
 
 def _is_hidden(run: FinishedRun) -> bool:
-    """Whether the truth fits worse than the best model."""
+    """Whether the true body fits worse than the best model."""
     truth, best = run.score.true_body_error, run.result.sensor_error
     return best is not None and (truth is None or truth > best)
 

@@ -1,9 +1,9 @@
 """Does the runs of a study side by side, here or on a Dask cluster; the same command resumes it.
 
-Here a run works in its own directory, so that Ctrl-C loses nothing that it has written. On a
+On this computer a run works in its own directory, so that Ctrl-C loses nothing it has written. On a
 cluster runs are done in turns: a worker is sent what a run has on disk, takes it further for a
-minute, and sends its files back. So no file system is shared, and no worker holds anything that is
-not here a minute later: one that is lost costs a turn, and so does an interrupt.
+minute, and sends its files back. So no file system is shared, and what a worker has done is on this
+computer a minute later: a worker that is lost costs a turn, and so does an interrupt.
 
 Layout of a study's directory::
 
@@ -48,17 +48,17 @@ class Run(Protocol):
 
     @property
     def name(self) -> str:
-        """For people, and the place of its directory among the study's; its own."""
+        """Name for people, and the run's path among the runs of the study; unique there."""
 
     @property
     def work(self) -> float:
-        """How much work it is, in any unit that all runs of the study share."""
+        """Amount of work of the run, in any unit that all runs of the study share."""
 
     def do(self, root: Path, listener: Listener) -> None:
-        """Begins or resumes it, and leaves it finished.
+        """Begins or resumes the run, and finishes it.
 
-        What says that it is finished is written last. The listener ends a turn by an exception when
-        it hears of work that is safe on disk.
+        The file that says that it is finished is written last. The listener ends a turn by an
+        exception when it hears of work that is safe on disk.
 
         Args:
             root: The study's directory.
@@ -66,20 +66,20 @@ class Run(Protocol):
         """
 
     def is_finished(self, root: Path) -> bool:
-        """Whether all its files are there."""
+        """Whether all files of the run are there."""
 
     def work_done(self, root: Path) -> float:
-        """How much of it is on disk; 0 where it would begin anew."""
+        """Amount of its work that is on disk; 0 where the run would begin anew."""
 
     def sentence(self, root: Path) -> str:
-        """How it went, once it is finished."""
+        """How the run went, in words, once it is finished."""
 
 
 class BriefRun(ABC):
     """A ``Run`` that is not worth resuming: it leaves one file, and begins anew if broken off."""
 
     leaves: ClassVar[str]
-    """Name of that file."""
+    """Name of the file that the run leaves."""
 
     @property
     @abstractmethod
@@ -93,10 +93,10 @@ class BriefRun(ABC):
 
     @abstractmethod
     def make(self, place: Path) -> None:
-        """Does the run in its directory, and leaves the file."""
+        """Does the run in its directory ``place``, and leaves its file there."""
 
     def file(self, root: Path) -> Path:
-        """The file that says that it is finished."""
+        """Path of the file that says that the run is finished."""
         return directory(self, root) / self.leaves
 
     def do(self, root: Path, listener: Listener) -> None:
@@ -119,10 +119,10 @@ class BriefRun(ABC):
 
 @dataclass(frozen=True, kw_only=True)
 class Completed:
-    """What has come of a study.
+    """The outcome of a study.
 
     Attributes:
-        failures: Why runs are not finished, by name.
+        failures: Why runs are not finished, by name of the run.
         sessions: All starts of the command, the present one last.
     """
 
@@ -146,14 +146,14 @@ def complete(
 
     Args:
         root: The study's directory; made if it is not there.
-        runs: What it consists of.
-        listener: Hears how far it is, how long the rest will take, and how runs went.
-        jobs: Runs at a time, where there is no cluster.
-        cluster: Where to do them; ``None``: in processes of this computer.
-        command: As it was typed.
+        runs: Runs of the study.
+        listener: Hears how far the study is, how long the rest will take, and how runs went.
+        jobs: Number of runs at a time, where there is no cluster.
+        cluster: Cluster that does the runs; ``None``: processes of this computer do.
+        command: The command as it was typed.
         asked: What all runs of a directory must have in common, by name.
-        shared: Files that its runs read in the study's directory, by name what gives the
-            content; kept there.
+        shared: Functions that return the content of files that the runs read, by the file's name;
+            the files are kept in the study's directory.
         turn: Least time of a turn on a cluster, s.
 
     Raises:
@@ -220,9 +220,9 @@ class Progress:
 
     Args:
         listener: Hears what happens.
-        works: The work of each run, by name.
-        done: How much of it was done before.
-        clock: Wall clock, s.
+        works: Amount of work of each run, by name.
+        done: Amount of work of each run that was done before, by name.
+        clock: Returns the time, s.
     """
 
     def __init__(
@@ -242,14 +242,14 @@ class Progress:
         listener.expect(sum(works.values()), self._before)
 
     def stands(self, name: str, done: float) -> None:
-        """So much of a run's work is done by now."""
+        """Notes how much of a run's work is done by now."""
         more = min(done, self._works[name]) - self._done[name]
         if more > 0:
             self._done[name] += more
             self._listener.worked(more, f"{self._ended}/{len(self._works)} runs, {name}")
 
     def ended(self, name: str, sentence: str) -> None:
-        """A run is over; the sentence says how it went."""
+        """Notes that a run is over; the sentence says how it went."""
         self._ended += 1
         self.stands(name, math.inf)
         left = self.seconds_left()
@@ -257,7 +257,7 @@ class Progress:
         self._listener.say(f"{self._ended}/{len(self._works)} {name}: {sentence}{later}")
 
     def said(self, name: str, sentence: str) -> None:
-        """A run has something to say."""
+        """Passes on a sentence of a run."""
         self._listener.say(f"{name}: {sentence}")
 
     def seconds_left(self) -> float | None:
@@ -283,7 +283,8 @@ class _Turn:
     """The outcome of a turn.
 
     Attributes:
-        files: By their path below the study's directory, in the order in which they were written.
+        files: Content of the run's files by path below the study's directory, in the order in which
+            they were written.
         over: Whether its time was up; else there is nothing left to do.
         said: What a person should know.
         failure: Why the run cannot go on.
@@ -302,7 +303,7 @@ def _ended(
     at_once: Callable[[], int],
     progress: Progress,
 ) -> Iterator[tuple[Run, str | None]]:
-    """Does runs; yields each that has ended, and why it failed if it did."""
+    """Does runs; yields each run that has ended, and why it failed, or ``None``."""
     waiting = deque(runs)
     busy: dict[Future[_Turn], Run] = {}
     try:
@@ -365,7 +366,7 @@ class _TurnOver(Exception):  # noqa: N818  not an error
 
 
 class _TurnListener(Listener):
-    """Ends a turn when its time is up, provided that it has brought anything.
+    """Ends a turn when its time is up, provided that it has taken the run further.
 
     What a run is doing between two commits to its database would be done again in the next turn,
     for ever if it took longer than a turn.
@@ -388,7 +389,7 @@ class _TurnListener(Listener):
 
 
 def _packed(folder: Path, root: Path) -> dict[str, bytes]:
-    """The files of a folder, first what was written first."""
+    """Content of a folder's files by path below ``root``, the first written first."""
     paths = [path for path in folder.rglob("*") if path.is_file()]
     paths.sort(key=lambda path: path.stat().st_mtime_ns)
     return {str(path.relative_to(root)): path.read_bytes() for path in paths}

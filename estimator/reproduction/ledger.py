@@ -28,12 +28,12 @@ class Session(BaseModel):
     """One start of the command.
 
     Attributes:
-        command: As it was typed.
-        started: When, in UTC.
-        jobs: Runs at a time.
-        seconds: How long it worked; a session that was killed is known up to its last finished run.
-        commit: Of the code.
-        versions: Of everything that computed.
+        command: The command as it was typed.
+        started: Time of the start, in UTC.
+        jobs: Number of runs at a time.
+        seconds: How long it worked, s; of a session that was killed, up to its last finished run.
+        commit: Commit of the code.
+        versions: Versions of everything that computed, by name.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -54,17 +54,17 @@ class _Content(BaseModel):
 
 
 class Ledger(Closable):
-    """The directory of a study, kept for one process; use it as a context manager.
+    """The record of a study, whose directory it locks; use it as a context manager.
 
     Args:
-        root: The directory; made if it is not there.
-        asked: What all its runs must have in common, by name.
-        command: As it was typed.
-        jobs: Runs at a time.
+        root: Directory of the study; made if it is not there.
+        asked: What all runs of the study must have in common, by name.
+        command: The command as it was typed.
+        jobs: Number of runs at a time.
 
     Raises:
-        RunDirectoryError: It cannot be made, another process works on it, or its runs were asked
-            for otherwise.
+        RunDirectoryError: The directory cannot be made, another process works on it, or its runs
+            were asked for otherwise.
     """
 
     def __init__(self, root: Path, asked: Mapping[str, str], command: str, jobs: int):
@@ -97,10 +97,10 @@ class Ledger(Closable):
         return (*self._content.sessions, self._session.model_copy(update={"seconds": seconds}))
 
     def keep(self, name: str, content: str) -> None:
-        """Writes a file of the directory that is to stay as it is.
+        """Writes a file of the directory that must not change later.
 
         Raises:
-            RunDirectoryError: It has another content.
+            RunDirectoryError: The file is there with another content.
         """
         path = self._path.with_name(name)
         if not path.exists():

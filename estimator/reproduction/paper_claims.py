@@ -50,7 +50,7 @@ class MeanDifference:
 
 
 def share(successes: int, trials: int) -> Share:
-    """A rate with its interval."""
+    """A rate with its 95 % interval."""
     interval = _scipy().binomtest(successes, trials).proportion_ci(0.95, method="wilson")
     return Share(
         successes=successes, trials=trials, low=float(interval.low), high=float(interval.high)
@@ -128,18 +128,18 @@ ClaimVerdict: TypeAlias = Literal["holds", "not shown", "contradicted"]
 SuccessVerdict: TypeAlias = Literal["not refuted", "contradicted"]
 Panel: TypeAlias = Literal["3a", "3b"]
 Samples: TypeAlias = Mapping[tuple[Panel, int], Mapping[int, float]]
-"""Model quality by seed, smaller is better, for each panel and number of the variant."""
+"""For each panel and number of a variant, model quality by seed; smaller is better."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Statement:
-    """A sentence of the paper, and what it claims: each of some variants is better than each other.
+    """A sentence of the paper: each of some variants is claimed to be better than each of others.
 
     Attributes:
-        panel: Of Figure 3; it decides how quality is measured.
-        words: The paper's own.
+        panel: Panel of Figure 3, which decides how quality is measured.
+        words: The paper's own words.
         better: Numbers of the variants that are claimed to be better.
-        worse: Than these.
+        worse: Numbers of the variants that they are claimed to be better than.
     """
 
     panel: Panel
@@ -191,17 +191,17 @@ class VariantComparison:
     """One claim of the table.
 
     Attributes:
-        panel: Of Figure 3.
+        panel: Panel of Figure 3.
         better: Number of the variant that is claimed to be better.
-        worse: Number of the other.
-        pairs: Seeds that both were run with.
-        means: Mean quality of each on these seeds, m.
-        difference: The first minus the second, m; below 0 the first is better. ``None`` without a
-            pair.
-        p: That the first is better, one-sided, not corrected; ``None`` without a pair.
+        worse: Number of the variant that is claimed to be worse.
+        pairs: Number of seeds that both variants were run with.
+        means: Mean quality of the better and of the worse variant on these seeds, m.
+        difference: Mean quality of the first minus that of the second, m; below 0 the first is
+            better. ``None`` without a pair.
+        p: p of the one-sided test that the first is better, not corrected; ``None`` without a pair.
         corrected: p after Holm's correction.
-        corrected_opposite: That the first is worse, after Holm's correction.
-        verdict: What follows.
+        corrected_opposite: p of the test that the first is worse, after Holm's correction.
+        verdict: Verdict on the claim.
     """
 
     panel: Panel
@@ -218,16 +218,16 @@ class VariantComparison:
 
 @dataclass(frozen=True, kw_only=True)
 class TiltAloneComparison:
-    """Tilt alone beside tilt with more.
+    """Models that know tilt alone, compared with models that know more.
 
-    No claim, for the paper says both that tilt alone suffices and that it does not.
+    This is no claim, for the paper says both that tilt alone suffices and that it does not.
 
     Attributes:
-        panel: Of Figure 3.
+        panel: Panel of Figure 3.
         other: Number of the variant that tilt alone is compared with.
         means: Mean quality of tilt alone and of the other on the seeds that both were run with, m.
-        difference: Tilt alone minus the other, m; ``None`` without a pair.
-        p: That they do not differ, two-sided, not corrected; ``None`` without a pair.
+        difference: Mean quality of tilt alone minus that of the other, m; ``None`` without a pair.
+        p: p of the two-sided test that they do not differ, not corrected; ``None`` without a pair.
     """
 
     panel: Panel
@@ -244,8 +244,8 @@ class SuccessRateComparison:
     Attributes:
         ours: Our rate.
         papers: The paper's.
-        p: That they are the same, two-sided.
-        verdict: What follows.
+        p: p of the two-sided test that the two rates are the same.
+        verdict: Verdict on the paper's rate.
         refuting: The fewest successes above the paper's rate that would have contradicted it in
             this many runs; ``None`` where no number could.
     """
@@ -259,7 +259,7 @@ class SuccessRateComparison:
 
 @dataclass(frozen=True)
 class _Paired:
-    """Two variants on the seeds that both were run with."""
+    """Quality of two variants on the seeds that both were run with."""
 
     one: tuple[float, ...]
     other: tuple[float, ...]

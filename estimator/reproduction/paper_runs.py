@@ -1,4 +1,4 @@
-"""The runs of the paper's figures: what each is asked, which there are, and what each left.
+"""The runs of the paper's figures: which there are, what is asked of each, and what it has left.
 
 Which runs there are (seeds, variants, budgets) was fixed here before any run. Reported results use
 the seeds 1000 to 1029, on which nothing was ever tuned. A seed decides a run's motor programs, its
@@ -72,9 +72,9 @@ class Budget(BaseModel):
 
     Attributes:
         physics: Back-end that predicts readings.
-        interactions: Interactions with the robot.
-        population: Models in the population.
-        generations: Generations after each interaction.
+        interactions: Number of interactions with the robot.
+        population: Number of models in the population.
+        generations: Number of generations after each interaction.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -86,12 +86,12 @@ class Budget(BaseModel):
 
     @property
     def is_the_papers(self) -> bool:
-        """Whether nothing was cut or added."""
+        """Whether all numbers are the paper's."""
         return self.interactions is self.population is self.generations is None
 
     @property
     def in_words(self) -> dict[str, str]:
-        """Each of them for people."""
+        """Value of each field by its name, for people."""
         return {name: str(value or "as in the paper") for name, value in self}
 
 
@@ -101,10 +101,10 @@ class PlannedRun:
 
     Attributes:
         problem: Name of the problem.
-        variant: Modalities that count.
-        seed: Source of all its randomness, and of the robot's noise.
-        budget: What is asked of it.
-        predicts: How many fresh motor programs it predicts in the end.
+        variant: Variant, which says what modalities count.
+        seed: Seed of the run and of the robot's noise.
+        budget: What is asked of the run.
+        predicts: Number of fresh motor programs that it predicts in the end.
     """
 
     problem: str
@@ -115,12 +115,12 @@ class PlannedRun:
 
     @property
     def name(self) -> str:
-        """For people, and as the run's place in the study's directory."""
+        """Name for people, and the run's path among the runs of the study."""
         return f"{self.problem}/{self.variant.name}/{self.seed}"
 
     @property
     def work(self) -> float:
-        """How much work it is, in simulations, before any early verdict."""
+        """Amount of work of the run, in simulations; early verdicts save some of it."""
         search, budget = Problem.load(self.problem).search, self.budget
         interactions = budget.interactions or search.interactions
         population = budget.population or search.population
@@ -129,7 +129,7 @@ class PlannedRun:
         return population * (interactions + generations * pairs + self.predicts)
 
     def work_done(self, root: Path) -> float:
-        """How much of its work is on disk."""
+        """Amount of its work that is on disk, in simulations."""
         if not holds_run(self.directory(root)):
             return 0.0
         try:
@@ -146,11 +146,11 @@ class PlannedRun:
             return store.settings.population * (searched + (len(predicted) + performed) / 2)
 
     def directory(self, root: Path) -> Path:
-        """Its run directory."""
+        """Directory of the run."""
         return harness.directory(self, root)
 
     def order(self, robot: str) -> RunConfig:
-        """What to ask for, of a robot at a given address."""
+        """Configuration of the run with a robot at a given address."""
         return RunConfig(
             method="paper",
             robot=robot,
@@ -164,17 +164,17 @@ class PlannedRun:
         )
 
     def is_finished(self, root: Path) -> bool:
-        """Whether it has written all its files."""
+        """Whether the run has written all its files."""
         return Summary.read(self, root).failure is None
 
     def sentence(self, root: Path) -> str:
-        """How it went."""
+        """How the run went, in words."""
         return Summary.read(self, root).sentence
 
     def do(self, root: Path, listener: Listener) -> None:
-        """Begins or resumes it, and leaves it finished.
+        """Begins or resumes the run, and finishes it.
 
-        A robot that fails is replaced by a new one, some times.
+        A robot that fails is replaced by a new one, a limited number of times.
 
         Args:
             root: The study's directory, with the truth in it.
@@ -250,7 +250,7 @@ class Summary:
         run: What was planned.
         failure: Why it is not finished; ``None`` where it is.
         result: The run in numbers.
-        score: Its best model against the truth.
+        score: Score of its best model against the true body.
         validation: Its prediction errors, where any were asked for.
     """
 
@@ -294,7 +294,7 @@ TOPOLOGICAL_8X4: Final = "topological-20"  # the genome of the paper's text
 PARAMETRIC_RUNS: Final = 30
 TOPOLOGICAL_RUNS: Final = 10  # the paper's; up to 30 on request
 PREDICTIONS: Final = 20
-"""Fresh motor programs that each topological run predicts in the end."""
+"""Number of fresh motor programs that each topological run predicts in the end."""
 
 FIGURES: Final = ("fig2", "fig3", "fig4", "fig5", "fig6", "fig6-8x4")
 
@@ -325,8 +325,8 @@ def planned_runs(
     """The runs that some figures need, the longest first, each once.
 
     Args:
-        figures: Some of ``FIGURES``.
-        runs: How many seeds of Figures 3 to 6; default: the paper's 30 and 10.
+        figures: Names of figures, some of ``FIGURES``.
+        runs: Number of seeds of Figures 3 to 6; default: the paper's 30 and 10.
         budget: What is asked of every run.
     """
     planned: dict[PlannedRun, None] = {}

@@ -1,4 +1,4 @@
-"""The whole reproduction for people, ``report.md`` and as one page, and ``runs.csv``, every run."""
+"""Report of a reproduction: ``report.md``, the same as a page, and ``runs.csv`` with every run."""
 
 from __future__ import annotations
 
@@ -57,8 +57,8 @@ def write_report(
         root: The reproduction's directory.
         budget: What was asked of every run.
         sessions: The starts of the command that made the runs.
-        figures: As drawn.
-        claims: The verdicts, if any figure bears on them.
+        figures: The figures as drawn.
+        claims: Verdicts on the paper's claims, if any figure bears on them.
         runs: All runs, failed ones included.
     """
     write_csv(root / "runs.csv", HEADER, map(_csv_row, runs))
@@ -83,7 +83,7 @@ def write_report(
 
 
 def reproduction_page(root: Path) -> str:
-    """The page as HTML.
+    """Returns the report as a page of HTML.
 
     Args:
         root: The reproduction's directory.
@@ -249,7 +249,7 @@ def _csv_row(item: Summary) -> tuple[object, ...]:
 
 
 def _contain(item: Token, root: Path) -> None:
-    """Takes a picture into the page; one that is not there keeps its text."""
+    """Embeds a picture in the page; of one that does not exist the text alone stays."""
     if item.type != "image":
         return
     file = root / Path(str(item.attrs["src"])).name

@@ -28,9 +28,9 @@ class ReproductionResult:
     """The outcome of a reproduction.
 
     Attributes:
-        figures: As drawn.
+        figures: The figures as drawn.
         claims: The claims table; ``None`` where no figure bears on it.
-        failures: Why runs could not be finished, by name.
+        failures: Why runs could not be finished, by name of the run.
     """
 
     figures: tuple[DrawnFigure, ...]
@@ -66,13 +66,13 @@ def reproduce(
 
     Args:
         root: The reproduction's directory.
-        figures: Some of ``plan.FIGURES``.
+        figures: Names of figures, some of ``paper_runs.FIGURES``.
         listener: Hears what happens.
-        runs: Seeds of Figures 3 to 6; ``None``: the paper's 30 and 10.
-        budget: What is asked of every run; ``None``: what the paper's had.
-        jobs: Runs at a time, where there is no cluster.
-        cluster: Where to do the runs; ``None``: in processes of this computer.
-        command: As it was typed.
+        runs: Number of seeds of Figures 3 to 6; ``None``: the paper's 30 and 10.
+        budget: What is asked of every run; ``None``: as in the paper.
+        jobs: Number of runs at a time, where there is no cluster.
+        cluster: Cluster that does the runs; ``None``: processes of this computer do.
+        command: The command as it was typed.
 
     Raises:
         BodyschemaError: Something prevents it; the message says what. Runs that fail do not: they

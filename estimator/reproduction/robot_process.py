@@ -41,15 +41,15 @@ class RobotProcess(Closable):
     It ends when this process does, however that ends, and Ctrl-C in a terminal does not reach it.
 
     Args:
-        seed: Of the sensors' noise.
-        options: More of the command's.
+        seed: Seed of the sensors' noise.
+        options: Further options of the command.
 
     Attributes:
-        uri: Where it takes requests.
+        uri: Address at which the robot takes requests.
 
     Raises:
-        EstimatorError: It is not installed.
-        InteractionError: It did not start.
+        EstimatorError: ``sim-robotd`` is not installed.
+        InteractionError: The robot did not start.
     """
 
     def __init__(self, seed: int, options: Sequence[str] = ()):
@@ -103,7 +103,7 @@ def print_body() -> str:
     """The URDF of the body that ``sim-robotd`` has: the truth, for the scorer alone.
 
     Raises:
-        EstimatorError: It is not installed, or failed.
+        EstimatorError: ``sim-robotd`` is not installed, or failed.
     """
     ended = subprocess.run(
         [_command(), "--print-body"],
@@ -125,8 +125,8 @@ def catch_up(store: RunStore, uri: str) -> None:
         uri: A robot that was started with the same seed and has not moved yet.
 
     Raises:
-        RunDirectoryError: Its readings are not the other's.
-        BodyschemaError: It cannot be reached, or did not perform.
+        RunDirectoryError: The new robot's readings are not those of the run.
+        BodyschemaError: The robot cannot be reached, or did not perform.
     """
     validations = itertools.chain.from_iterable(store.validations.all())
     performed = [

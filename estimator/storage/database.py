@@ -4,9 +4,9 @@ SQLite keeps a rollback journal rather than a write-ahead log: a closed run is t
 that can be copied, it also works on network file systems, and a handful of commits per second
 costs nothing. ``synchronous=EXTRA`` makes each commit survive a power cut too.
 
-The lock of a run's directory keeps other writers out. It does not where its file was deleted or the
-file system has no locks; so whoever begins to write leaves a token of its own, without which no
-transaction of the one before is committed.
+The lock of a run's directory keeps other writers out, unless its file was deleted or the file
+system has no locks. So each writer leaves a token of its own when it begins; a writer whose token
+is no longer there commits nothing more.
 """
 
 from __future__ import annotations
@@ -53,14 +53,14 @@ _TABLES: Final = (
 _NAMES: Final = [re.split(r"[ (]+", table)[2] for table in _TABLES]
 
 _DAMAGE: Final = (ValueError, LookupError, TypeError, AttributeError, ArithmeticError)
-"""What values raise that are not what was written."""
+"""Errors that stored values raise which are not what was written."""
 
 
 def file_status(directory: Path) -> os.stat_result | None:
     """The status of the database's file; ``None`` where there is no such file.
 
     Raises:
-        RunDirectoryError: It cannot be seen, or not read, by this user.
+        RunDirectoryError: The file cannot be seen, or not read, by this user.
     """
     path = directory / DATABASE
     try:
@@ -76,12 +76,12 @@ def file_status(directory: Path) -> os.stat_result | None:
 
 
 def holds_run(directory: Path) -> bool:
-    """Whether there is a run in a directory, which a process may have died before making.
+    """Whether a directory holds a run; it does not if a process died before it had made one.
 
-    A damaged database counts as a run: whoever opens it says what is wrong with it.
+    A damaged database counts as a run: to open it raises an error that says what is wrong.
 
     Raises:
-        RunDirectoryError: It cannot be seen, or not read, by this user.
+        RunDirectoryError: The database cannot be seen, or not read, by this user.
     """
     path = directory / DATABASE
     if file_status(directory) is None:
@@ -97,8 +97,8 @@ class RunDatabase(sqlite3.Connection):
     """A connection to the database of a run.
 
     Attributes:
-        directory: The run directory, for sentences.
-        writer: The token of this connection, if it writes.
+        directory: Run directory, for messages.
+        writer: Token of this connection, if it writes.
     """
 
     directory = Path()
@@ -117,13 +117,13 @@ def connect(directory: Path) -> RunDatabase:
 
 
 def claim(database: RunDatabase) -> None:
-    """Takes the run over, within a transaction: whoever wrote to it before can no longer."""
+    """Takes the run over, within a transaction: earlier writers can write to it no longer."""
     database.writer = uuid.uuid4().hex
     database.execute("INSERT OR REPLACE INTO meta VALUES ('writer', ?)", (database.writer,))
 
 
 def is_empty(database: sqlite3.Connection) -> bool:
-    """Whether it has no tables."""
+    """Whether a database has no tables."""
     return database.execute("SELECT 1 FROM sqlite_master").fetchone() is None
 
 
@@ -137,11 +137,11 @@ def check_tables(database: sqlite3.Connection, names: Collection[str] = ()) -> N
     """Refuses other tables than those of a run, such as a view that computes what is read from it.
 
     Args:
-        database: Of which nothing was read yet.
-        names: Of the tables to look at; none: all, and that there are no others.
+        database: Database of which nothing was read yet.
+        names: Names of the tables to check; none: all, and that there are no others.
 
     Raises:
-        ValueError: What is wrong.
+        ValueError: A table is not that of a run; the message says which.
     """
     ours = dict(zip(_NAMES, _TABLES, strict=True))
     rows = database.execute(
@@ -155,7 +155,7 @@ def check_tables(database: sqlite3.Connection, names: Collection[str] = ()) -> N
 
 @contextmanager
 def reading(directory: Path) -> Iterator[None]:
-    """Turns errors that come of a damaged database into one with a sentence.
+    """Turns errors that a damaged database causes into one that says so.
 
     Raises:
         RunDirectoryError: What is there cannot be read, or is not what this program wrote.
@@ -215,7 +215,7 @@ def lock(directory: Path, name: str) -> int:
 
     Args:
         directory: The directory; made if it is not there.
-        name: Of the lock's file.
+        name: Name of the lock's file.
 
     Returns:
         A descriptor; closing it frees the lock. On a file system without locks it locks nothing.

@@ -10,30 +10,30 @@ from pydantic import BaseModel, ConfigDict, Field, computed_field, model_validat
 from estimator.readings.observation import Program, Reading
 
 OUTLIERS: Final = 1
-"""Unexplained interactions that happen to a body that the problem describes."""
+"""Largest number of unexplained interactions that a body of the problem may have, as outliers."""
 
 LARGEST_OUTLIER: Final = 6.0
 """Largest residual of an outlier, in standard deviations: beyond it something happened that the
 model does not contain, however probable it makes outliers."""
 
 SUFFICIENT_COVERAGE: Final = 0.5
-"""Share of the posterior: searches that have found less in common have found different bodies."""
+"""Coverage, a share of the posterior, below which searches have found different bodies."""
 
 MISSPECIFIED: Final = 0.9
-"""Probability of a robot that is otherwise in some way that nobody looks for, from which on no body
-of the problem explains the readings."""
+"""Probability that the robot is otherwise in a way that is not looked for, from which on no body of
+the problem explains the readings."""
 
 SURE: Final = 0.95
-"""Attachments are known when they are stated to be so probable."""
+"""Stated probability from which on attachments count as known."""
 
 RIVAL: Final = 0.01
 """Smallest probability of other attachments that is reported."""
 
-_PROBABLE: Final = 0.5  # what few draws give less to is improbable, whatever it is exactly
+_PROBABLE: Final = 0.5  # a smaller share is improbable, even where few samples tell it
 
 
 ROUNDING: Final = 1e-6
-"""By how much a share or a gene may lie outside 0 to 1."""
+"""Largest distance by which a share or a gene may lie outside 0 to 1."""
 
 Probability = Annotated[float, Field(ge=0, le=1)]
 Share = Annotated[float, Field(ge=0, le=1 + ROUNDING)]
@@ -59,10 +59,10 @@ class UnexplainedInteraction(_Record):
     """An interaction that no body of the problem explains.
 
     Attributes:
-        interaction: Its index, from 0.
+        interaction: Index of the interaction, from 0.
         sensors: Modalities whose readings lie far from what the best body predicts.
-        residual: Of its readings the largest one, in standard deviations of the noise as it was
-            estimated.
+        residual: Largest residual of the interaction's readings, in standard deviations of the
+            noise as it was estimated.
     """
 
     interaction: Count
@@ -74,9 +74,9 @@ class FitVerdict(_Record):
     """How a body explains the readings.
 
     Attributes:
-        unexplained: Interactions that it leaves unexplained.
-        noisy: Modalities whose noise is surely more than twice what is expected: what the robot
-            announces, together with what models leave.
+        unexplained: Interactions that the body leaves unexplained.
+        noisy: Modalities whose noise is surely more than twice what is expected, which is the noise
+            that the robot announces together with the error of models.
         contradicting: Touch sensors, from 0, that contradict the body too often.
     """
 
@@ -85,7 +85,7 @@ class FitVerdict(_Record):
     contradicting: tuple[Count, ...] = ()
 
     def has_only_outliers(self, interactions: int) -> bool:
-        """Whether what is unexplained, of so many interactions, may be outliers."""
+        """Whether the unexplained interactions, of so many in all, may be outliers."""
         near = all(one.residual <= LARGEST_OUTLIER for one in self.unexplained)
         few = len(self.unexplained) <= OUTLIERS < interactions
         return not self.unexplained or (few and near)
@@ -100,12 +100,12 @@ class PredictedInteraction(_Record):
     """One interaction as the best body predicts it.
 
     Attributes:
-        touch: One value per touch sensor.
-        tilt: Left/right and forward/back, rad.
-        clearance: m.
-        residuals: Measured minus predicted in standard deviations of the noise, by modality; of
-            touch the number of bits that differ, each as many as it is unlikely.
-        outlier_probability: That the readings say nothing about the body.
+        touch: Whether each touch sensor meets the ground.
+        tilt: Tilt left/right and forward/back, rad.
+        clearance: Clearance, m.
+        residuals: Measured minus predicted in standard deviations of the noise, by modality; for
+            touch, the number of bits that differ, each as many as it is unlikely.
+        outlier_probability: Probability that the readings say nothing about the body.
     """
 
     touch: tuple[bool, ...]
@@ -119,9 +119,9 @@ class Interval(_Record):
     """A quantity with its 90 % interval.
 
     Attributes:
-        low: 5 % of the posterior lie below.
-        median: Half of it lies below.
-        high: 95 % lie below.
+        low: Value below which 5 % of the posterior lie.
+        median: Value below which half of the posterior lies.
+        high: Value below which 95 % of the posterior lie.
     """
 
     low: Reading
@@ -133,10 +133,11 @@ class Cause(_Record):
     """What may make the robot otherwise than its problem says.
 
     Attributes:
-        name: Of the row in the table of parameters.
-        probability: Share of the posterior, if the table holds what the robot has otherwise.
+        name: Name of the row in the table of parameters.
+        probability: Share of the posterior that has this cause, if the table holds what the robot
+            has otherwise.
         sentence: The rest of "a robot with …", with the amount and its interval.
-        check: What to look at with one's hands.
+        check: What a person should check on the robot.
     """
 
     name: str
@@ -146,13 +147,14 @@ class Cause(_Record):
 
 
 class NextMovement(_Record):
-    """The movement with the largest expected information, had there been another.
+    """The movement that would have come next: the one with the largest expected information.
 
     Attributes:
-        program: rad, in motor order.
+        program: Target angles, rad, in motor order.
         reason: Which bodies it discriminates between, in words.
-        bits: Information that it is expected to give.
-        bits_about_causes: About which of the causes that compete it is, were these nearly even.
+        bits: Information that it is expected to give, bits.
+        bits_about_causes: Expected information about which of the competing causes it is, were
+            these nearly equally probable, bits.
     """
 
     program: Program
@@ -165,28 +167,29 @@ class PosteriorSummary(FitVerdict):
     """What is stated of the posterior after some interactions; the fit is that of the best body.
 
     Attributes:
-        probability_within_problem: Of the best body's attachments, or such as no sensor can tell
-            from them at the robot's lengths, if the problem describes the robot; never more than
-            ``coverage``. ``None``: the best body explains the readings poorly.
+        probability_within_problem: Probability of the best body's attachments, or such as no sensor
+            can tell from them at the robot's lengths, if the problem describes the robot; never
+            more than ``coverage``. ``None``: the best body explains the readings poorly.
         coverage: Share of the posterior that the searches have found, estimated from what they
             found in common (capture-recapture).
         low_ess: Whether the share of the attachments that cannot be told from the best body's
             rests on few effective samples.
         too_early: Whether there were fewer interactions than can tell all attachments apart.
-        misspecification_probability: That the robot is otherwise than the problem says in a way
-            that nobody looks for, or has changed on the way.
-        causes: Ways that are looked for in which the robot may be otherwise, the most probable
-            first; attachments and lengths are over all of them.
+        misspecification_probability: Probability that the robot is otherwise than the problem says
+            in a way that is not looked for, or has changed during the run.
+        causes: Ways that are looked for in which the robot may be otherwise than the problem says,
+            the most probable first; statements on attachments and lengths are over all of them.
         as_stated_m: Length of each leg, m, in motor order, if the robot is just as stated; empty
             where that is not known, or where nothing else is allowed.
-        overturned: The interaction, by its index, after which other attachments were sure, which
-            the readings since rule out; ``None``: there is none.
-        information_gain_bits: Of the last interaction; ``None`` where it is unknown.
+        overturned: Index of the interaction after which other attachments were sure, which the
+            readings since rule out; ``None``: there is none.
+        information_gain_bits: Information that the last interaction gave, bits; ``None`` where it
+            is unknown.
         predicted: Each interaction so far, as the best body predicts it.
         next_movement: At the end of a run, where rivals are left or causes compete, the movement
             that would discriminate best between them.
-        simulated: Samples that the reference back-end simulated; 0: it was not asked.
-        ess: Effective sample size of those.
+        simulated: Number of samples that the reference back-end simulated; 0: it was not asked.
+        ess: Effective sample size of the simulated samples.
     """
 
     probability_within_problem: Share | None
@@ -205,11 +208,11 @@ class PosteriorSummary(FitVerdict):
 
     @property
     def probability_as_stated(self) -> float:
-        """That the robot has nothing otherwise than its problem says, but for what is narrow."""
+        """Probability that the robot is as its problem says, but for narrow deviations."""
         return max(0.0, 1 - sum(cause.probability for cause in self.causes))
 
     def knows_cause(self, wanted: float) -> bool:
-        """Whether one cause, or that there is none, is so probable; else causes compete."""
+        """Whether one cause, or that there is none, is at least so probable; else they compete."""
         shares = [cause.probability for cause in self.causes]
         return max([self.probability_as_stated, *shares]) >= wanted
 
@@ -223,17 +226,18 @@ class PosteriorSummary(FitVerdict):
         return self.stated(self.probability_within_problem)
 
     def stated(self, share: float) -> float:
-        """A share of the posterior, times the probability that the table holds all of the robot."""
+        """A share of the posterior times the probability that the model is not misspecified."""
         return share * (1 - self.misspecification_probability)
 
     @computed_field  # type: ignore[prop-decorator]
     @property
     def not_known(self) -> NotKnown | None:
-        """Why the probability is not known; ``None``: it is.
+        """Why the probability is not known; ``None``: it is known.
 
         Where the searches have found different bodies, their coverage says nothing of those that
         only one found. Where few samples stand for the best body, or movements are so few that
-        searches rarely find all that explains them, only that it is improbable can be known.
+        searches rarely find all bodies that explain them, the best body can only be known to be
+        improbable.
         """
         within = self.probability_within_problem
         if within is None:
@@ -261,13 +265,14 @@ class StoredMode(_Record):
     """One set of attachments.
 
     Attributes:
-        probability: Share of the posterior.
-        ess: Effective sample size behind it.
-        genes: Of a body with these attachments that fits well.
-        amounts: What that robot has otherwise than stated, by the table of parameters.
-        indistinguishable: Whether no sensor can tell most of its samples from bodies of the same
-            lengths that have the first mode's attachments.
-        found: Which populations have found it.
+        probability: Share of the posterior that has these attachments.
+        ess: Effective sample size behind the share.
+        genes: Genes of a body with these attachments that fits well.
+        amounts: What the robot with that body has otherwise than stated, by name in the table of
+            parameters.
+        indistinguishable: Whether no sensor can tell most of the mode's samples from bodies of the
+            same lengths that have the first mode's attachments.
+        found: Whether each population has found the mode.
     """
 
     probability: Share
@@ -282,10 +287,10 @@ class StoredChange(_Record):
     """What has changed on the robot since it was identified.
 
     Attributes:
-        name: Of its row in the table of changes.
-        sentence: It, with its amount.
-        probability: That it is this.
-        amounts: Of each sample, standard normal before any reading.
+        name: Name of its row in the table of changes.
+        sentence: The change with its amount, in words.
+        probability: Probability of this change.
+        amounts: Amount of the change in each sample, standard normal before any reading.
     """
 
     name: str
@@ -298,16 +303,17 @@ class StoredPosterior(PosteriorSummary):
     """The posterior after some interactions, with its samples.
 
     Attributes:
-        genes: Samples, shape (n, genes).
-        amounts: What each of their robots has otherwise than stated, by the table of parameters:
-            SI, of factors logarithms, of what is so or not 1; what is not named is as stated.
-        scales: Logarithms of their factors on tilt's and clearance's noise, shape (n, 2).
-        weights: Of the samples, adding up to 1.
-        best: Genome of the first mode's attachments with its samples' lengths: each leg's is their
-            median.
+        genes: Genes of the samples, shape (n, genes).
+        amounts: What each sample's robot has otherwise than stated, by name in the table of
+            parameters: SI; logarithms of factors; 1 for what is so or not; what is not named is as
+            stated.
+        scales: Logarithms of the samples' factors on tilt's and clearance's noise, shape (n, 2).
+        weights: Weights of the samples, adding up to 1.
+        best: Genes with the first mode's attachments; the length of each leg is the median of the
+            mode's samples.
         modes: Sets of attachments, the most probable first.
-        changes: What has changed since, the first one first.
-        diagnosed: Whether it is a diagnosis's, and complete without a simulator's last word.
+        changes: What has changed since the identification, the first change first.
+        diagnosed: Whether a diagnosis made it; then it is complete without a reference check.
     """
 
     genes: tuple[tuple[Gene, ...], ...]

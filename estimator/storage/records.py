@@ -21,12 +21,13 @@ class Counters(BaseModel):
     Attributes:
         simulations_requested: Models x motor programs that the search asked for; the size by which
             searches are compared.
-        simulations_run: How many of them had to be simulated.
-        simulations_invalid: How many of those were invalid, which counts as the worst error; see
-            ``readings.observation.PredictedReadings``.
-        simulations_undecided: How many of those had no weight, since the body lay in balance.
-        steps: Physics steps simulated.
-        wall_seconds: Time spent, over all processes that worked on the run.
+        simulations_run: Number of requested simulations that had to be run.
+        simulations_invalid: Number of simulations run that were invalid, which counts as the worst
+            error; see ``readings.observation.PredictedReadings``.
+        simulations_undecided: Number of simulations run that had no weight, since the body lay in
+            balance.
+        steps: Number of physics steps simulated.
+        wall_seconds: Time spent, over all processes that worked on the run, s.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -39,7 +40,7 @@ class Counters(BaseModel):
     wall_seconds: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
 
     def including(self, finish: Finish, interactions: int) -> Counters:
-        """With what the reference back-end cost at the end."""
+        """These counters plus the cost of the reference back-end's simulations at the end."""
         return self.model_copy(
             update={
                 "simulations_requested": self.simulations_requested
@@ -56,12 +57,12 @@ class Finish(BaseModel):
 
     Attributes:
         models: Indices in the final population, best first by the search's own physics.
-        searched: Their subjective errors there.
-        simulated: Their subjective errors in the reference back-end; infinite where a simulation
-            is invalid.
-        simulations: Simulations that this took.
-        invalid: How many of them were invalid.
-        steps: Physics steps that this took.
+        searched: Subjective errors of these models by the search's own physics.
+        simulated: Subjective errors of these models in the reference back-end; infinite where a
+            simulation is invalid.
+        simulations: Number of simulations that this took.
+        invalid: Number of these simulations that were invalid.
+        steps: Number of physics steps that this took.
     """
 
     model_config = ConfigDict(frozen=True, ser_json_inf_nan="constants")
@@ -78,7 +79,7 @@ class BestFit(FitVerdict):
     """How the best model of a finished search explains the readings.
 
     Attributes:
-        interactions: How many there were.
+        interactions: Number of interactions.
     """
 
     interactions: Count
@@ -87,7 +88,7 @@ class BestFit(FitVerdict):
     @computed_field  # type: ignore[prop-decorator]
     @property
     def explained(self) -> bool:
-        """Whether it explains them, but for outliers."""
+        """Whether the model explains the readings, but for outliers."""
         return self.is_adequate(self.interactions)
 
 
@@ -100,7 +101,7 @@ class Ticket:
 
 
 def first_id(connection: int) -> int:
-    """The first request id of a connection, by its number; no two connections share any."""
+    """First request id of a connection, by the connection's number; no two share any id."""
     return connection * _IDS_PER_CONNECTION + 1
 
 
@@ -110,10 +111,10 @@ class InteractionRecord:
 
     Attributes:
         program: Target angle of each joint, rad.
-        ticket: Under which it was last asked for.
-        observation: What it returned.
+        ticket: Ticket under which it was last asked for.
+        observation: Observation that it returned.
         reason: Why it was chosen, for people.
-        bits: Information that it was expected to give, where the rule said.
+        bits: Information that it was expected to give, bits, where the rule said.
     """
 
     program: Program
@@ -130,17 +131,17 @@ def performed(
     session: str | None,
     observation: str | None,
 ) -> dict[str, Any]:
-    """A record's fields ``program``, ``ticket`` and ``observation``, as a database holds them.
+    """Fields ``program``, ``ticket`` and ``observation`` of a record, from a database's columns.
 
     Args:
-        joints: Of the robot.
-        program: JSON.
-        request_id: The ticket's.
-        session: The robot's, of the ticket.
-        observation: JSON.
+        joints: Number of the robot's joints.
+        program: Motor program, JSON.
+        request_id: Request id of the ticket.
+        session: The robot's session, of the ticket.
+        observation: Observation, JSON.
 
     Raises:
-        ValueError: It is no record of such a robot.
+        ValueError: The columns are no record of such a robot.
     """
     ticket = None
     if request_id is not None and session is not None:
@@ -168,12 +169,13 @@ class Generation:
     """The population after one generation.
 
     Attributes:
-        number: Counts over the whole run, from 0. The first generation of an iteration is the
-            carried-over (at first random) population, evaluated on all observations so far.
+        number: Number of the generation in the whole run, from 0. The first generation of an
+            iteration is the carried-over (at first random) population, evaluated on all
+            observations so far.
         iteration: Number of the interaction that was last performed, from 0.
         errors: Subjective error of every model.
         best: Genes of the model with the smallest error.
-        counters: What the run had cost by then.
+        counters: Cost of the run by then.
     """
 
     number: int
@@ -185,11 +187,12 @@ class Generation:
 
 @dataclass(frozen=True, kw_only=True)
 class Checkpoint:
-    """The state of what learns, after so many steps of it.
+    """State of a run's search or sampler.
 
     Attributes:
-        number: Of the last generation, or of the last interaction, whichever the method counts.
-        state: As the method wrote it.
+        number: Number of the last generation, or of the last interaction, whichever the method
+            counts.
+        state: State as the method wrote it.
     """
 
     number: int

@@ -17,8 +17,8 @@ Learn: TypeAlias = Literal["lengths", "mass", "all"]
 class RunConfig(BaseModel):
     """What is asked of a new run.
 
-    The command line has an option for each field, described by the field's own words; what
-    ``None`` leaves open is decided by the method, the problem or the recorded run.
+    The command line has an option for each field, with the field's description; what ``None``
+    leaves open is decided by the method, the problem or the recorded run.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -87,8 +87,8 @@ class RunSettings(RunConfig):
     """Everything that decides a run's outcome, apart from the robot; nothing is left open.
 
     Attributes:
-        problem_text: The problem's TOML as it was: later edits of the file do not reach the run.
-        reference: Name of the physics back-end that has the last word.
+        problem_text: TOML of the problem as it was: later edits of the file do not reach the run.
+        reference: Name of the physics back-end that checks the result in the end.
         plugins: Version by name of each package from outside that decides the outcome too.
     """
 

@@ -1,4 +1,4 @@
-"""What came of a population when its search was over."""
+"""What a run stores of its population when its search is over."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ _NOTHING: Final = "null"
 
 
 class SearchEnd:
-    """The end of a run's search; nothing of it is there before.
+    """What is stored at the end of a run's search; empty before.
 
     Args:
-        database: The run's.
-        directory: The run directory, for sentences.
+        database: Database of the run.
+        directory: Run directory, for messages.
     """
 
     def __init__(self, database: RunDatabase, directory: Path):

@@ -1,13 +1,13 @@
 """A run directory that survives ``kill -9`` at any instant.
 
 ``run.sqlite`` holds everything that must survive, and ``run.lock`` is held (flock) by the process
-that writes; where that does not keep a second one out, the first can write no more.
+that writes; where the lock does not keep a second writer out, the first can write no more.
 ``docs/formats.md`` lists the other files, which are derived and free to delete.
 
 Two rules make the run durable. What is about to be asked of the robot is committed before the
 request leaves, and what it answered is committed before anything else happens; so a restart knows
-the id with which to ask for the outcome. And a generation's record and the search's state go into
-one transaction, so that a restart continues from exactly one of the two.
+the id with which to ask for the outcome. And a generation's record and the search's state after it
+go into one transaction, so that a restart finds either both or neither.
 """
 
 from __future__ import annotations
@@ -72,8 +72,8 @@ class RunStore(Closable):
         settings: What the run was asked to do.
         capabilities: What the robot said it is.
         client_id: The client id of the run's requests to the robot.
-        search_end: What came of its search, where that optimised a population.
-        validations: What its models predicted of motor programs that were performed afterwards.
+        search_end: What is stored at the end of the search, where that optimised a population.
+        validations: What the run's models predicted of motor programs performed afterwards.
     """
 
     def __init__(self, directory: Path, database: RunDatabase, lock: int | None):
@@ -95,14 +95,14 @@ class RunStore(Closable):
         """The problem that the run was started with, written out for its robot.
 
         Raises:
-            ProblemError: Its text is damaged, or of another version.
+            ProblemError: The problem's text is damaged, or of another version.
         """
         asked = Problem.parse(self.settings.problem_text, f"problem of {self.directory}")
         return asked.for_robot(self.capabilities)
 
     @cached_property
     def genome(self) -> Genome:
-        """Decodes the run's models."""
+        """The genome that decodes the run's models."""
         return Genome(self.problem, self.problem.base(self.capabilities))
 
     @cached_property
@@ -199,7 +199,7 @@ class RunStore(Closable):
     # --- the robot --------------------------------------------------------------------------------
 
     def new_connection(self) -> int:
-        """Counts a connection to the robot; returns the first request id it may use."""
+        """Counts one more connection to the robot; returns the first request id it may use."""
         with transaction(self._database):
             number = int(json.loads(self._meta("connections")))
             self._database.execute(
@@ -277,10 +277,10 @@ class RunStore(Closable):
         """Commits the posterior after an interaction, with the sampler's state.
 
         Args:
-            number: Of the interaction.
-            posterior: Replaces what was stored of that interaction before.
-            counters: What the run has cost by then.
-            state: ``None`` leaves the checkpoint as it is.
+            number: Number of the interaction.
+            posterior: Posterior; replaces what was stored of that interaction before.
+            counters: Cost of the run by then.
+            state: State of the sampler; ``None`` leaves the checkpoint as it is.
         """
         with transaction(self._database):
             self._database.execute(
@@ -295,7 +295,7 @@ class RunStore(Closable):
         self._database.execute("INSERT OR REPLACE INTO checkpoint VALUES (0, ?)", (checkpoint,))
 
     def posteriors(self) -> list[tuple[StoredPosterior, Counters]]:
-        """The posterior after each interaction, with what the run had cost by then."""
+        """The posterior after each interaction, with the cost of the run by then."""
         with reading(self.directory):
             rows = self._database.execute(
                 "SELECT posterior, counters FROM posteriors ORDER BY number"
@@ -312,7 +312,7 @@ class RunStore(Closable):
             return stored
 
     def checkpoint(self) -> Checkpoint | None:
-        """The search's latest committed state."""
+        """Latest committed state of the search or sampler; ``None`` before the first."""
         with reading(self.directory):
             row = self._database.execute("SELECT value FROM checkpoint").fetchone()
             return None if row is None else Checkpoint(**json.loads(row[0]))
@@ -340,10 +340,10 @@ class RunStore(Closable):
             ]
 
     def check_genes(self, genes: Array) -> None:
-        """Refuses genomes, shape (n, genes), that are none of the run's.
+        """Refuses genes, shape (n, genes), that do not fit the run's genome.
 
         Raises:
-            ValueError: What is wrong.
+            ValueError: Their number or their range is wrong.
         """
         size = self.genome.size
         if genes.shape[1:] != (size,):

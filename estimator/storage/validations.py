@@ -1,4 +1,4 @@
-"""Predictions of motor programs not yet performed, and what came of them."""
+"""Predictions of motor programs not yet performed, and what was observed afterwards."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ class Validations:
     """The validations of a run, numbered from 0.
 
     Args:
-        database: The run's.
-        directory: The run directory, for sentences.
-        joints: Of the robot.
+        database: Database of the run.
+        directory: Run directory, for messages.
+        joints: Number of the robot's joints.
     """
 
     def __init__(self, database: RunDatabase, directory: Path, joints: int):
@@ -44,7 +44,7 @@ class Validations:
         return int(number)
 
     def ask(self, validation: int, number: int, ticket: Ticket | None) -> None:
-        """Commits the id under which a predicted motor program is about to be performed."""
+        """Commits the request id under which a predicted motor program is about to be asked for."""
         with transaction(self._database):
             self._database.execute(
                 "UPDATE predictions SET request_id = ?, session = ? "

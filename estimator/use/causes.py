@@ -1,4 +1,4 @@
-"""How probable each cause is by what was observed, and the bodies that it leaves.
+"""Probability of each cause given what was observed, and the bodies that the cause leaves.
 
 A cause holds *particles*: a body of the posterior as it was identified, and an amount of the
 change. Its evidence is integrated by adaptive importance sampling: bodies and amounts are drawn by
@@ -30,13 +30,13 @@ Rows = NDArray[np.intp]
 UNCHANGED: Final = 0.5
 """Probability, before a reading, that a robot that is diagnosed is as it was."""
 
-_PARTICLES: Final = 64  # of a cause in the first round
-_ROUNDS: Final = (64, 128, 256, 256)  # and of the others
+_PARTICLES: Final = 64  # particles of a cause in the first round
+_ROUNDS: Final = (64, 128, 256, 256)  # particles of a cause in the further rounds
 _SPREADS: Final = (0.01, 0.15)  # of amounts around good ones, in units of their priors
 _PRIOR: Final = 0.3  # share of bodies that are drawn by their prior in each round
-_CENTRES: Final = 16  # of either sign
-_HOPELESS: Final = 30.0  # nats below the best cause that a coarse look must find,
-_UNLIKELY: Final = 15.0  # and every round
+_CENTRES: Final = 16  # good amounts of either sign, around which others are drawn
+_HOPELESS: Final = 30.0  # nats below the best cause: no rounds for a cause that is farther off,
+_UNLIKELY: Final = 15.0  # and no further round
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -44,10 +44,10 @@ class Particles:
     """Weighted bodies of one cause.
 
     Attributes:
-        cause: ``None``: nothing has changed.
-        rows: Bodies of the posterior as it was identified, shape (n,).
+        cause: The cause; ``None``: nothing has changed.
+        rows: Numbers of bodies of the posterior as it was identified, shape (n,).
         theta: Amounts of the change, standard normal before any reading, shape (n,).
-        weights: Adding up to 1, shape (n,).
+        weights: Weights, adding up to 1, shape (n,).
         log_evidence: Logarithm of the density of all observations, given the cause.
     """
 
@@ -61,7 +61,7 @@ class Particles:
         return len(self.rows)
 
     def drawn(self, count: int, start: float) -> Particles:
-        """So many, equally likely."""
+        """Draws ``count`` equally likely particles."""
         chosen = systematic(self.weights, count, start)
         return replace(
             self,
@@ -71,10 +71,10 @@ class Particles:
         )
 
     def amount(self, times: Array | float = 1.0) -> tuple[float, float, float]:
-        """The median of the amounts, and the ends of their 90 % interval.
+        """Median of the amounts, and the ends of their 90 % interval.
 
         Args:
-            times: A factor on them, shape (n,), or one for all.
+            times: Factors on the amounts, shape (n,), or one for all.
         """
         assert self.cause is not None
         low, middle, high = np.quantile(
@@ -91,8 +91,8 @@ class Weighed:
     """All causes, the most probable first.
 
     Attributes:
-        particles: Of each, and of no change.
-        probabilities: Of each, adding up to 1.
+        particles: Particles of each cause, and of no change.
+        probabilities: Probability of each, adding up to 1.
     """
 
     particles: tuple[Particles, ...]
@@ -107,13 +107,13 @@ class Weighed:
 
 @dataclass(frozen=True)
 class _Round:
-    """What some particles were drawn by.
+    """Distribution that the particles of a round were drawn from.
 
     Attributes:
-        count: How many.
-        chances: Of each body, shape (bodies,).
-        centres: Of amounts, shape (k,); ``None``: they were drawn by their prior.
-        spread: Around these.
+        count: Number of particles.
+        chances: Probability of each body, shape (bodies,).
+        centres: Centres of the amounts, shape (k,); ``None``: these were drawn by their prior.
+        spread: Standard deviation of the amounts around their centres.
     """
 
     count: int
@@ -122,7 +122,7 @@ class _Round:
     spread: float
 
     def log_density(self, theta: Array, prior: Array) -> Array:
-        """Of amounts, shape (n,), whose prior is known."""
+        """Log-density by which amounts, shape (n,), were drawn; ``prior``: their log-prior."""
         if self.centres is None:
             return prior
         away = (theta[:, None] - self.centres) / self.spread
@@ -140,9 +140,9 @@ class Weigher:
         rng: Draws particles.
 
     Attributes:
-        known: As above.
-        causes: As above.
-        rng: As above.
+        known: The body as it was identified.
+        causes: What may have changed.
+        rng: Draws particles.
     """
 
     def __init__(
@@ -156,10 +156,10 @@ class Weigher:
         self._weights = known.weights
 
     def on_top_of(self, named: Sequence[tuple[Particles, float]]) -> Weigher:
-        """Weighs what may have changed as well, where some causes are taken to be known.
+        """Weigher of what may have changed as well, where some causes are taken to be known.
 
         Args:
-            named: These, each with its share.
+            named: Particles of these causes, each with its share.
         """
         drawn = [
             one.drawn(max(1, round(share * len(self.known))), float(self.rng.random()))
@@ -179,7 +179,7 @@ class Weigher:
         return particles.cause.changed(bodies, particles.theta)
 
     def bodies_of(self, rows: Rows) -> Bodies:
-        """Bodies of the posterior as it was identified."""
+        """Bodies of the posterior as it was identified, by number."""
         return self._bodies[rows]
 
     def scales(self, particles: Particles) -> Array:
@@ -188,7 +188,7 @@ class Weigher:
         return scales
 
     def prior(self, cause: Cause | None, count: int) -> Particles:
-        """So many equally likely particles before any reading."""
+        """Draws ``count`` equally likely particles of a cause before any reading."""
         rows = systematic(self._weights, count, float(self.rng.random()))
         places = (self.rng.permutation(count) + self.rng.random(count)) / count
         theta = np.zeros(count) if cause is None else cause.drawn(places)
@@ -224,7 +224,8 @@ class Weigher:
             bodies: The bodies.
             scales: Logarithms of their noise factors, shape (n, 2).
             observations: At least one.
-            surely: Take it that everybody falls as statics has it, with coarse steps.
+            surely: Whether to assume that all bodies fall as statics says; then joints turn in
+                coarse steps.
         """
         known = self.known
         likelihood = known.likelihood_of(observations)
@@ -233,7 +234,7 @@ class Weigher:
         return likelihood.of(misfits, scales=scales)
 
     def weigh(self, observations: Sequence[Observation]) -> Weighed:
-        """All causes by all observations, from scratch."""
+        """Weighs all causes by all observations, from scratch."""
         first = [self.prior(cause, _PARTICLES) for cause in self.causes]
         if not observations:
             everyone = [self.prior(None, len(self._weights)), *first]
@@ -271,9 +272,9 @@ class Weigher:
         """The particles of a cause after some rounds of those that explain most.
 
         Args:
-            first: Drawn by the prior.
-            observations: All.
-            least: Evidence below which no further round follows.
+            first: Particles drawn by the prior.
+            observations: All observations.
+            least: Log-evidence below which no further round follows.
         """
         cause, rng = first.cause, self.rng
         assert cause is not None
@@ -310,7 +311,7 @@ class Weigher:
         )
 
     def _centres(self, theta: Array, weights: Array) -> Array:
-        """Amounts that explain most, of either sign, for one of them may be found by chance."""
+        """Amounts that explain most, of either sign, as one sign alone may be found by chance."""
         signs = [sign for sign in (theta < 0, theta >= 0) if weights[sign].sum() > 0]
         return np.concatenate(
             [
@@ -326,7 +327,7 @@ class Weigher:
     def _log_weights(
         self, cause: Cause, rows: Rows, theta: Array, fits: Array, rounds: Sequence[_Round]
     ) -> Array:
-        """By the mixture of all that particles were drawn by."""
+        """Logarithms of weights, shape (n,), against the mixture of all rounds' distributions."""
         prior = cause.log_density(theta)
         total = sum(one.count for one in rounds)
         drawn = [

@@ -20,10 +20,10 @@ from estimator.posterior.posterior import systematic
 from estimator.readings.observation import PredictedReadings
 
 _PROBES: Final = 64  # programs on which a change must show
-_SHOWS: Final = 0.1  # in so many of them at least
-_BY: Final = 5.0  # by so many standard deviations: what models err by adds up otherwise
-_MIDDLE: Final = 0.6745  # of what is even between two ends
-_SIZES: Final = np.linspace(0.1, 3.0, 30)  # of an amount, in its spreads
+_SHOWS: Final = 0.1  # smallest share of the programs in which it must show
+_BY: Final = 5.0  # standard deviations by which it must show: less may be errors of models
+_MIDDLE: Final = 0.6745  # tried for an amount that is uniform between two ends, standard normal
+_SIZES: Final = np.linspace(0.1, 3.0, 30)  # tried for other amounts, in their spreads
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,10 +31,10 @@ class Cause:
     """One change, with how probable it is before any reading.
 
     Attributes:
-        row: What it does.
+        row: Row of the table of changes, which says what the change does.
         log_prior: Logarithm of its probability, if there is one of the changes.
-        least: Its amount is at least so many spreads: smaller ones cannot be told from what models
-            err by. 0: any amount can.
+        least: Smallest amount, in spreads: smaller ones cannot be told from what models err by. 0:
+            any amount can.
     """
 
     row: Parameter
@@ -43,11 +43,11 @@ class Cause:
 
     @property
     def name(self) -> str:
-        """Of the row."""
+        """Name of the row."""
         return self.row.name
 
     def amounts(self, theta: Array) -> Array:
-        """Amounts of standard normal numbers, shape (n,)."""
+        """Amounts that standard normal numbers stand for, shape (n,)."""
         amounts = self.row.amounts(self.row.wide or 1.0, theta)
         return np.abs(amounts) if isinstance(self.row, Within) else amounts
 
@@ -63,7 +63,7 @@ class Cause:
         return theta
 
     def log_density(self, theta: Array) -> Array:
-        """Logarithm of what ``drawn`` draws by, shape (n,)."""
+        """Logarithm of the density by which ``drawn`` draws, shape (n,)."""
         normal = -0.5 * theta**2 - 0.5 * math.log(2 * math.pi) - math.log(2 * ndtr(-self.least))
         return np.where(np.abs(theta) >= self.least, normal, -np.inf)
 
@@ -89,7 +89,7 @@ def causes_of(known: FittedPosterior, rng: np.random.Generator) -> tuple[Cause, 
 
 
 def _least(known: FittedPosterior, row: Parameter, bodies: Bodies, programs: Array) -> float | None:
-    """From how many spreads on a change shows; ``None``: never."""
+    """Number of spreads from which on a change shows; ``None``: it never does."""
     if row.switch or isinstance(row, Within):
         thetas = np.array([_MIDDLE])
     else:
@@ -102,7 +102,7 @@ def _least(known: FittedPosterior, row: Parameter, bodies: Bodies, programs: Arr
     after = known.predictor.read(changed, rows, each)
     again = before[np.tile(np.arange(len(programs)), len(thetas))]
     shows = _apart(again, after, known.noise).reshape(len(thetas), -1).mean(axis=1) >= _SHOWS
-    if shows[-1]:  # also of no amount at all: a servo that jammed at 0
+    if shows[-1]:  # even an amount of 0 shows, such as a servo that jammed at 0
         return 0.0
     both = shows[:-1].reshape(2, -1).all(axis=0)
     always = np.flip(np.logical_and.accumulate(np.flip(both)))  # from here on

@@ -1,4 +1,4 @@
-"""Bodies to which all changes at once are open: no cause is named that explains much less."""
+"""Bodies that may have all changes at once: a cause that explains much less is not named."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from estimator.use.causes import Particles, Rows, Weigher
 
 _CHAINS: Final = 64
 _TEMPERATURES: Final = np.concatenate([[0.0], np.geomspace(2e-3, 1.0, 32)])
-_MOVES: Final = 2  # at each
+_MOVES: Final = 2  # of each chain at each temperature
 _SEVERAL: Final = 1.5  # changes, expected before any reading
 
 
 def chances_of(weigher: Weigher) -> Array:
-    """How probably each change is on, before any reading."""
+    """Probability that each change is on, before any reading, shape (causes,)."""
     return np.minimum(_SEVERAL * np.exp([one.log_prior for one in weigher.causes]), 0.5)
 
 
@@ -33,10 +33,10 @@ class Competitor:
     """Bodies with any number of changes at once: spike and slab, annealed.
 
     Attributes:
-        rows: Bodies of the posterior as it was identified, shape (n,).
-        on: Which changes each has, shape (n, causes).
+        rows: Numbers of bodies of the posterior as it was identified, shape (n,).
+        on: Which changes each body has, shape (n, causes).
         theta: Amounts of all changes, shape (n, causes).
-        weights: Adding up to 1, shape (n,).
+        weights: Weights, adding up to 1, shape (n,).
         log_evidence: Logarithm of the density of all observations.
     """
 
@@ -48,7 +48,7 @@ class Competitor:
 
     @classmethod
     def fitted(cls, weigher: Weigher, observations: Sequence[Observation]) -> Competitor:
-        """By annealed importance sampling from the prior (Neal 2001)."""
+        """Samples bodies by annealed importance sampling from the prior (Neal 2001)."""
         rng, causes = weigher.rng, weigher.causes
         chances, count = chances_of(weigher), _CHAINS
         theta = np.column_stack([one.drawn(rng.random(count)) for one in causes])
@@ -86,9 +86,9 @@ class Competitor:
         return fits
 
     def _moved(self, weigher: Weigher, chances: Array) -> tuple[Competitor, Array]:
-        """Each chain somewhere else, and the logarithm of how probable that is beside where it was.
+        """Proposes a move of each chain; the log-odds of the new state, but for its likelihood.
 
-        A change is switched, or takes the place of another; an amount or the body is another.
+        A move switches a change, puts it in the place of another, or changes an amount or the body.
         """
         rng, causes = weigher.rng, weigher.causes
         rows, on, theta = self.rows.copy(), self.on.copy(), self.theta.copy()
@@ -124,7 +124,7 @@ class Competitor:
         return replace(self, rows=rows, on=on, theta=theta), odds
 
     def bodies(self, weigher: Weigher) -> Bodies:
-        """The bodies."""
+        """The n bodies, with their changes."""
         bodies = weigher.bodies_of(self.rows)
         order, pieces = [], []
         for mask in np.unique(self.on, axis=0):
@@ -137,12 +137,12 @@ class Competitor:
         return Bodies.joined(pieces)[np.argsort(np.concatenate(order))]
 
     def scales(self, weigher: Weigher) -> Array:
-        """Logarithms of their noise factors, shape (n, 2)."""
+        """Logarithms of the bodies' noise factors, shape (n, 2)."""
         scales: Array = weigher.known.scales[self.rows]
         return scales
 
     def drawn(self, count: int) -> Competitor:
-        """So many, equally likely."""
+        """Draws ``count`` equally likely bodies."""
         rows = systematic(self.weights, count, 0.5)
         return replace(
             self,
@@ -153,7 +153,7 @@ class Competitor:
         )
 
     def suspects(self, weigher: Weigher) -> tuple[tuple[str, float], ...]:
-        """Changes that most bodies have, with their shares."""
+        """The up to three changes that most bodies have, with the shares of bodies."""
         shares = self.weights @ self.on
         order = np.argsort(-shares)[:3]
         return tuple(
@@ -164,7 +164,7 @@ class Competitor:
 
 
 def log_alone(weigher: Weigher, one: Particles) -> float:
-    """Logarithm of the competitor's prior of a cause's being on alone."""
+    """Logarithm of the competitor's prior probability that a cause is on alone."""
     chances = chances_of(weigher)
     alone = float(np.sum(np.log1p(-chances)))
     if one.cause is None:

@@ -32,17 +32,17 @@ SURE: Final = 0.95
 """Probability from which on a cause is put to the test."""
 
 MOVEMENTS: Final = 12
-"""At most, those of the test included."""
+"""Largest number of movements, those of the test included."""
 
 CONFIRMING: Final = 3
-"""Movements that put a cause to the test."""
+"""Number of movements that put a cause to the test."""
 
 _INDISTINGUISHABLE: Final = 0.15  # bits: a movement that tells no more tells nothing
 _RIVAL: Final = 0.05  # what is less probable is not named beside others
 _BETTER: Final = 3.0  # nats by which the competitor must explain the readings better
 _SURPRISE: Final = 0.02  # probability of readings as odd as those of the test
-_BODIES: Final = 64  # of a cause, that predict
-_SECOND: Final = 0.1  # probability of a second change
+_BODIES: Final = 64  # bodies of what is named, which predict readings
+_SECOND: Final = 0.1  # probability of a second change, before any reading
 _FEWEST: Final = 3  # movements before "nothing has changed" may be the answer
 
 Act = Callable[[Program, str], Observation]
@@ -64,15 +64,15 @@ class Diagnosis:
 
     Attributes:
         verdict: Whether a cause is named.
-        causes: Those that are named, the most probable first; several where no movement could tell
-            them apart. Otherwise the most probable.
-        probability: Of these together.
+        causes: Causes that are named, the most probable first; several where no movement could tell
+            them apart. If none is named, the most probable causes.
+        probability: Probability of these causes together.
         weighed: All causes after the last movement.
-        observations: Of the movements.
+        observations: Observations of the movements.
         reasons: Why each movement was made.
         surprise: Probability of readings as odd as those of the test, under the named cause;
             ``None``: it was not put to the test.
-        better: By how many nats the competitor explains all readings better.
+        better: By how many nats the competitor explains all readings better than the named causes.
         suspects: Causes that the competitor has on, with their shares: where it explains the
             readings better, two things may have failed at once.
     """
@@ -88,7 +88,7 @@ class Diagnosis:
     suspects: tuple[tuple[str, float], ...] = ()
 
     def in_words(self, known: FittedPosterior) -> str:
-        """What is the matter, as a sentence or two.
+        """What was found, in a sentence or two.
 
         Args:
             known: The body as it was identified.
@@ -140,7 +140,7 @@ def diagnose(
         weigher: Weighs causes.
         act: Moves the robot.
         before: Observations since the change, as of a monitor that has raised the alarm.
-        movements: How many there may be at most.
+        movements: Largest number of movements.
     """
     observations, reasons = list(before), ["made by the monitor"] * len(before)
     tested: Diagnosis | None = None
@@ -176,7 +176,7 @@ def diagnose(
 
 
 def _named(weighed: Weighed) -> tuple[tuple[Particles, ...], float]:
-    """The fewest causes that are sure together, without what is improbable; and how sure."""
+    """The fewest causes that are sure together, but for improbable ones; and their probability."""
     count = int(np.searchsorted(np.cumsum(weighed.probabilities), SURE)) + 1
     probable = max(1, int(np.sum(weighed.probabilities[:count] >= _RIVAL)))
     return weighed.particles[:probable], float(weighed.probabilities[:probable].sum())
@@ -254,7 +254,7 @@ def _tested(
 
 
 def _shares_of(named: Sequence[Particles], weighed: Weighed) -> list[tuple[Particles, float]]:
-    """The causes of these names as they are weighed by now, with their shares of all of them."""
+    """The named causes as they are weighed by now, with shares that add up to 1."""
     names = _names(named)
     groups = [
         (one, share)
@@ -268,7 +268,7 @@ def _shares_of(named: Sequence[Particles], weighed: Weighed) -> list[tuple[Parti
 def _suspects(
     weigher: Weigher, named: Sequence[Particles], last: Weighed, rival: Competitor
 ) -> tuple[tuple[str, float], ...]:
-    """What may have failed at once, with shares."""
+    """Names of changes that may have happened at once, with their shares."""
     if _log_odds(last) <= _BETTER:
         return rival.suspects(weigher)
     second = next(
@@ -280,7 +280,7 @@ def _suspects(
 
 
 def _second(further: Weigher, weighed: Weighed) -> Hypotheses:
-    """Bodies with one change more than is named."""
+    """Bodies with one change more than those that are named."""
     groups = [
         (one, share)
         for one, share in zip(weighed.particles, weighed.probabilities.tolist(), strict=True)
@@ -291,15 +291,15 @@ def _second(further: Weigher, weighed: Weighed) -> Hypotheses:
 
 
 def _log_odds(further: Weighed) -> float:
-    """By how many nats one change more explains the readings better, as improbable as it is."""
+    """Log-odds of one change more, nats, its improbability before any reading included."""
     same = max(further.unchanged, 1e-300)
     return math.log(max(1 - same, 1e-300)) - math.log(same) + math.log(_SECOND)
 
 
 def _evidence(weigher: Weigher, named: Sequence[Particles], weighed: Weighed) -> float:
-    """Logarithm of the density of all observations under the named causes, as if none other were.
+    """Logarithm of the density of all observations under the named causes, as if no other existed.
 
-    With the prior that the competitor gives to each being on alone.
+    Each has the prior that the competitor gives to its being on alone.
     """
     names = _names(named)
     logs = [

@@ -21,12 +21,12 @@ from estimator.use.causes import Particles, Weighed, Weigher
 from estimator.use.pose import SAFE, attainable
 
 HYPOTHESES: Final = 160
-"""Bodies among which a movement is to tell."""
+"""Default number of bodies among which a movement is to tell."""
 
 _CANDIDATES: Final = 300
 _DRAWS: Final = 160
 _MORE_DRAWS: Final = 640
-_UNSAFE: Final = 10.0  # bits that a movement is worth less if it is safe for none
+_UNSAFE: Final = 10.0  # bits that a movement is worth less if it is safe for no body
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -35,8 +35,8 @@ class Hypotheses:
 
     Attributes:
         bodies: n bodies.
-        scales: Logarithms of their noise factors, shape (n, 2).
-        groups: Of each, shape (n,).
+        scales: Logarithms of the bodies' noise factors, shape (n, 2).
+        groups: Number of each body's group, shape (n,).
     """
 
     bodies: Bodies
@@ -50,12 +50,12 @@ class Hypotheses:
         groups: Sequence[tuple[Particles, float]],
         count: int | None = None,
     ) -> Hypotheses:
-        """From particles of causes, each with its share; in random order.
+        """Draws bodies from particles of causes by the causes' shares, in random order.
 
         Args:
-            weigher: Builds their bodies.
-            groups: Particles, and their shares, adding up to 1.
-            count: How many bodies; default: ``HYPOTHESES``.
+            weigher: Builds the bodies of particles.
+            groups: Particles of each group, and its share; shares add up to 1.
+            count: Number of bodies; default: ``HYPOTHESES``.
         """
         shares = np.array([share for _, share in groups])
         numbers = np.bincount(
@@ -78,7 +78,7 @@ class Hypotheses:
 
 
 def telling(weigher: Weigher, weighed: Weighed) -> tuple[Array, float]:
-    """The movement that is expected to tell most about what has changed, and how much, bits."""
+    """The movement, rad, that is expected to tell most of what has changed, and how much, bits."""
     groups = list(zip(weighed.particles, weighed.probabilities.tolist(), strict=True))
     return best_of(weigher, Hypotheses.of(weigher, groups))
 
@@ -89,10 +89,10 @@ def best_of(
     """The movement that tells groups of bodies apart best, rad, and its information, bits.
 
     Args:
-        weigher: Predicts.
+        weigher: Predicts readings.
         hypotheses: The bodies.
-        safe_for: Bodies that must not be near falling elsewhere, which is where most is told; by
-            default that is only worth less.
+        safe_for: Bodies that should not be near falling elsewhere, though most is told there. By
+            default a movement is only worth less where bodies are.
     """
     known, rng = weigher.known, weigher.rng
     gain = InformationGain(known.noise, known.clearance_cap, known.modalities)
@@ -122,7 +122,7 @@ def best_of(
 
 
 def readings_in(known: FittedPosterior, bodies: Bodies, programs: Array) -> PredictedReadings:
-    """Readings of all bodies in one program and the next."""
+    """Readings of all bodies in each program, one program after the other."""
     rows, each = each_with_each(len(bodies), programs)
     return known.predictor.read(bodies, rows, each, coarse_step=True)
 

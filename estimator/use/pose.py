@@ -33,14 +33,14 @@ REACHABLE: Final = 0.5
 """Share of the samples in which a goal must hold for the robot to be asked for it."""
 
 _SEARCHES: Final = 6  # at most, each from programs of its own, until one is as good as can be
-_SURELY: Final = 1.0  # a score: all bodies read so and fall nowhere else
+_SURELY: Final = 1.0  # score at which all bodies read as wanted and fall nowhere else
 _CANDIDATES: Final = 4000  # random programs
-_FIRST_LOOK: Final = 4  # bodies, which compare these
-_BODIES: Final = 24  # which compare all but finalists
+_FIRST_LOOK: Final = 4  # bodies by which random programs are compared
+_BODIES: Final = 24  # bodies by which programs are compared that are no finalists
 _SPREADS: Final = tuple(np.radians([6.0, 3.0, 1.5, 0.8, 0.4, 0.8, 0.4]))
-_FOOT: Final = 2.0  # tolerances that a foot is off which stands where it should not
-_FORGIVEN: Final = 3.0  # standard deviations
-_NOTHING: Final = 1e4  # squared tolerances: a body that predicts nothing
+_FOOT: Final = 2.0  # tolerances that a foot counts as off which does not stand as wanted
+_FORGIVEN: Final = 3.0  # standard deviations of noise that are added to tolerances
+_NOTHING: Final = 1e4  # squared tolerances that a body counts as off which predicts nothing
 _RISE: Final = 0.01  # m of clearance that are worth a tolerance, where the highest pose is wanted
 _WIDEST_MARGIN: Final = math.radians(15.0)
 
@@ -50,16 +50,16 @@ class Goal:
     """What the sensors are to read; ``None`` is any.
 
     Attributes:
-        tilt_left: Left side up by so much, rad.
-        tilt_forward: Nose up by so much, rad.
-        clearance: m.
+        tilt_left: Tilt left/right, rad; left side up is positive.
+        tilt_forward: Tilt forward/back, rad; nose up is positive.
+        clearance: Clearance, m.
         stand_on: Touch sensors that are to meet the ground, all others not.
-        highest: As large a clearance as the rest allows.
+        highest: Whether the clearance is to be as large as the rest allows.
         tilt_within: How far off a tilt may be, rad.
-        clearance_within: The same of clearance, m.
+        clearance_within: How far off the clearance may be, m.
 
     Raises:
-        EstimatorError: Nothing is wanted, or what contradicts itself.
+        EstimatorError: Nothing is wanted, or the goal contradicts itself.
     """
 
     tilt_left: float | None = None
@@ -82,10 +82,11 @@ class Goal:
             raise EstimatorError("a robot stands on something: name at least one joint")
 
     def misses(self, readings: PredictedReadings) -> Array:
-        """How many tolerances each each reading is off in each thing that is wanted.
+        """How many tolerances each reading is off in each thing that is wanted.
 
         Returns:
-            Shape (things, ...), as the readings' arrays begin; a foot is off by 0 or 2.
+            Numbers of tolerances, shape (things, ...), where ... is the shape of the readings; a
+            foot is off by 0 or 2.
         """
         rows: list[Array] = []
         for column, tilt in enumerate((self.tilt_left, self.tilt_forward)):
@@ -99,11 +100,11 @@ class Goal:
         return np.array(rows).reshape(len(rows), *readings.clearance.shape)
 
     def is_met_by(self, observation: Observation, noise: Noise | None = None) -> bool:
-        """Whether a robot that observed this stands as wanted; a reading not taken does not say so.
+        """Whether a robot that observed this stands as wanted; not if tilt or clearance is missing.
 
         Args:
             observation: What the robot observed.
-            noise: Of its sensors, three standard deviations of which are forgiven.
+            noise: Noise of its sensors, three standard deviations of which are forgiven.
         """
         reading = PredictedReadings.empty(1, len(observation.touch))
         reading.tilt[:] = np.array(observation.tilt, dtype=float)
@@ -125,12 +126,12 @@ class Pose:
 
     Attributes:
         program: Targets, rad, in motor order.
-        share: Part of the posterior that reads as wanted.
-        margin: By how much gravity may be inclined on the way without a body's falling elsewhere,
-            rad: that of the body at the lowest twentieth.
-        tilt: Medians over the samples, rad, left side up and nose up positive.
-        clearance: The same, m.
-        touch: What most samples touch with.
+        share: Share of the posterior that reads as wanted.
+        margin: Path margin, rad: by how much gravity may be inclined on the way without a body's
+            falling elsewhere; that of the body at the lowest twentieth.
+        tilt: Medians of tilt over the samples, rad, left side up and nose up positive.
+        clearance: Median of clearance over the samples, m.
+        touch: Whether most samples touch the ground with each touch sensor.
     """
 
     program: Program
@@ -142,7 +143,7 @@ class Pose:
 
     @property
     def reachable(self) -> bool:
-        """Whether it is probable enough to be tried."""
+        """Whether the pose is probable enough to be tried."""
         return self.share >= REACHABLE
 
 
@@ -209,7 +210,7 @@ def _check(known: FittedPosterior, goal: Goal) -> None:
 
 
 def attainable(known: FittedPosterior, programs: Array) -> Array:
-    """Programs in steps of what each servo resolves, from the end of its range."""
+    """Programs rounded to what each servo resolves, in steps from the lower end of its range."""
     joints = known.capabilities.joints
     lower = np.array([joint.lower for joint in joints])
     step = np.array([joint.resolution for joint in joints])
@@ -239,7 +240,7 @@ def _holds(goal: Goal, readings: PredictedReadings) -> Flags:
 
 
 def _score(known: FittedPosterior, goal: Goal, program: Array, least_margin: float) -> float:
-    """Share in which a goal holds surely; nearness and margin decide where shares are alike."""
+    """Share of bodies in which a goal holds surely; nearness and margin decide between equals."""
     attained = attainable(known, program)
     readings = known.predict(attained)
     margins = np.minimum(known.margins(attained), _WIDEST_MARGIN)
@@ -277,18 +278,19 @@ def perform(link: RobotLink, program: Program, number: int, listener: Listener) 
     Args:
         link: The robot.
         program: Targets, rad, in motor order.
-        number: Of the movement, from 0, as errors and ``listener`` tell it.
+        number: Number of the movement, from 0, for errors and ``listener``.
         listener: Hears how far the movement is, and is asked before a retry.
 
     Raises:
-        InteractionError: The robot did not do it; the message says what happened and what to do.
+        InteractionError: The robot did not perform the program; the message says what happened and
+            what to do.
     """
     planned = InteractionRecord(program=program)
     return carry_out(link, number, planned, lambda _: None, listener)
 
 
 def feet(known: FittedPosterior) -> dict[str, tuple[int, ...]]:
-    """The touch sensors that each joint's leg carries, by the joint's name, in motor order."""
+    """Touch sensors that each joint's leg carries, by the joint's name, in motor order."""
     assert known.best_body is not None
     joints = known.capabilities.joints
     return {
@@ -302,8 +304,8 @@ def standing_on(known: FittedPosterior, names: Sequence[str]) -> frozenset[int]:
     """The touch sensors of some legs.
 
     Args:
-        known: What is known of the robot.
-        names: Of their joints, or as much of these as one leg alone has: ``front`` for
+        known: The bodies that the robot may have.
+        names: Names of the legs' joints, or parts of them that one leg alone has: ``front`` for
             ``hip_front``.
 
     Raises:

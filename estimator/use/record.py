@@ -1,4 +1,4 @@
-"""A diagnosis as a run directory, which is read as any other: the body as it is by now."""
+"""Writes a diagnosis as a run directory, readable as any other: the body as it is by now."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ def write_run(
     """Makes a run directory of what a diagnosis found.
 
     Args:
-        directory: Where it is to be.
+        directory: The directory that is made.
         store: The run that identified the robot.
-        weigher: That of the diagnosis.
-        diagnosis: Its outcome; a cause must be named, or nothing have changed.
+        weigher: Weigher that the diagnosis used.
+        diagnosis: The diagnosis; it must name a cause, or that nothing has changed.
         robot: Where the robot is.
 
     Raises:
-        EstimatorError: Nothing is named.
+        EstimatorError: The diagnosis names nothing.
         RunDirectoryError: There is a run already, or the directory cannot be made.
     """
     if diagnosis.verdict in (Verdict.NONE_OF_THESE, Verdict.UNDECIDED):
@@ -110,7 +110,7 @@ def _stored(
 def _predicted(
     weigher: Weigher, drawn: Particles, seen: tuple[Observation, ...]
 ) -> tuple[tuple[PredictedInteraction, ...], tuple[UnexplainedInteraction, ...]]:
-    """Each movement as the middle one of the bodies predicts it, and those that none explains."""
+    """Each movement as the body of median amount predicts it, and movements left unexplained."""
     known = weigher.known
     middle = int(np.argsort(drawn.theta)[len(drawn) // 2])
     bodies, count = weigher.bodies(drawn), len(seen)

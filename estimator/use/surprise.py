@@ -1,4 +1,4 @@
-"""How odd an observation is to some bodies, by what they would have read themselves."""
+"""How odd an observation is under some bodies, beside what these would have read themselves."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from estimator.use.causes import Weigher
 from estimator.use.movements import Hypotheses
 
 _REPLICATES: Final = 600
-_OUTLIERS: Final = 0.005  # of replicates; in recorded runs 2 of 615 were
+_OUTLIERS: Final = 0.005  # share of outliers among replicates; in recorded runs 2 of 615 were
 
 
 def surprise(weigher: Weigher, own: Hypotheses, observation: Observation) -> tuple[Array, float]:
-    """How odd an observation is to some bodies, and how odd what they would have read is.
+    """How odd an observation is under some bodies, and how odd what they would have read is.
 
     Args:
-        weigher: Predicts.
+        weigher: Predicts readings.
         own: The bodies.
         observation: What was observed.
 
     Returns:
-        Minus the logarithm of the density under all bodies together, each of which may fall to any
-        of its sides: of replicates that are drawn from these, shape (replicates,), and of the
-        observation.
+        Minus the log-density of replicates that are drawn from the bodies, shape (replicates,), and
+        of the observation; the density is that of all bodies together, each of which may fall to
+        any of its sides.
     """
     known, noise = weigher.known, weigher.known.noise
     each = np.repeat(np.arange(len(own)), len(LIKELY))
@@ -59,7 +59,7 @@ def _replicates(
     like: Observation,
     rng: np.random.Generator,
 ) -> list[Observation]:
-    """What bodies would read, with noise and outliers, where something was read."""
+    """What bodies would read, with noise and outliers; ``None`` where ``like`` has no reading."""
     count = len(predicted)
     tilt = predicted.tilt + np.exp(scales[:, :1]) * noise.tilt * rng.normal(size=(count, 2))
     height = predicted.clearance + np.exp(scales[:, 1]) * noise.clearance * rng.normal(size=count)

@@ -30,16 +30,16 @@ HAZARD: Final = 1e-3
 """Probability that something changes between two movements."""
 
 FALSE_ALARMS: Final = 1e-5
-"""Per movement, were the models exact."""
+"""False alarms per movement, were the models exact."""
 
 PATROL: Final = 6
-"""Movements of a patrol, by default."""
+"""Default number of movements of a patrol."""
 
 _PARTICLES: Final = 64  # of a cause
-_LATELY: Final = 30  # movements, in one of which a change that is noticed happened
-_CANDIDATES: Final = 400  # safe programs, among which a patrol chooses
-_WATCHED: Final = 8  # particles of a cause, by which it does
-_SHOWS: Final = 4.0  # standard deviations
+_LATELY: Final = 30  # last movements, in one of which a change that is noticed must have happened
+_CANDIDATES: Final = 400  # programs, among which a patrol chooses
+_WATCHED: Final = 8  # particles of a cause, by which a patrol chooses
+_SHOWS: Final = 4.0  # standard deviations, beyond which a difference shows
 _RISKY: Final = 0.1  # share of bodies, old and damaged, that may be near falling elsewhere
 
 
@@ -48,12 +48,12 @@ class Watch:
 
     Args:
         weigher: Knows the body as it was identified, and the causes.
-        rate: Of false alarms per movement.
+        rate: False alarms per movement.
 
     Attributes:
-        odds: That something has changed.
-        threshold: Of the odds, beyond which there is an alarm.
-        movements: So far.
+        odds: Odds that something has changed.
+        threshold: Odds beyond which there is an alarm.
+        movements: Number of movements so far.
     """
 
     def __init__(self, weigher: Weigher, *, rate: float = FALSE_ALARMS) -> None:
@@ -67,8 +67,8 @@ class Watch:
         self._log_prior = np.repeat(
             [one.log_prior - math.log(_PARTICLES) for one in weigher.causes], _PARTICLES
         )
-        self._logs = np.full(len(self._log_prior), -np.inf)  # of R
-        self._lately = deque[tuple[Observation, Array]](maxlen=_LATELY)  # and likelihood ratios
+        self._logs = np.full(len(self._log_prior), -np.inf)  # logarithms of R
+        self._lately = deque[tuple[Observation, Array]](maxlen=_LATELY)  # log-likelihood ratios
 
     @property
     def alarm(self) -> bool:
@@ -88,7 +88,7 @@ class Watch:
         self.movements += 1
 
     def suspects(self, count: int = 3) -> tuple[tuple[Particles, float], ...]:
-        """What may have changed, with how probable each is if anything has.
+        """The most probable causes, with how probable each is if anything has changed.
 
         Weighed as in a diagnosis, by the movements since the one from which on a change explains
         most.
@@ -103,7 +103,7 @@ class Watch:
         ]
 
     def _likely(self) -> list[tuple[Particles, float]]:
-        """All causes by the recursion, with how probable each is if anything has changed."""
+        """All causes weighed by the recursion, each with its probability if anything changed."""
         logs = self._logs if self.movements else self._log_prior
         each = logs.reshape(len(self._particles), -1)
         shares = softmax(logsumexp(each, axis=1)).tolist()
@@ -123,7 +123,7 @@ class Watch:
         return best_of(weigher, either, safe_for=safe_for)[0]
 
     def patrol(self, count: int = PATROL) -> list[Array]:
-        """Movements that show most changes between them, chosen one after the other, rad."""
+        """Movements that together show most changes, rad, chosen one after the other."""
         weigher, known = self.weigher, self.weigher.known
         low, high = known.program_range.T
         programs = weigher.rng.uniform(low, high, (_CANDIDATES, len(low)))
@@ -145,7 +145,7 @@ class Watch:
         return chosen
 
     def _shown(self, bodies: Bodies, programs: Array) -> Array:
-        """Which particles read otherwise than the bodies did, shape (programs, particles)."""
+        """Whether particles read otherwise than the old bodies, shape (programs, particles)."""
         known = self.weigher.known
         readings = readings_in(known, bodies, programs).reshaped(len(programs), len(bodies))
         tilt, clearance = readings.tilt, readings.clearance

@@ -1,4 +1,4 @@
-"""Conformance suite: ``python -m protocol.conformance URI`` tries a robot against each clause.
+"""Conformance suite: ``python -m protocol.conformance URI`` tries a robot against ``SPEC.md``.
 
 The suite knows the robot only by its wire and trusts nothing: a check sends what no client of ours
 could, and looks at every byte that comes back. A failure is reported once, under its clause; checks

@@ -29,10 +29,10 @@ FINAL: Final = frozenset(kind.TYPE for kind in FINAL_REPLIES)
 
 @dataclass(frozen=True, kw_only=True)
 class SuiteSettings:
-    """What the suite may do.
+    """Where the robot is, and what the suite may do.
 
     Attributes:
-        uri: Where the robot is.
+        uri: Address of the robot.
         keys: The suite's keys, or ``None``.
         move: Whether the robot may be moved, and other clients be disturbed.
         slow: Whether to try what takes half a minute.
@@ -42,7 +42,7 @@ class SuiteSettings:
         patience: Seconds to wait for an answer that must come.
         motion: Seconds that one interaction may take.
         clock: Measures the silences that ``slow`` needs, s.
-        trace: Takes each message that is sent or received, in words; ``None``: nobody does.
+        trace: Called with each message that is sent or received, in words; ``None``: not traced.
     """
 
     uri: str
@@ -91,9 +91,9 @@ class RawConnection:
     Args:
         context: ZeroMQ context.
         settings: Where the robot is, and how long to wait.
-        keys: Who connects, or ``None``.
+        keys: The client's keys, or ``None``.
         noted: Where to note what is wrong with an answer that can be used all the same, by clause.
-        number: Its number in the trace.
+        number: Number of the connection in the trace.
     """
 
     def __init__(
@@ -107,8 +107,8 @@ class RawConnection:
         self._settings = settings
         self._noted = noted
         self._number = number
-        self._asked: Counter[int | None] = Counter()  # the ids of what was sent
-        self._ended: Counter[int | None] = Counter()  # and of the final replies
+        self._asked: Counter[int | None] = Counter()  # ids of what was sent
+        self._ended: Counter[int | None] = Counter()  # ids of the final replies
         self._heard: list[Map] = []  # replies that nobody has asked for yet
         self.socket = connected(context, zmq.DEALER, settings.uri, keys, {zmq.IMMEDIATE: 1})
         self.socket.setsockopt(zmq.SNDTIMEO, math.ceil(settings.patience * 1000))
@@ -154,7 +154,7 @@ class RawConnection:
     def final(self, request_id: int, *, patience: float | None = None) -> tuple[list[Map], Map]:
         """The replies to a request: those in between, and the final one.
 
-        What was accepted may take as long as a motion.
+        A request that was accepted may take as long as a motion.
         """
         between: list[Map] = []
         while (reply := self.answer(request_id, patience=patience)) is not None:
@@ -187,7 +187,7 @@ class RawConnection:
 
     @property
     def grace(self) -> float:
-        """``GRACE``, unless it is known already that errors come without their ids."""
+        """``GRACE``; less once it is known that errors come without their ids."""
         return GRACE / 20 if self._noted["2.12"] else GRACE
 
     def _receive(self) -> Map:
@@ -211,7 +211,7 @@ class RawConnection:
             self._settings.trace(shown(f"connection {self._number} {what}", parts))
 
     def _came_before(self, reply: Map) -> bool:
-        """Whether it is one final reply more than there were requests with its id."""
+        """Whether a reply is one final reply more than there were requests with its id."""
         told = reply.get("id")
         if told not in self._asked or reply["type"] not in FINAL:
             return False
@@ -268,7 +268,7 @@ def said(reply: Mapping[str, Any] | None) -> str:
 
 
 _LONGEST: Final = 4096
-"""Bytes of a frame that are shown, and characters of what it says."""
+"""Bytes of a frame that are shown, and characters of its decoded content."""
 
 
 def shown(heading: str, parts: Sequence[bytes]) -> str:

@@ -29,11 +29,11 @@ class Check:
     Attributes:
         clauses: The clauses of ``SPEC.md`` that it tries.
         title: What is tried, one line.
-        need: What it needs.
+        need: What the check needs beyond a connection.
         basic: The kind of request that it tries and that other checks need. Such checks come first;
             where one fails, the others do not try this kind of request again.
         after: Clauses that it relies on: where one of them does not hold, it is skipped.
-        run: Returns where the clauses hold; raises ``Failed`` or ``Skipped``.
+        run: Tries the robot: returns where the clauses hold, raises ``Failed`` or ``Skipped``.
     """
 
     clauses: tuple[str, ...]

@@ -27,7 +27,7 @@ from protocol.system.process import Closable
 from protocol.wire.capabilities import Capabilities
 
 LOOSE_ID: Final = 2**52
-"""The first id of requests that are not numbered; above all that are."""
+"""First id of requests that are not numbered; larger than the ids of numbered ones."""
 _CALM: Final = ("idle", "holding")
 _BEAT: Final = 0.5  # s between signs of life while something takes longer
 
@@ -38,7 +38,7 @@ class TrialClient:
     Args:
         robot: The robot under test.
         name: The client's id.
-        connection: Its connection.
+        connection: The client's connection.
     """
 
     def __init__(self, robot: RobotUnderTest, name: str, connection: RawConnection):
@@ -82,18 +82,18 @@ class TrialClient:
         return {key: value for key, value in message.items() if value is not None}
 
     def ask(self, kind: str, **fields: Any) -> Map:
-        """The final reply to a request."""
+        """Sends a request and returns the final reply."""
         return self.answer_to(self.request(kind, **fields))[1]
 
     def answer_to(
         self, request: Mapping[str, Any], *, patience: float | None = None
     ) -> tuple[list[Map], Map]:
-        """Sends a request; the replies in between, and the final one."""
+        """Sends a request; returns the replies in between, and the final one."""
         self.connection.send(request)
         return self.connection.final(request["id"], patience=patience)
 
     def ask_raw(self, frame: bytes, *request_ids: int | None) -> Map | None:
-        """Sends a frame, then a hello; the answer to the frame with one of these ids, if any."""
+        """Sends a frame, then a hello; returns the frame's answer with one of these ids, if any."""
         self.connection.send_parts(frame, ids=request_ids)
         after = self.request("hello", versions=[1])
         self.connection.send(after)
@@ -137,14 +137,14 @@ class TrialClient:
         return reply
 
     def harmless(self, number: int, **fields: Any) -> Map:
-        """The reply to a numbered request that does nothing: a release without control."""
+        """Asks what does nothing, a release without control, and returns the reply."""
         reply = self.ask("release", id=number, **fields)
         if reply.get("code") == "unauthorised":
             raise Skipped("This key is a viewer's.")
         return reply
 
     def wait_for(self, request_id: int) -> tuple[list[Map], Map]:
-        """The replies to a motion of this client that was sent, with heartbeats in between."""
+        """Waits, with heartbeats, for the end of a motion; returns what ``answer_to`` does."""
         begun = beaten = time.monotonic()
         between: list[Map] = []
         while (now := time.monotonic()) < begun + self._robot.settings.motion:

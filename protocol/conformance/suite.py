@@ -49,7 +49,7 @@ NOT_CHECKED: Final = MappingProxyType(
 )
 """Clauses that no check tries, and why."""
 
-_LAST: Final = ("7.5", "8.1", "5.14")  # they look back at all answers, and end the daemon
+_LAST: Final = ("7.5", "8.1", "5.14")  # they look back at all answers; the last ends the daemon
 _BUILT_ON: Final = MappingProxyType(
     {
         Need.CONTROL: {Need.CONTROL},
@@ -57,7 +57,7 @@ _BUILT_ON: Final = MappingProxyType(
         Need.TIME: {Need.CONTROL},
     }
 )
-"""Which basic checks come before a check, by what each needs."""
+"""Needs of the basic checks that come before a check, by the check's own need."""
 
 _TAG: Final = re.compile(r"\[(\d+\.\d+)\]")
 
@@ -138,7 +138,7 @@ def run(
 
 
 class _Suite:
-    """One run.
+    """One run of the suite.
 
     Args:
         robot: The robot under test.
@@ -148,10 +148,10 @@ class _Suite:
     def __init__(self, robot: RobotUnderTest, only: Collection[str]):
         self._robot = robot
         self._only = set(only)
-        self._failed: set[str] = set()  # clauses
+        self._failed: set[str] = set()  # clauses that do not hold
 
     def results(self) -> Iterator[CheckResult]:
-        """The checks, one after the other."""
+        """Runs the checks one after the other, and yields their results."""
         wanted = [each for each in ordered() if self._is_wanted(each)]
         needed = {Need.NOTHING}.union(*(_BUILT_ON.get(each.need, ()) for each in wanted))
         for each in ordered():

@@ -1,9 +1,9 @@
-"""The memory that has each request carried out at most once.
+"""The memory of requests, by which each is carried out at most once.
 
 The last outcomes of each client are kept by request id. A request that was seen before is answered
 from memory; one that is older than anything remembered is refused, never executed.
-The memory is bounded twice: outcomes for each client, and clients. Who is pushed out loses the
-session with the book, so that requests of that time are answered ``restarted``.
+The memory is bounded twice: outcomes for each client, and clients. A client that is pushed out
+loses its session with its outcomes, so that requests of that session are answered ``restarted``.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ class RememberedRequest:
 
     Attributes:
         request: The request, until its end.
-        fingerprint: Tells whether another request with the same id is the same request.
-        peer: Where the answers go: whoever asked last; ``None``: nobody may hear them any more.
+        fingerprint: Hash that tells whether another request with the same id is the same request.
+        peer: Peer to answer: whoever asked last; ``None``: nobody may hear the answers any more.
         progress: The latest frame sent before the end.
-        reply: The frame that ended it; ``None`` while in flight.
+        reply: Frame of the final reply; ``None`` while in flight.
     """
 
     request: Request | None
@@ -60,12 +60,12 @@ class Client:
     """What is remembered about one client.
 
     Attributes:
-        name: The id it chose.
-        session: The session it was given.
-        user: Who it is, where the transport knows.
-        software: What it says it is.
+        name: Id that the client chose.
+        session: Session that it was given.
+        user: User that it belongs to, where the transport knows.
+        software: Software that it says it is.
         highest: The largest request id seen.
-        outcomes: By request id, oldest first.
+        outcomes: Requests and their outcomes by request id, oldest first.
     """
 
     name: str
@@ -119,7 +119,7 @@ class Client:
 
 
 class Clients:
-    """The clients that are remembered, least recently heard of first."""
+    """The clients that are remembered, the least recently heard of first."""
 
     def __init__(self, token: Callable[[], str]):
         self._token = token
@@ -134,12 +134,14 @@ class Clients:
     def welcome(
         self, name: str, *, user: str | None, software: str | None, keep: str | None
     ) -> Client:
-        """The client of this name; a new one may push out the one not heard of for longest.
+        """Returns the client of this name; a new one may push out an idle one.
+
+        Pushed out is, of the users with most clients, the idle client not heard of for longest.
 
         Args:
             name: The client's id.
-            user: Who it is, where the transport knows.
-            software: What it says it is.
+            user: User that it belongs to, where the transport knows.
+            software: Software that it says it is.
             keep: A client never to be pushed out: the controller.
 
         Raises:
@@ -169,7 +171,7 @@ class Clients:
         return client
 
     def find(self, name: str, *, session: str, user: str | None) -> Client:
-        """The client in this session.
+        """Returns the client in this session.
 
         Raises:
             RobotError: ``restarted`` if the session is unknown, ``unauthorised`` if it is
@@ -192,7 +194,7 @@ class Clients:
         del self._clients[client.name]
 
     def under_way(self, user: str | None) -> int:
-        """Requests under way of all clients of a user."""
+        """Returns how many requests of all clients of a user are under way."""
         return sum(
             outcome.reply is None
             for client in self._clients.values()
@@ -201,7 +203,7 @@ class Clients:
         )
 
     def name_of(self, name: str) -> str:
-        """How to speak of a client to another: its software, if it told, and its id."""
+        """Returns how to name a client to another: its software, if it told, and its id."""
         client = self._clients.get(name)
         software = client.software if client is not None else None
         return printable(f"{software} (client {name})" if software else f"client {name}")

@@ -49,7 +49,7 @@ FIRST_LOOSE_ID: Final = 2**52
 """Ids of hello, heartbeat and stop start here, so that they never meet those of other requests."""
 
 LOOK: Final = 1.0
-"""Seconds that may pass, while an answer is due, until ``wake`` is called again."""
+"""Longest time between two calls of ``wake`` while an answer is due, s."""
 
 _NAP: Final = 2 * LOOK  # a longer gap between two looks at the clock: we were suspended
 
@@ -95,12 +95,12 @@ class ClientCore:
 
     Args:
         client: The client's id.
-        peer: How sentences name the robot.
-        now: Transport clock, s.
+        peer: How messages name the robot.
+        now: Present time of the transport clock, s.
 
     Attributes:
         session: The session in force; ``None`` before hello and after a restart of the daemon.
-        garbage: Frames that were no valid reply.
+        garbage: Number of frames that were no valid reply.
         loose_ids: Ids that no request has had, for hello, heartbeat and stop.
     """
 
@@ -137,7 +137,7 @@ class ClientCore:
         return self.session is not None or bool(self._calls)
 
     def wake(self, now: float) -> None:
-        """Call it first after each sleep: time during which we were suspended does not count."""
+        """Call it first after each sleep: time in which the program was suspended is left out."""
         gap = now - self._looked
         self._looked = now
         if gap > _NAP and self._expecting:
@@ -256,7 +256,7 @@ class ClientCore:
         if self.session is not None:
             self._leave()
         self.session = session
-        self._beat_id = next(self.loose_ids)  # an answer to X
+        self._beat_id = next(self.loose_ids)  # late answers to an old heartbeat do not fit
         beat = Heartbeat(id=self._beat_id, client=self._client, session=session)
         self._beat_frame = encode(beat.to_map())
         self._beat_at = now + HEARTBEAT

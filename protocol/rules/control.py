@@ -43,7 +43,7 @@ class Lapse(Enum):
 
 
 class Lease:
-    """At most one controller; the transport clock decides whether it is still heard of."""
+    """Control of the robot by one client at most; the transport clock decides when it lapses."""
 
     def __init__(self) -> None:
         self.holder: str | None = None
@@ -74,7 +74,7 @@ class Lease:
             self._silent = False
 
     def lapse(self, now: float) -> list[Lapse]:
-        """The changes since the last call, each once."""
+        """Returns the changes since the last call, each once."""
         lapses: list[Lapse] = []
         if self.holder is None:
             return lapses

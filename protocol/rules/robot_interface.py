@@ -32,8 +32,8 @@ class Snapshot:
     """A robot at one moment.
 
     Attributes:
-        state: What it is doing.
-        robot_time: Robot clock, s.
+        state: What the robot is doing.
+        robot_time: Time of the robot clock, s.
         sequence: Sequence number of the last observation, 0 before the first.
         angles: The angles last commanded, after quantisation and clamping, by joint, rad.
         reason: Why it is in this state, where there is something to say (fault, stop, silence).
@@ -46,7 +46,7 @@ class Snapshot:
     reason: str | None = None
 
     def status(self, request_id: int, controller: str | None) -> Status:
-        """The answer to a heartbeat of this id, with the client that controls the robot."""
+        """Answer to a heartbeat of this id; ``controller`` is the client in control."""
         return Status(
             id=request_id,
             state=self.state.value,
@@ -57,7 +57,7 @@ class Snapshot:
         )
 
     def telemetry(self, robot: str, controller: str | None) -> Telemetry:
-        """The publication under a robot's name, with the client that controls it."""
+        """Publication for the robot of this name; ``controller`` is the client in control."""
         return Telemetry(
             robot=robot,
             state=self.state.value,
@@ -106,9 +106,9 @@ class Robot(Protocol):
         """Takes on a request; exactly one ``Finished`` with this ticket must follow.
 
         Commands are carried out in their order and before every ``Read``. They end each ``Read``
-        that was taken on before them; a ``Stop`` ends every command, too, that is not done. One
-        that has not ended within ``server_core.CONFIRMATION`` is answered ``not_confirmed``, and
-        its end is told to nobody.
+        that was taken on before them; a ``Stop`` ends every command, too, that is not done. A
+        ``Stop`` that has not ended within ``server_core.CONFIRMATION`` is answered
+        ``not_confirmed``, and its end is told to nobody.
 
         ``Perform`` names every joint once and within its limits. Tickets grow and are never
         reused. After a refusal no event with this ticket may follow.
@@ -145,9 +145,9 @@ class Robot(Protocol):
         ...
 
     def events(self) -> Sequence[RobotEvent]:
-        """Takes out events that wait, each request's in their order, without blocking.
+        """Takes out the events that wait, those of each request in their order, without blocking.
 
-        If it leaves some for the next call, it notifies again.
+        If some are left for the next call, the robot notifies again.
         """
         ...
 

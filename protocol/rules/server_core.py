@@ -99,16 +99,16 @@ class ServerCore:
     """The server's state: sessions, request ids and the controller's lease.
 
     Args:
-        capabilities: What hello answers.
-        view: The robot now.
-        token: Makes a new session's name, which nobody can guess.
+        capabilities: Capabilities with which hello is answered.
+        view: Returns the robot's present snapshot.
+        token: Makes the name of a new session, which nobody can guess.
         authorise: Called with user and request before anything else is done; raises
             ``RobotError('unauthorised')`` to refuse.
         on_refusal: Called for each request that is refused here, with the error it is answered
             with; a retry is no new request.
 
     Attributes:
-        garbage: Frames that were no valid request.
+        garbage: Number of frames that were no valid request.
     """
 
     def __init__(
@@ -130,7 +130,7 @@ class ServerCore:
         self._tickets = itertools.count(1)
         self._in_flight: dict[int, RememberedRequest] = {}
         self._stops: deque[tuple[float, int]] = deque()  # when to be confirmed, and the ticket
-        self._unconfirmed: set[int] = set()  # tickets
+        self._unconfirmed: set[int] = set()  # tickets of stops answered as not confirmed
 
     @property
     def deadline(self) -> float | None:
@@ -193,7 +193,7 @@ class ServerCore:
         return _send(peer, reply)
 
     def tick(self, now: float) -> list[Action]:
-        """Handles the passing of time, given on the transport clock, s."""
+        """Handles the passing of time; ``now`` is on the transport clock, s."""
         actions: list[Action] = [*self._unconfirmed_by(now)]
         holder = self._lease.holder or ""
         for lapse in self._lease.lapse(now):
@@ -250,7 +250,7 @@ class ServerCore:
         return _to(outcome, outcome.progress)
 
     def finish(self, event: Finished) -> list[Send]:
-        """Handles the end of a request; nobody waits any more for that of a stop that came late.
+        """Handles the end of a request; that of a stop answered ``not_confirmed`` is dropped.
 
         Raises:
             KeyError: No such request is under way: a bug of the robot.

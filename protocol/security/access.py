@@ -31,10 +31,10 @@ class Access:
 
     Args:
         keys: The robot's key directory.
-        log: Where to write that the list changed, or cannot be read.
+        log: Log for changes of the list, and for faults in it.
 
     Attributes:
-        version: Grows with each change of the list.
+        version: Number that grows with each change of the list.
 
     Raises:
         KeysError: The list cannot be read.
@@ -81,7 +81,7 @@ class Access:
         return key in self._known
 
     def role_of(self, user: str | None) -> Role | None:
-        """The role of whoever has this key; a list that cannot be read makes nobody controller."""
+        """The role of whoever has this key; while the list cannot be read, at most viewer."""
         peer = self._known.get(user or "")
         if peer is None:
             return None
@@ -92,7 +92,7 @@ class Access:
 
         Args:
             user: The key with which the connection was made.
-            request: What it asks.
+            request: The request to check.
 
         Raises:
             RobotError: ``unauthorised``.
@@ -125,11 +125,11 @@ class ZapHandler:
 
     Args:
         context: The context of the sockets to be guarded; the handler must exist before they do.
-        admits: Whether a key, in Z85, is welcome. It becomes the ``User-Id`` of each frame.
-        log: Where to write about strangers.
+        admits: Whether a key, in Z85, is welcome; the key becomes the ``User-Id`` of each frame.
+        log: Log for connections that were refused.
 
     Attributes:
-        refused: Connections that were turned away.
+        refused: Number of connections that were refused.
     """
 
     def __init__(
@@ -146,7 +146,7 @@ class ZapHandler:
         self._socket.bind(_ADDRESS)
 
     def fileno(self) -> int:
-        """What to poll for reading; after that, ``answer`` has to be called."""
+        """File descriptor to poll for reading; after that, ``answer`` has to be called."""
         return int(self._socket.getsockopt(zmq.FD))
 
     def answer(self, events: int = 0) -> None:
@@ -173,7 +173,7 @@ class ZapHandler:
     def _report(self, key: str, peer: bytes) -> None:
         self.refused += 1
         if self.refused & (self.refused - 1) == 0:  # at 1, 2, 4, …: a flood cannot fill the log
-            place = peer.decode("ascii", "replace")  # what our socket is named after
+            place = peer.decode("ascii", "replace")  # the routing id that our socket got
             self._log.warning(
                 "turned away: unknown key %s from %s (%d so far)", key, place, self.refused
             )

@@ -33,12 +33,12 @@ def read_toml(
 
     Args:
         place: The file.
-        owners: The users whose file it may be; ``None``: anybody's.
+        owners: Ids of users who may own the file; ``None``: anybody.
         closed: Permission bits that must not be set.
         advice: How to come by the file where there is none.
 
     Raises:
-        KeysError: It is no such file, too large, another's, or open to others.
+        KeysError: It is no TOML file, too large, owned by another user, or open to others.
     """
     try:
         handle = os.open(place, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
@@ -72,12 +72,12 @@ def check_private(
 
     Args:
         place: The file or directory.
-        state: What ``stat`` says of it.
-        owners: The users whose it may be; ``None``: anybody's.
+        state: Result of ``os.stat`` for it.
+        owners: Ids of users who may own it; ``None``: anybody.
         closed: Permission bits that must not be set.
 
     Raises:
-        KeysError: It is another's, or open to others.
+        KeysError: Another user owns it, or it is open to others.
     """
     if owners is not None and state.st_uid not in owners:
         raise KeysError(

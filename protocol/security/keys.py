@@ -32,7 +32,7 @@ from protocol.security.key_files import check_private, read_toml
 from protocol.system.files import replace_file
 
 ROBOT: Final = "robot"
-"""What ``known.toml`` calls the robot that a computer controls."""
+"""The role in ``known.toml`` of the robot that a computer controls."""
 
 ROLES: Final = (*(role.value for role in Role), ROBOT)
 
@@ -88,8 +88,8 @@ class KeyDirectory:
 
     Args:
         path: The directory.
-        tended: Root looks after the directory of another user, as ``robotd keys`` may; otherwise
-            it has to belong to whoever uses it, or to root.
+        tended: Whether root may look after the directory of another user, for ``robotd keys``;
+            otherwise it has to belong to whoever uses it, or to root.
     """
 
     def __init__(self, path: str | os.PathLike[str], *, tended: bool = False):
@@ -100,7 +100,7 @@ class KeyDirectory:
         """Makes this computer's pair of keys.
 
         Args:
-            name: How others will call it.
+            name: Name under which others will know this computer.
 
         Returns:
             The file with the public key, to be given away.
@@ -160,14 +160,14 @@ class KeyDirectory:
         return ClientKeys(own=self.pair(), robot=robots[0].public)
 
     def add(self, peer: KnownPeer) -> None:
-        """Adds somebody to the known."""
+        """Adds a peer to ``known.toml``."""
         check_name(peer.name)
         check_key(peer.public, "the key")
         if peer.role not in ROLES:
             raise KeysError(f"There is no role {peer.role!r}: choose {', '.join(ROLES)}.")
         own = ""
         with self._locked():
-            with suppress(KeysError):  # of a pair that is not there or spoilt, others complain
+            with suppress(KeysError):  # other calls complain of a pair that is missing or spoilt
                 own = self.pair().public
             if peer.public == own:
                 raise KeysError(
@@ -182,7 +182,7 @@ class KeyDirectory:
             self._write_known((*peers, peer))
 
     def remove(self, name: str) -> None:
-        """Removes somebody from the known; a running robot disconnects it at once."""
+        """Removes a peer from ``known.toml``; a running robot disconnects it at once."""
         with self._locked():
             peers = self.known()
             rest = tuple(peer for peer in peers if peer.name != name)
@@ -192,7 +192,7 @@ class KeyDirectory:
             self._write_known(rest)
 
     def stamp(self) -> tuple[int, ...]:
-        """Changes whenever the list of the known does; cheap, raises nothing."""
+        """Numbers that change whenever ``known.toml`` does; cheap, raises nothing."""
         try:
             listed, around = os.stat(self._file(_KNOWN)), os.stat(self.path)
         except OSError:
@@ -206,7 +206,7 @@ class KeyDirectory:
         return self.path / name
 
     def _read(self, place: Path, *, closed: int, advice: str = "") -> dict[str, Any]:
-        """A file of this directory, once nobody else can have changed either."""
+        """Reads a file of this directory, if nobody else can have changed file or directory."""
         try:
             around = os.stat(self.path)
         except OSError:
@@ -215,7 +215,7 @@ class KeyDirectory:
         return read_toml(place, owners=owners, closed=closed, advice=advice)
 
     def _check_directory(self, state: os.stat_result) -> frozenset[int]:
-        """The users whose files are believed here."""
+        """The ids of users whose files are trusted here."""
         owners = frozenset({os.geteuid(), 0})
         if self._tended and os.geteuid() == 0:
             owners |= {state.st_uid}
@@ -243,7 +243,7 @@ class KeyDirectory:
             os.close(handle)
 
     def _write(self, name: str, text: str, mode: int = 0o600) -> None:
-        """Replaces a file in one step; it belongs to whom the directory belongs."""
+        """Replaces a file in one step; root gives it to the owner of the directory."""
         place = self._file(name)
         try:
             around = os.stat(self.path)
@@ -257,10 +257,10 @@ class KeyDirectory:
 
 
 def read_public(place: Path) -> tuple[str, str]:
-    """Name and key in a file that somebody gave away.
+    """Name and key in a ``.public`` file.
 
     Raises:
-        KeysError: It is no such file.
+        KeysError: It is no ``.public`` file.
     """
     entries = read_toml(place)
     name = entries.get("name")
@@ -282,8 +282,8 @@ def check_name(name: str) -> None:
 def check_key(key: str, what: str) -> None:
     """Raises ``KeysError`` for what is no public or secret key; ``what`` names it in the sentence.
 
-    Nor are the points of small order, 0 among them: with those, every secret gives the same shared
-    key, so that they shut nobody out.
+    Points of small order, 0 among them, are refused as well: with those, every secret gives the
+    same shared key, so that they shut nobody out.
     """
     point = b""
     with suppress(ValueError, KeyError, struct.error):  # all that the decoder's arithmetic raises

@@ -1,8 +1,8 @@
-"""One TCP connection, and the ZeroMQ socket of its own that speaks on it.
+"""One TCP connection, and the ZeroMQ socket that serves this connection alone.
 
 Bytes go from TCP through a Unix-domain socket into ZeroMQ, and back. So every peer has a ZeroMQ
-socket to itself: an identity that it claims meets no other, and what it sends is counted before
-ZeroMQ keeps it, which knows no bound for a message of many parts.
+socket to itself: an identity that it claims cannot collide with another's, and its bytes are
+counted before they reach ZeroMQ, which has no limit for a message of many parts.
 """
 
 from __future__ import annotations
@@ -16,36 +16,36 @@ from typing import Final, TypeAlias
 
 import zmq
 
-_CHUNK: Final = 8192  # bytes on their way to the peer in one turn
+_CHUNK: Final = 8192  # most bytes forwarded to the peer in one turn
 FRAME_COST: Final = 64
-"""What ZeroMQ keeps for a frame besides its bytes, however short it is."""
+"""Bytes of memory that ZeroMQ takes for a frame besides its content, however short that is."""
 
 Callback: TypeAlias = Callable[["TcpConnection"], None]
 
 
 class TcpConnection:
-    """A connection; for the thread that polls the selector.
+    """A TCP connection to one peer; only the thread that polls the selector may use it.
 
     Args:
-        number: Its name, which no other connection has or had.
-        peer: Where it comes from, for people.
-        selector: Where it registers what it waits for; its owner calls what is registered.
-        tcp: The connection, accepted.
-        pipe: The near end of the Unix-domain socket.
-        wire: The ZeroMQ socket at its far end.
-        chunk: Bytes from the peer that one turn takes at most.
-        on_signal: Called when ``receive`` may have something to say.
+        number: Name of the connection, which no other has or had.
+        peer: Address of the peer, to be shown to people.
+        selector: Selector at which the sockets register; its owner calls the registered callbacks.
+        tcp: TCP socket, accepted.
+        pipe: Near end of the Unix-domain socket.
+        wire: ZeroMQ socket at the far end of the Unix-domain socket.
+        chunk: Most bytes from the peer that one turn takes.
+        on_signal: Called when ``receive`` may have a message, or the connection has ended.
         on_bytes: Called when ``held`` has grown.
 
     Attributes:
-        number: As above; ``peer``, too.
-        user: Whose key it was made with, once a message has shown that.
-        proven: Whether a message has come; with keys, somebody who is known sent it then.
-        heard: When the last message came, monotonic, s; at first, when it was accepted.
-        held: What ZeroMQ may keep for it: bytes since the last message, and the cost of frames.
-        received: Bytes of all messages so far.
+        number: As given; ``peer``, too.
+        user: Public key that it was made with, in Z85, once a message has shown that.
+        proven: Whether a message has come; with keys, its sender is then known.
+        heard: Time of the last message, at first of acceptance, monotonic, s.
+        held: Bytes that ZeroMQ may hold: all since the last message, and the cost of frames.
+        received: Bytes of all messages received so far.
         waiting: Whether the owner has yet to call ``receive``; nothing more is read until then.
-        ended: Whether ``receive`` returns what is left and then nothing any more.
+        ended: Whether no more will come: ``receive`` returns what is left, then always ``None``.
         closed: Whether ``close`` was called.
     """
 
@@ -93,7 +93,7 @@ class TcpConnection:
         self._watch()
 
     def receive(self) -> Sequence[zmq.Frame] | None:
-        """The parts of the next message; ``None``: there is none now."""
+        """Returns the parts of the next message; ``None``: there is none now."""
         if self.closed:
             return None
         try:
@@ -112,7 +112,7 @@ class TcpConnection:
         """Sends a message; drops it where the peer does not read."""
         if self.closed:
             return
-        with suppress(zmq.Again):  # it will ask again
+        with suppress(zmq.Again):  # the peer will ask again
             self._wire.send_multipart([*self._identity, *parts], zmq.NOBLOCK)
         self._on_signal(self)  # sending may have used up the signal of a message that came
 
@@ -227,7 +227,7 @@ class TcpConnection:
 
     def _shut(self) -> None:
         """Tells ZeroMQ that the peer sends nothing more."""
-        with suppress(OSError):  # it has closed its end
+        with suppress(OSError):  # ZeroMQ has closed its end
             self._pipe.shutdown(socket.SHUT_WR)
 
     def _end(self) -> None:
@@ -236,7 +236,7 @@ class TcpConnection:
         self._on_signal(self)
 
     def _watch(self) -> None:
-        """Registers what it waits for."""
+        """Registers the events that each socket waits for."""
         read, write = selectors.EVENT_READ, selectors.EVENT_WRITE
         tcp = pipe = 0
         if not (self.closed or self.ended):
@@ -274,11 +274,11 @@ class FrameCounter:
 
     def __init__(self) -> None:
         self._greeted = False
-        self._rest = b""  # what is too short yet
+        self._rest = b""  # of a greeting or of a frame's head that is incomplete
         self._skip = 0  # bytes of a body that are still to come
 
     def count(self, data: bytes) -> int:
-        """How many frames begin in the next bytes of the stream.
+        """Returns how many frames begin in the next bytes of the stream.
 
         Raises:
             ValueError: The peer does not speak ZMTP 3.

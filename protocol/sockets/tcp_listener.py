@@ -26,24 +26,24 @@ from protocol.sockets.zmq_sockets import Endpoint, serving
 from protocol.system.process import kept_from_children
 
 MOST: Final = 240
-"""Connections of a server: their descriptors stay below 1024, beyond which ``select`` fails."""
+"""Most connections of a server: descriptors stay below 1024, beyond which ``select`` fails."""
 
 TOTAL: Final = 8 << 20
-"""What ZeroMQ may keep for all connections of a listener together, bytes."""
+"""Most bytes that ZeroMQ may hold for all connections of a listener together."""
 
 _FILES: Final = 4  # descriptors that a connection takes
 _RESERVE: Final = 48  # descriptors for everything else
-_ACCEPTED: Final = 8  # connections in one turn
+_ACCEPTED: Final = 8  # most connections accepted in one turn
 _BACKLOG: Final = 100  # connections that wait in the kernel
-_PATIENCE: Final = 1.0  # s that ZeroMQ may take to reach for the other end of a pipe
-_FEW: Final = 1 << 16  # bytes: what a connection may hold without anybody adding up
-_CREDENTIALS: Final = struct.Struct("3i")  # process, user, group
+_PATIENCE: Final = 1.0  # s that ZeroMQ may take to connect to the other end of a pipe
+_FEW: Final = 1 << 16  # bytes that a connection may hold before the total is added up
+_CREDENTIALS: Final = struct.Struct("3i")  # ids of process, user, group
 _EXHAUSTED: Final = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
-_IDLE: Final = 30  # s, then TCP looks whether the peer is still there
+_IDLE: Final = 30  # s of silence, then TCP checks whether the peer is still there
 
 
 class Arrival(NamedTuple):
-    """A message that came: on which connection, from whose key, in which parts."""
+    """A message that came: its connection's number, the key that sent it, and its parts."""
 
     peer: bytes
     user: str | None
@@ -51,21 +51,21 @@ class Arrival(NamedTuple):
 
 
 class TcpListener:
-    """A listener, and its connections; for the thread that polls the selector.
+    """A listening socket and its connections; only the thread that polls the selector may use it.
 
     Args:
-        context: The context; with keys, a ``ZapHandler`` must stand there already.
+        context: ZeroMQ context; with keys, a ``ZapHandler`` must exist in it already.
         selector: Where the listener registers; its owner calls what is registered, with the events.
-        place: Where; port 0: any free one.
+        place: Address to listen at; port 0: any free one.
         pair: The robot's keys, or ``None``.
-        share: Of the connections that a server may have, those that come in here.
-        log: Where to write about connections that were cut.
+        share: Share of this listener in the connections that a server may have.
+        log: Log for connections that were cut.
 
     Attributes:
-        KIND: ROUTER or XPUB; subclasses fill it in, like those that follow.
-        WINDOW: What ZeroMQ may keep for one connection, bytes.
-        CHUNK: Bytes of one connection that a turn hands to ZeroMQ at most.
-        place: Where it really is.
+        KIND: Type of the ZeroMQ sockets, ROUTER or XPUB; subclasses set it and the next two.
+        WINDOW: Most bytes that ZeroMQ may hold for one connection.
+        CHUNK: Most bytes of one connection that one turn hands to ZeroMQ.
+        place: Address that it listens at, with the port that was chosen.
 
     Raises:
         EndpointError: The address cannot be bound.
@@ -107,10 +107,10 @@ class TcpListener:
         return bool(self._ready)
 
     def arrivals(self, until: float) -> Iterator[Arrival]:
-        """At most one message of each connection, in turn.
+        """Yields at most one message of each connection, in turn.
 
         Args:
-            until: When to leave the others for the next turn, monotonic, s.
+            until: When to leave the other connections for the next turn, monotonic, s.
         """
         for _ in range(len(self._ready)):
             connection = self._ready.popleft()
@@ -128,7 +128,7 @@ class TcpListener:
                 return
 
     def send(self, peer: bytes, parts: Sequence[bytes]) -> None:
-        """Sends a message to a peer; drops it where that is gone or does not read."""
+        """Sends a message to a peer; drops it if the peer is gone or does not read."""
         connection = self._connections.get(peer)
         if connection is not None:
             connection.send(parts)
@@ -138,18 +138,18 @@ class TcpListener:
         return self._connections[peer].received
 
     def broadcast(self, parts: Sequence[bytes]) -> None:
-        """Sends a message to all who want it."""
+        """Sends a message to all peers; a publisher's socket passes it to subscribers only."""
         for connection in self._connections.values():
             connection.send(parts)
 
     def dismiss(self, unwelcome: Callable[[str | None], bool]) -> None:
-        """Hangs up on whoever's key is not welcome any more."""
+        """Closes the connections made with keys that ``unwelcome`` is true of."""
         for connection in tuple(self._connections.values()):
             if unwelcome(connection.user):
                 self._close(connection)
 
     def cut(self, peer: bytes, why: str) -> None:
-        """Hangs up on a peer that misbehaves."""
+        """Closes the connection of a peer that misbehaves, and logs why."""
         connection = self._connections[peer]
         self._close(connection)
         self._report(connection.peer, why)
@@ -230,8 +230,8 @@ class TcpListener:
     def _weakest(self) -> TcpConnection:
         """The connection to close when there are too many.
 
-        Whoever has sent no message yet; else of those with most connections of one key; of these
-        the one that was not heard for longest.
+        One that has sent no message yet; if all have, one of the key with most connections; among
+        these the one that has been silent for longest.
         """
         places = Counter(one.user for one in self._connections.values())
         return min(
@@ -245,7 +245,7 @@ class TcpListener:
 
 
 def _piped(wire: zmq.Socket[bytes]) -> socket.socket:
-    """The near end of a Unix-domain socket, at whose other end is a ZeroMQ socket.
+    """Returns the near end of a Unix-domain socket that the ZeroMQ socket is connected to.
 
     It has a name for a moment, in Linux's abstract namespace, which leaves no files.
     """
@@ -283,7 +283,7 @@ def _bound(place: Endpoint) -> socket.socket:
         except BaseException:
             made.close()
             raise
-    except (OSError, UnicodeError) as error:  # the latter of a host's name that cannot be one
+    except (OSError, UnicodeError) as error:  # UnicodeError: the host's name cannot be encoded
         why = getattr(error, "strerror", None) or "there is no such host"
         raise EndpointError(
             f"Cannot serve at {place}: {why}. Stop what uses it, or choose another address."
@@ -296,7 +296,7 @@ def _port(listener: socket.socket) -> int:
 
 
 def _capacity() -> int:
-    """Connections for which there are file descriptors."""
+    """Returns how many connections there are file descriptors for, at most ``MOST``."""
     soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     return MOST if soft == resource.RLIM_INFINITY else min(MOST, (soft - _RESERVE) // _FILES)
 

@@ -36,7 +36,7 @@ class Endpoint:
         """Reads ``tcp://host[:port]``; without a port it is 5750, and ``*`` means any free one.
 
         Raises:
-            EndpointError: It is no such address.
+            EndpointError: ``uri`` is no such address.
         """
         match = _PATTERN.fullmatch(uri)
         if match is None:
@@ -71,7 +71,7 @@ class Endpoint:
             return False
 
     def next_port(self) -> Endpoint:
-        """The default place of the publications: port + 1, or any free one for any free one.
+        """Default endpoint of telemetry: port + 1, or any free one if this port is any free one.
 
         Raises:
             EndpointError: There is no port above this one.
@@ -93,16 +93,16 @@ _ZAP_DOMAIN: Final = b"bodyschema"
 _OUTGOING: Final = 256  # frames that may wait for a slow peer, then some are dropped
 _INCOMING: Final = 16  # frames of one peer that may wait for us; then its TCP connection stalls
 _HANDSHAKE: Final = 10_000  # ms in which a connection must show that it speaks ZeroMQ, with a key
-_NEVER: Final = 3_600_000  # ms; -1 would throw away what has come before the end of a connection
+_NEVER: Final = 3_600_000  # ms; -1 would throw away what came before the end of a connection
 
 
 def permitted(uri: str, *, keys: bool, insecure: bool) -> Endpoint:
-    """The place to bind to, if that is safe.
+    """Returns the endpoint to bind to, if that is safe.
 
     Args:
         uri: ``tcp://host:port``.
         keys: Whether only those with a key can connect.
-        insecure: Whether a person wants it all the same.
+        insecure: Whether to permit it without keys all the same.
 
     Raises:
         EndpointError: Anybody on other computers could move the robot.
@@ -119,13 +119,13 @@ def permitted(uri: str, *, keys: bool, insecure: bool) -> Endpoint:
 def serving(
     context: zmq.Context[zmq.Socket[bytes]], kind: int, pair: KeyPair | None, peer: str
 ) -> zmq.Socket[bytes]:
-    """A socket that speaks to one peer, not connected yet.
+    """Returns a server's socket for one peer, not connected yet.
 
     Args:
-        context: Its context; with keys, a ``ZapHandler`` must stand there already.
+        context: ZeroMQ context; with keys, a ``ZapHandler`` must exist in it already.
         kind: ROUTER or XPUB.
-        pair: The keys to ask for and to answer with; ``None``: everybody may connect.
-        peer: Where the peer comes from, for the ``ZapHandler``.
+        pair: The robot's keys; ``None``: everybody may connect.
+        peer: Address of the peer, for the ``ZapHandler``.
     """
     options: dict[int, Any] = {
         zmq.SNDHWM: _OUTGOING,
@@ -153,13 +153,13 @@ def connected(
     keys: ClientKeys | None,
     options: Mapping[int, Any],
 ) -> zmq.Socket[bytes]:
-    """A connecting socket; a wrong address is noticed at once, a wrong key is not.
+    """Returns a client's socket, connecting; a wrong address is noticed at once, a wrong key not.
 
     Args:
-        context: Its context.
+        context: ZeroMQ context.
         kind: DEALER or SUB.
         uri: ``tcp://host:port``.
-        keys: Who connects, and to which robot; ``None``: to one without keys.
+        keys: The client's keys, and the robot's public one; ``None``: the robot has no keys.
         options: More socket options.
 
     Raises:
@@ -182,7 +182,7 @@ def unconnected(
     keys: ClientKeys | None,
     options: Mapping[int, Any],
 ) -> zmq.Socket[bytes]:
-    """A client's socket with its options, not connected yet."""
+    """Returns a client's socket with its options, not connected yet."""
     if keys is not None:
         options = dict(options) | {
             zmq.CURVE_SERVERKEY: keys.robot.encode(),
@@ -204,7 +204,7 @@ def _made(
 
 
 class Waker:
-    """A pair of sockets; ``poll`` the one that ``fileno`` names for reading."""
+    """A pair of sockets with which any thread ends a poll; poll ``fileno`` for reading."""
 
     def __init__(self) -> None:
         self._near, self._far = socket.socketpair()
@@ -212,7 +212,7 @@ class Waker:
         self._far.setblocking(False)
 
     def fileno(self) -> int:
-        """What to poll."""
+        """Returns the file descriptor to poll."""
         return self._far.fileno()
 
     def wake(self) -> None:

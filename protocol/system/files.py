@@ -80,9 +80,9 @@ def _sync_folder(folder: Path) -> None:
 
 
 def may_exist(path: Path) -> bool:
-    """Whether a file is there, or may be: of one that nobody lets us see, opening it says why.
+    """Whether a file exists, or may: where that cannot be seen, opening it says why.
 
-    ``Path.exists`` raises there, or says no, by the version of Python.
+    ``Path.exists`` then raises or returns false, depending on the version of Python.
     """
     try:
         path.stat()

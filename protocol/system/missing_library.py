@@ -12,13 +12,13 @@ from urllib.parse import unquote, urlsplit
 def install_command(extra: str = "") -> str:
     """The command that installs bodyschema again with what is missing, from where it came.
 
-    It is on no package index: it came from a checkout or a wheel, which pip has written down (PEP
+    bodyschema is on no package index: it came from a checkout or a wheel, which pip recorded (PEP
     610).
 
     Args:
-        extra: Of our optional dependencies; empty: none.
+        extra: Group of optional dependencies that is missing; empty: none.
     """
-    installed = metadata.distributions(name="bodyschema")  # a checkout in the way has a record, too
+    installed = metadata.distributions(name="bodyschema")  # a checkout on the path is one, too
     noted = next(filter(None, (one.read_text("direct_url.json") for one in installed)), "{}")
     source = json.loads(noted)
     url = urlsplit(source.get("url", ""))
@@ -29,12 +29,12 @@ def install_command(extra: str = "") -> str:
 
 
 def lacking(command: str, extra: str, error: ModuleNotFoundError) -> int:
-    """Says in one sentence what to install; the version is known without any library.
+    """Says in one sentence what to install; ``--version`` is answered without the library.
 
     Args:
-        command: What the person typed.
-        extra: What of our optional dependencies the command needs; may be empty.
-        error: Names what is missing.
+        command: Name of the command that the person typed.
+        extra: Group of optional dependencies that the command needs; may be empty.
+        error: Error that names the missing library.
 
     Returns:
         The exit code.

@@ -75,7 +75,7 @@ _ours: Final[WeakSet[socket.socket]] = WeakSet()
 
 
 def kept_from_children(ours: socket.socket) -> socket.socket:
-    """The socket, which is closed in every process that this one forks from now on."""
+    """Returns the socket, now to be closed in every process that this one forks."""
     _ours.add(ours)
     return ours
 

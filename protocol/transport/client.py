@@ -65,8 +65,8 @@ class RobotClient(Closable):
     unasked.
 
     Args:
-        uri: Where the robot is, ``tcp://host:port``.
-        client_id: Who is asking, the same over all starts of a program; default: a new UUID.
+        uri: Address of the robot, ``tcp://host:port``.
+        client_id: Id of the client, the same over all starts of a program; default: a new UUID.
         timeout: Seconds of silence from the robot after which to give up. Motions may take
             longer: the robot is asked about them in between.
         next_id: The first request id to use; above all ids that this client id has used before.
@@ -132,12 +132,12 @@ class RobotClient(Closable):
 
     @property
     def telemetry_endpoint(self) -> str:
-        """Where to subscribe to the robot's telemetry."""
+        """Address at which to subscribe to the robot's telemetry."""
         return str(Endpoint.parse(self._capabilities.telemetry).seen_from(self._uri))
 
     @property
     def client_id(self) -> str:
-        """Who is asking; save it to be recognised after a restart of the program."""
+        """Id of this client; save it to be recognised after a restart of the program."""
         return self._client
 
     @property
@@ -199,13 +199,13 @@ class RobotClient(Closable):
             ) from None
 
     def acquire(self) -> Ok:
-        """Takes control; ``held`` tells who has it."""
+        """Takes control; the error ``held`` tells who has it."""
         reply = self._ask(self._in_session(Acquire), Ok)
         self._holding = True
         return reply
 
     def release(self) -> Ok:
-        """Gives control back; a motion of ours that is under way ends where it is."""
+        """Gives control back; a motion of this client that is under way ends where it is."""
         reply = self._ask(self._in_session(Release), Ok)
         self._holding = False
         return reply
@@ -259,8 +259,8 @@ class RobotClient(Closable):
         """Freezes the robot, whoever controls it; it stays so until ``clear``.
 
         Raises:
-            RobotError: Also ``not_confirmed``: its control loop does not turn, and nobody knows
-                whether it still moves. The stop stays in force.
+            RobotError: Also ``not_confirmed``: the robot's control loop does not turn, and nobody
+                knows whether the robot still moves. The stop stays in force.
         """
         return self._ask(lambda _: Stop(id=next(self._core.loose_ids), client=self._client), Ok)
 

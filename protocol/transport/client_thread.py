@@ -22,9 +22,9 @@ class ClientThread:
     """A connection that is made again when the link is cut.
 
     Args:
-        uri: Where the robot is, ``tcp://host:port``.
+        uri: Address of the robot, ``tcp://host:port``.
         core: The requests and replies; from here on only the thread uses it.
-        keys: Who connects, and to which robot; ``None``: to one without keys.
+        keys: The client's keys and the robot's public one; ``None``: the robot has no keys.
 
     Raises:
         EndpointError: The address cannot be connected to.
@@ -89,7 +89,7 @@ class ClientThread:
 
     def _poll(self) -> None:
         now = time.monotonic()
-        waiting = bool(self._core.frames(now))  # for a connection, else they would be gone
+        waiting = bool(self._core.frames(now))  # for a connection, else frames would be lost
         due = self._core.give_up_at
         if not waiting:
             due = min(due, self._core.send_at)

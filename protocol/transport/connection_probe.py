@@ -54,7 +54,7 @@ class Diagnosis:
 
     @property
     def fine(self) -> bool:
-        """Whether a connection stands."""
+        """Whether nothing keeps the client from connecting."""
         return self.obstacle is None
 
 
@@ -109,7 +109,7 @@ def _knock(place: Endpoint, patience: float) -> bytes | Diagnosis:
 
 
 def _mechanism(place: Endpoint, patience: float) -> bytes | None:
-    """The security mechanism in the peer's greeting; empty: that was none; ``None``: silence.
+    """The security mechanism in the peer's greeting; empty: no such greeting; ``None``: silence.
 
     Raises:
         OSError: There is no connection.

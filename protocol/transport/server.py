@@ -2,7 +2,7 @@
 
 One thread runs ``run``. It sleeps until a frame arrives, the robot has something to say, or a
 deadline of the core or the next publication is due; idle, it wakes for nothing else. A turn takes
-few frames, so that none of these waits for the others.
+few frames, so that none of these keeps the others waiting.
 """
 
 from __future__ import annotations
@@ -41,16 +41,16 @@ from protocol.wire.messages import ErrorReply, Request
 
 _BUDGET: Final = 0.002  # s for frames before the robot and the clock have their turn
 _LOOK: Final = 0.5  # s between two looks at the list of clients
-_SHARE: Final = 2 / 3  # of all connections; the others listen to telemetry
+_SHARE: Final = 2 / 3  # of all connections are for requests, the others for telemetry
 _QUIET: Final = 0.02  # s without a byte, then nothing is on its way any more
 _FAREWELL: Final = 200  # ms that the last replies have to leave
 
 
 class _Requests(TcpListener):
-    """Where requests come in."""
+    """The listener for requests."""
 
     KIND = zmq.ROUTER
-    WINDOW = MAX_MESSAGE + (1 << 18)  # a message and what stands around it
+    WINDOW = MAX_MESSAGE + (1 << 18)  # a message and its framing
     CHUNK = 8192
 
 
@@ -58,23 +58,23 @@ class Server(Closable):
     """Serves one robot at one address.
 
     Args:
-        robot: What carries requests out.
+        robot: Robot that carries the requests out.
         bind: ``tcp://host:port``; port 0 or ``*`` takes any free one.
-        telemetry_bind: Where publications are served; default: the port after ``bind``'s.
+        telemetry_bind: Address for telemetry; default: that of ``bind`` with the next port.
         telemetry_rate: Publications per second.
         keys: The robot's key directory: only clients that it knows can connect, and each may do
             what its role allows. Changes of the list take effect at once.
         insecure: Allows an address that other computers can reach without keys, although nothing
             then keeps anybody there from moving the robot.
         clock: The transport clock, s; it drives leases and publications.
-        log: Where to write what a person may want to know.
+        log: Log for what a person may want to know.
 
     Attributes:
-        endpoint: Where requests are taken, with the real port.
-        telemetry_endpoint: Where publications are made, with the real port.
+        endpoint: Address for requests, with the real port.
+        telemetry_endpoint: Address of the telemetry, with the real port.
 
     Raises:
-        EndpointError: The address is none, cannot be bound, or would be open to others.
+        EndpointError: An address is none, cannot be bound, or would be open to others.
         KeysError: The key directory cannot be used.
     """
 
@@ -140,7 +140,7 @@ class Server(Closable):
 
     @property
     def garbage(self) -> int:
-        """Frames that were no valid request, since the start."""
+        """Number of frames since the start that were no valid request."""
         return self._core.garbage
 
     def run(self) -> None:

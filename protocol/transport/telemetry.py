@@ -21,7 +21,7 @@ _QUEUE: Final = 16  # publications that may wait for us
 
 
 class TelemetrySubscriber(Closable):
-    """Receives publications; for one thread.
+    """Receives publications; one thread may use it.
 
     Subscribe before you need it: what is published before the connection stands is lost.
 
@@ -30,7 +30,7 @@ class TelemetrySubscriber(Closable):
         keys: The key directory, where the robot asks for keys.
 
     Attributes:
-        garbage: Publications that were no valid telemetry, skipped.
+        garbage: Number of publications that were no valid telemetry, and were skipped.
 
     Raises:
         EndpointError: The address cannot be connected to.
@@ -58,7 +58,7 @@ class TelemetrySubscriber(Closable):
         """The newest publication not yet returned; waits up to ``timeout`` s for one.
 
         Raises:
-            RobotUnreachableError: None came.
+            RobotUnreachableError: No publication came.
         """
         end = time.monotonic() + timeout
         newest: Telemetry | None = None
@@ -92,16 +92,16 @@ class TelemetrySubscriber(Closable):
 TOPIC: Final = b"telemetry"
 
 MAX_SUBSCRIBED: Final = 1024
-"""Bytes of subscriptions, and of what ends them, that one connection may send."""
+"""Most bytes of subscriptions and unsubscriptions that one connection may send."""
 
-_BUDGET: Final = 0.002  # s of one turn
+_BUDGET: Final = 0.002  # s for subscriptions in one turn
 
 
 class Publisher(TcpListener):
     """Publishes at one address."""
 
     KIND = zmq.XPUB
-    WINDOW = 1 << 18  # heartbeats of ZeroMQ, which nobody sees, for most of an hour
+    WINDOW = 1 << 18  # room for ZeroMQ's heartbeats, which are no messages, for most of an hour
     CHUNK = MAX_SUBSCRIBED  # ZeroMQ keeps fifty times as much of each
 
     def listen(self) -> None:
@@ -111,5 +111,5 @@ class Publisher(TcpListener):
                 self.cut(peer, f"over {MAX_SUBSCRIBED} bytes of subscriptions")
 
     def publish(self, frame: bytes) -> None:
-        """Sends to all who listen; never waits."""
+        """Sends a frame to all subscribers; never waits."""
         self.broadcast([TOPIC, frame])

@@ -21,18 +21,18 @@ MODALITIES: Final = ("touch", "tilt", "clearance")
 _name = partial(field_checks.text, longest=field_checks.MAX_NAME)
 _positive = partial(field_checks.number, least=1e-9)
 _not_negative = partial(field_checks.number, least=0.0)
-_ROUNDING: Final = 1e-6  # m
+_ROUNDING: Final = 1e-6  # m, by which a width may differ from twice the radius
 
 
 @dataclass(frozen=True, kw_only=True)
 class Joint(Record):
     """A driven joint: reachable limits in rad, top speed in rad/s, resolution in rad.
 
-    ``measured_noise`` is the root mean square error of its measured angle in one observation, rad;
+    ``measured_noise`` is the root mean square error of the measured angle in one observation, rad;
     ``None``: nothing measures it.
 
-    ``zero_sigma`` and ``travel_sigma`` are standard deviations of its calibration: of its 0, rad,
-    and of how far it turns, as a fraction; ``None``: nobody states them.
+    ``zero_sigma`` and ``travel_sigma`` are standard deviations of the calibration: of the angle 0,
+    rad, and of how far the joint turns, as a fraction; ``None``: nobody states them.
     """
 
     name: str = checked(_name)
@@ -59,13 +59,14 @@ class Sensor(Record):
     Attributes:
         modality: touch, tilt or clearance.
         unit: Unit of the reading: bool, rad or m.
-        count: Values in a reading (touch: number of sensors; tilt 2; clearance 1).
+        count: Number of values in a reading (touch: number of sensors; tilt 2; clearance 1).
         noise: Root mean square error of one observation, in ``unit``.
         rate: Samples per second while settling.
         upper: Largest value that can be read, where there is one (clearance: the cap, m).
-        zero_sigma: Standard deviation of its calibration's zero, in ``unit``: of what is level for
-            the main body, of the belly on the ground; ``None``: nobody states it.
-        gain_sigma: Of its gain, as a fraction, likewise.
+        zero_sigma: Standard deviation of the calibration's zero, in ``unit`` (tilt: of what is
+            level for the main body; clearance: of the belly on the ground); ``None``: nobody
+            states it.
+        gain_sigma: Standard deviation of the gain, as a fraction; ``None``: nobody states it.
     """
 
     modality: str = checked(partial(field_checks.one_of, choices=MODALITIES))
@@ -85,16 +86,16 @@ class Capabilities(Record):
     Attributes:
         robot: The robot's name.
         software: Name and version of the daemon.
-        config_hash: Changes whenever the daemon's configuration does.
-        base_size: Main body along x, y, z, m.
-        base_radius: Of a main body that is round, an upright cylinder as high as ``base_size`` says
-            and as wide, m; ``None``: it is a box.
+        config_hash: Hash that changes whenever the daemon's configuration does.
+        base_size: Size of the main body along x, y, z, m.
+        base_radius: Radius of a round main body, an upright cylinder as high and as wide as
+            ``base_size`` says, m; ``None``: it is a box.
         base_mass: Mass of the main body, kg.
         part_radii: Radius of the part that each joint moves, in joint order, m; ``None`` where
             not all of them are known.
-        joints: In motor order.
-        sensors: At most one per modality.
-        telemetry: Endpoint of the publications; ``*`` or a wildcard host means the host that the
+        joints: The joints, in motor order.
+        sensors: The sensors, at most one per modality.
+        telemetry: Endpoint of the telemetry; ``*`` or a wildcard host means the host that the
             client reached.
         telemetry_rate: Publications per second.
     """
@@ -138,7 +139,7 @@ class Capabilities(Record):
         return next((sensor for sensor in self.sensors if sensor.modality == modality), None)
 
 
-_DECIMALS: Final = 4  # with which an angle is printed, or more, where those hide the difference
+_DECIMALS: Final = 4  # decimals of a printed angle, or more, where those hide the difference
 
 
 def check_targets(joints: Sequence[Joint], targets: Mapping[str, float]) -> None:

@@ -21,7 +21,7 @@ MAX_FRAME: Final = 65_536
 """Longest frame, bytes."""
 
 MAX_MESSAGE: Final = 1 << 20
-"""Bytes beyond which libzmq drops the connection unanswered; in between, ``too_large``."""
+"""Bytes beyond which libzmq drops the connection unanswered; up to there, ``too_large``."""
 
 MAX_NESTING: Final = 16
 """Deepest nesting of maps and arrays, the frame's own map included."""
@@ -168,7 +168,7 @@ def _flaw(value: Any, depth: int) -> str | None:  # noqa: PLR0911 - one line per
 
 
 def _values(value: Any) -> int:
-    """Items of all arrays and maps in a value, as ``_Count`` counts them."""
+    """Number of items of all arrays and maps in a value, as ``_Count`` counts them."""
     if not isinstance(value, Mapping | list | tuple):
         return 0
     children = value.values() if isinstance(value, Mapping) else value

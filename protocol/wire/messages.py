@@ -50,7 +50,7 @@ class Request(Message):
     """What a client asks. ``client`` is the UUID it chose; ``id`` correlates the answers.
 
     Attributes:
-        NEEDS_CONTROL: Whether only the client that controls the robot may ask it.
+        NEEDS_CONTROL: Whether only the client that controls the robot may send it.
         FOR_VIEWERS: Whether a viewer's key is enough.
     """
 
@@ -226,22 +226,22 @@ class ObservationReply(Reply):
     """What the robot observed, after a ``Perform`` or a ``Read``.
 
     Attributes:
-        sequence: Grows by at least one from observation to observation within one daemon start.
+        sequence: Number that grows by at least one per observation within one daemon start.
         robot_time: Robot clock at the end of sampling, s.
         monotonic: The robot computer's monotonic clock at the same moment, s.
-        angles: The angles actually commanded after quantisation and clamping, rad.
+        angles: The angles actually commanded after quantisation and clamping, by joint, rad.
         saturated_joints: Joints that stand at the end of their reachable range.
-        measured: Where joints that measure it were, rad; ``None`` where none does.
-        off_target: Those of them that came to rest away from the angle commanded, each with what
-            that is like, for people; ``None`` where none does.
+        measured: Measured angles of the joints that have a sensor for it, rad; ``None``: none has.
+        off_target: Measured joints that came to rest away from the angle commanded, each with a
+            description for people; ``None`` where none does.
         touch: One bit per touch sensor, or ``None`` without touch sensors.
         tilt: Left/right and forward/back tilt, rad (left side up and nose up are positive).
         clearance: Belly to ground along the belly's normal, m.
-        clearance_saturated: The ground lay beyond the sensor's range.
+        clearance_saturated: Whether the ground lay beyond the sensor's range.
         settled: Whether the readings came to rest before they were averaged.
         settle_time: Time waited for rest, s: since the last command of a ``Perform``, or since a
             ``Read`` began.
-        samples: Samples in the average.
+        samples: Number of samples in the average.
     """
 
     TYPE: ClassVar[str] = "observation"

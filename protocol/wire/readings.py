@@ -17,7 +17,7 @@ TOUCH_GAP: Final = 1e-3
 """A part touches the ground when it comes nearer than this, m."""
 
 DOUBTFUL_GAP: Final = 2e-3
-"""A gauge, which feels load, may say otherwise of a part that is above the ground by less, m."""
+"""A touch sensor that feels load may disagree about a part above the ground by less, m."""
 
 
 class Direction(Protocol):
@@ -51,10 +51,10 @@ def tilt_of(up: Direction) -> tuple[float, float]:
 def up_of(tilt: Sequence[float]) -> tuple[float, float, float]:
     """The world's up in the frame of a body that is not on its back; ``tilt_of`` inverted.
 
-    Two tilts that no body can have both give a vector longer than 1.
+    Two tilts that no body can have at the same time give a vector longer than 1.
 
     Args:
-        tilt: Left/right and forward/back, rad.
+        tilt: Left/right and forward/back tilt, rad.
     """
     x, y = math.sin(tilt[1]), math.sin(tilt[0])
     return x, y, math.sqrt(max(0.0, 1.0 - x * x - y * y))
@@ -64,8 +64,8 @@ def belly_ray(height: float, up: Direction) -> float:
     """Length of the ray from the middle of the belly along the belly's normal to the ground, m.
 
     Args:
-        height: Of the belly's middle above the ground, m. In a simulation, a body on the ground
-            may be a little below it; the length is then negative.
+        height: Height of the belly's middle above the ground, m. In a simulation, a body on the
+            ground may be a little below it; the length is then negative.
         up: The world's up in the body's frame.
 
     Returns:
@@ -96,5 +96,5 @@ def touches(gap: float, limit: float = TOUCH_GAP) -> bool:
 
 
 def touch_is_doubtful(gap: float, limit: float = DOUBTFUL_GAP) -> bool:
-    """Whether a real gauge might disagree with ``touches``."""
+    """Whether a real sensor that feels load might disagree with ``touches``."""
     return 0.0 < gap < limit

@@ -82,14 +82,14 @@ class GuidedSession:
     """One guided session.
 
     Args:
-        config: The robot, with what is believed of its calibration so far.
-        devices: Its drivers.
+        config: Configuration of the robot, with its calibration so far.
+        devices: Drivers of the robot's devices.
         clock: The robot clock.
-        terminal: With whom.
+        terminal: Terminal of the session.
         only: Names out of ``parts``; empty for all of them.
 
     Raises:
-        CommandError: There is no such part.
+        CommandError: ``only`` names what is no part.
     """
 
     def __init__(
@@ -115,12 +115,12 @@ class GuidedSession:
         """Leads through all parts; each is confirmed and saved before the next begins.
 
         Args:
-            before: What a skipped part keeps.
-            save: Given the name of a part, and the whole calibration with it.
+            before: Calibration so far, of which a skipped part keeps its own.
+            save: Called with the name of a part, and with the whole calibration including it.
 
         Raises:
             AbandonedError: Somebody left, or the servo boards' oscillators were measured, which
-                ``robot.toml`` must say before a joint is.
+                ``robot.toml`` must state before a joint is calibrated.
         """
         calibration = before
         try:
@@ -143,7 +143,7 @@ class GuidedSession:
         return self._dialogue.choose("write this: yes or no", "yes", "no") == "yes"
 
     def _measured(self) -> Iterator[tuple[str, Part]]:
-        """Each part that was not skipped, by name."""
+        """Yields name and calibration of each part that is not skipped."""
         yield from self._joints()
         if (axes := self._accelerometer()) is not None:
             yield "accelerometer", axes
@@ -208,7 +208,7 @@ class GuidedSession:
         ).run()
 
     def _changes(self, before: Calibration, after: Calibration) -> Iterator[str]:
-        """What is new, line by line."""
+        """Yields what is new, line by line."""
         for joint in self._config.joints:
             new = after.joints.get(joint.name)
             if new != before.joints.get(joint.name) and new is not None:

@@ -2,11 +2,11 @@
 
 A person moves a joint's count in small steps and types the angle that a protractor shows. Counts
 are all that can be trusted here: neither the direction nor the size of a count is known before it
-was measured. So the joint moves one count at a time, far slower than its servo can, and only as far
+was measured. So the joint moves one step at a time, far slower than its servo can, and only as far
 as it was told to.
 
-A PCA9685 gives pulses as long as its oscillator is slow. How often it gives them says how fast that
-runs, so a person measures the frequency at an output without a servo. What comes out belongs into
+The pulses of a PCA9685 are the longer, the slower its oscillator is. Their frequency tells how fast
+it runs, so a person measures that at an output without a servo. The result belongs into
 ``robot.toml``, for the driver must know it before it commands a pulse.
 """
 
@@ -55,11 +55,11 @@ _STEP: Final = math.radians(0.7)
 _MIN_APART: Final = 10  # steps between two measured angles
 _ZERO_TOLERANCE: Final = 1.5  # degrees; two steps
 _READING: Final = 0.3  # degrees: a protractor that is read to 0.5° either way
-_WELL_BEYOND: Final = 30  # steps that a scale may be extrapolated by without a word: 21°
+_WELL_BEYOND: Final = 30  # steps by which a scale may be extrapolated without a warning: 21°
 
 
 def step_of(scale: JointScale) -> int:
-    """The counts that a joint moves at once: one, or what makes 0.7° by what is known of it."""
+    """Counts that a joint moves at once: one, or as many as make 0.7° by its present scale."""
     return max(1, int(_STEP / scale.resolution))
 
 
@@ -68,12 +68,12 @@ class Mover:
 
     Args:
         servos: The servo driver.
-        joint: Which of its joints.
-        clock: Paces the counts.
+        joint: Joint to move.
+        clock: Clock that paces the counts.
 
     Attributes:
-        count: Where the servo was sent; 0 while it is limp.
-        measures: Whether the servo says where it is.
+        count: Count to which the servo was sent; 0 while it is limp.
+        measures: Whether the servo reports its position.
     """
 
     def __init__(self, servos: ServoBus, joint: DrivenJoint, clock: Clock):
@@ -87,10 +87,10 @@ class Mover:
         self.count = servos.read_counts([self._output])[self._output]
 
     def where(self) -> int:
-        """Where the servo was sent; a limp one is where it says, or 0 where it says nothing.
+        """Count to which the servo was sent; of a limp one, what it reports, or 0 if it does not.
 
         Raises:
-            DeviceError: It does not answer.
+            DeviceError: The servo does not answer.
         """
         if self.count or self._answering is None:
             return self.count
@@ -98,10 +98,10 @@ class Mover:
         return min(max(round(position), self._counts[0]), self._counts[-1])
 
     def go(self, target: int) -> None:
-        """Moves to a count; a limp servo jumps there, unless it says where it is.
+        """Moves to a count; a limp servo jumps there, unless it reports its position.
 
         Raises:
-            DeviceError: The board failed, or was reset; the next try starts from where it stands.
+            DeviceError: The board failed, or was reset; the next try starts from its present count.
         """
         self.check()
         if self.count == 0:
@@ -112,7 +112,7 @@ class Mover:
             self._clock.sleep(PACE)
 
     def release(self) -> None:
-        """Lets it go limp.
+        """Lets the servo go limp.
 
         Raises:
             DeviceError: The board failed.
@@ -124,7 +124,7 @@ class Mover:
         """Makes sure that the board still holds the count.
 
         Raises:
-            DeviceDataError: It does not: it was reset.
+            DeviceDataError: The board lost the count: it was reset.
         """
         before = self.count
         try:
@@ -141,7 +141,7 @@ class Mover:
             )
 
     def _look_anew(self) -> None:
-        """Takes the servo as the board has it now, which may need to be set up for that."""
+        """Takes over the count that the board has now; it may have to be set up for that."""
         self._servos.forget()
         self.count = self._servos.read_counts([self._output])[self._output]
 
@@ -317,15 +317,15 @@ class _Measuring:
 
 
 def known_to(points: Sequence[tuple[int, float]], off: float) -> Uncertainty:
-    """How well a table is known.
+    """Uncertainty of a table of counts and angles.
 
     A reading errs as a protractor does, or by as much as the readings scatter about a straight
     line, whichever is more; the zero also by as much as the table is off at its new 0°. The table
-    goes through the readings, so that at each of them it errs as that does: what many readings
-    average out is not taken off.
+    goes through the readings, so that at each of them its error is the reading's: it is not
+    reduced by averaging over many readings.
 
     Args:
-        points: Count and angle, degrees; at least two.
+        points: Counts and angles, degrees; at least two.
         off: By how much the table is off at its new 0°, degrees.
     """
     angles = [angle for _, angle in points]
@@ -376,14 +376,14 @@ def measure_oscillators(
     """Leads through the oscillators of boards that have them, where nobody has measured them.
 
     Args:
-        settings: The servo boards'.
+        settings: Settings of the servo boards.
         used: Outputs that have a servo.
-        servos: Their driver.
-        dialogue: With whom.
+        servos: Driver of the servo boards.
+        dialogue: Dialogue with the person.
 
     Raises:
-        AbandonedError: They were measured; the sentence says what to write before a joint is. Or
-            somebody left.
+        AbandonedError: The oscillators were measured; the message says what to write before a joint
+            is calibrated. Or somebody left.
         DeviceError: A board failed when its output was let go.
     """
     if not isinstance(settings, PCA9685Settings) or settings.oscillators_mhz is not None:
@@ -410,7 +410,7 @@ def measure_oscillators(
 def _frequency(
     settings: PCA9685Settings, output: int, servos: ServoBus, dialogue: Questions
 ) -> float:
-    """How often an output pulses, Hz, as a person measures it; it is left as it was."""
+    """Pulse frequency of an output, Hz, as a person measures it; its count is left as it was."""
     before = dialogue.attempt(lambda: servos.read_counts([output]))[output]
     if not before:
         dialogue.attempt(lambda: servos.set_counts({output: middle(settings.counts)}))

@@ -44,7 +44,7 @@ class Questions:
     """Asks until an answer makes sense.
 
     Args:
-        terminal: Whom.
+        terminal: Terminal at which to ask.
         reconnect: Opens a link anew that was lost; called before a device that is missing is tried
             again.
     """
@@ -58,7 +58,7 @@ class Questions:
         self._terminal.say(text)
 
     def ask(self, prompt: str) -> str:
-        """The answer, lower case, without blanks around it.
+        """Asks, and returns the answer in lower case, without blanks around it.
 
         Raises:
             AbandonedError: The answer was ``q``, or there will be none.
@@ -72,7 +72,7 @@ class Questions:
         return answer
 
     def choose(self, prompt: str, *choices: str) -> str:
-        """One of some words, or the beginning of one; the empty word stands for Enter alone."""
+        """Asks for a word, or the beginning of one; the empty word stands for Enter alone."""
         words = [choice or "Enter" for choice in choices]
         while True:
             answer = self.ask(prompt)
@@ -82,7 +82,7 @@ class Questions:
             self.say(f"Answer {', '.join(words)}, or q to leave.")
 
     def number(self, prompt: str, least: float, most: float) -> float:
-        """A number from ``least`` to ``most``."""
+        """Asks for a number from ``least`` to ``most``."""
         while True:
             value = number(self.ask(prompt))
             if value is not None and least <= value <= most:

@@ -61,18 +61,18 @@ class RawAxes(Protocol):
         """
 
     def check(self) -> None:
-        """As ``SensorDriver.check``."""
+        """Does what ``SensorDriver.check`` does."""
 
 
 class AccelerometerSession:
     """Leads through the accelerometer.
 
     Args:
-        sensor: Its axes and what was believed of them so far.
-        driver: Reads them.
+        sensor: Axes of the accelerometer, with their calibration so far.
+        driver: Driver that reads the axes.
         rate: Samples per second.
         clock: The robot clock.
-        dialogue: With whom.
+        dialogue: Dialogue with the person.
     """
 
     def __init__(
@@ -91,7 +91,7 @@ class AccelerometerSession:
         self._dialogue = dialogue
 
     def run(self) -> AxesCalibration | None:
-        """The calibration, or ``None`` if it was skipped.
+        """Returns the calibration, or ``None`` if it was skipped.
 
         Raises:
             AbandonedError: Somebody left.
@@ -211,10 +211,10 @@ class AccelerometerSession:
 
 
 def _gain_error(seen: Iterable[Axes], zero: Axes, gains: Axes) -> float:
-    """Of the gains, as a fraction: in each position gravity should come out as 1 g.
+    """Uncertainty of the gains, as a fraction: in each position gravity should come out as 1 g.
 
-    Axes that lean feel less of it, by as much as all three together then feel too much. Where the
-    board sits askew on the main body does not show: the zeros are the axes' own, not its level.
+    Axes that lean feel less of gravity, by as much as all three together then feel too much. A
+    board that sits askew on the main body does not show: the zeros are the axes', not the body's.
     """
     lengths = [
         math.hypot(*((one - at) / gain for one, at, gain in zip(axes, zero, gains, strict=True)))
@@ -225,10 +225,10 @@ def _gain_error(seen: Iterable[Axes], zero: Axes, gains: Axes) -> float:
 
 
 def _level_error(quarters: Sequence[Axes], gains: Axes) -> float:
-    """Of what is level, rad.
+    """Uncertainty of what is level, rad.
 
-    Opposite quarters cancel how the table leans, so both pairs should find the same. Two axes are
-    two degrees of freedom.
+    Opposite quarters cancel how the table leans, so both pairs should find the same zeros. Two axes
+    are two degrees of freedom.
     """
     first, second, third, fourth = quarters
     apart = [
@@ -240,8 +240,8 @@ def _level_error(quarters: Sequence[Axes], gains: Axes) -> float:
 
 GRAVITY: Final = 9.81
 LOADS: Final = (0.05, 200.0)  # N: 5 g to 20 kg; beyond, somebody typed another unit
-_CLEAR_OF_NOISE: Final = 10.0  # a load must stand out of the noise by this
-_QUIET: Final = 6.0  # so many times the noise below the threshold, a free foot never seems to touch
+_CLEAR_OF_NOISE: Final = 10.0  # a load must exceed the noise this many times
+_QUIET: Final = 6.0  # times the noise: with such a threshold, a free foot never seems to touch
 _MIN_CHANGE: Final = 2e-3  # V; six codes of 16 bits at ±10 V
 
 
@@ -250,11 +250,11 @@ class GaugeSession:
 
     Args:
         point: The part that carries it, and its thresholds so far.
-        channel: Its analogue input.
-        inputs: Those of its board.
+        channel: Analogue input of the gauge.
+        inputs: Analogue inputs of its board.
         rate: Samples per second.
         clock: The robot clock.
-        dialogue: With whom.
+        dialogue: Dialogue with the person.
     """
 
     def __init__(
@@ -275,7 +275,7 @@ class GaugeSession:
         self._dialogue = dialogue
 
     def run(self) -> GaugeCalibration | None:
-        """The calibration, or ``None`` if it was skipped.
+        """Returns the calibration, or ``None`` if it was skipped.
 
         Raises:
             AbandonedError: Somebody left.
@@ -342,10 +342,10 @@ class DistanceSession:
     """Leads through the distance sensor.
 
     Args:
-        sensor: What was believed so far.
-        finder: The sensor.
-        noise: Its error from one placement to the next, m rms.
-        dialogue: With whom.
+        sensor: Calibration of the sensor so far.
+        finder: Driver of the sensor.
+        noise: Error of the sensor from one placement to the next, m rms.
+        dialogue: Dialogue with the person.
     """
 
     def __init__(
@@ -358,7 +358,7 @@ class DistanceSession:
         self.placements = min(max(math.ceil((noise / AIM) ** 2), PLACEMENTS[0]), PLACEMENTS[1])
 
     def run(self) -> DistanceCalibration | None:
-        """The calibration, or ``None`` if it was skipped.
+        """Returns the calibration, or ``None`` if it was skipped.
 
         Raises:
             AbandonedError: Somebody left.
@@ -403,7 +403,7 @@ class DistanceSession:
         )
 
     def _known_to(self, means: Spread) -> float:
-        """The error of their mean, m; a few that agree by chance err as is announced."""
+        """Error of the mean, m; of few placements, which may agree by chance, as is announced."""
         return math.hypot(_ROUNDED, max(means.deviation, self._noise) / math.sqrt(means.count))
 
     def _placements(self, what: str) -> Spread:

@@ -74,13 +74,13 @@ def calibrate(
     """Leads through a session and writes its outcome.
 
     Args:
-        config: The robot, with what is believed of its calibration so far.
-        before: What the file holds so far.
-        devices: The robot's drivers.
+        config: Configuration of the robot, with its calibration so far.
+        before: Calibration that the file holds so far.
+        devices: Drivers of the robot's devices.
         clock: The robot clock.
-        terminal: With whom.
-        file: Where each part goes when it was measured; the file before is kept under a number.
-        only: What to calibrate; empty for everything.
+        terminal: Terminal of the session.
+        file: File that each part is written to when it was measured; the one before is kept.
+        only: Names of the parts to calibrate; empty for everything.
 
     Raises:
         AbandonedError: Somebody left, or nothing was measured; what was measured is in the file,

@@ -26,10 +26,10 @@ class ElectronicsSet:
     """What a set of electronics changes in ``robot/robot.toml``.
 
     Attributes:
-        tables: The file beside it whose tables take the place of those there, or ``None``.
-        most_touch: Touch sensors that its inputs take.
-        chips: By table, the line that names its first board or chip, and the joints or touch
-            sensors that fit on one; a further chip has the next number.
+        tables: Name of the file whose tables replace those of ``robot.toml``, or ``None``.
+        most_touch: Most touch sensors that its inputs take.
+        chips: By table, the line that names its first board or chip, and how many joints or touch
+            sensors fit on one; a further chip has the next number.
     """
 
     tables: str | None
@@ -52,7 +52,7 @@ SETS: Final[Mapping[str, ElectronicsSet]] = MappingProxyType(
 SERVOS: Final = MappingProxyType(
     {"feetech": "robot-feetech.toml", "dynamixel": "robot-dynamixel.toml"}
 )
-"""Bus servos, and the file whose tables take the place of those of a set of electronics."""
+"""By kind of bus servos, the file whose tables replace those of a set of electronics."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -120,9 +120,9 @@ def robot_toml(
     Args:
         electronics: A key of ``SETS``.
         servos: A key of ``SERVOS``, or ``None`` for the set's own.
-        name: The robot's.
-        joints: How many, at most ``MOST_JOINTS``; on the outputs one after another.
-        touch: How many parts feel touch; they are on the inputs one after another.
+        name: Name of the robot.
+        joints: Number of joints, at most ``MOST_JOINTS``; on the outputs one after another.
+        touch: Number of touch sensors; they are on the inputs one after another.
     """
     kind = SETS[electronics]
     counts = {"joint": joints, "touch": touch}
@@ -187,7 +187,7 @@ def _rows(like: Sequence[str], table: str, names: Sequence[str], count: int) -> 
 
 
 def _chips(line: str, count: int) -> str:
-    """A line that names one chip, for ``count`` of them."""
+    """Rewrites a line that names one chip for ``count`` of them."""
     key, _, number = line.partition(" = ")
     first = int(number, 0)
     written = "{:#x}" if "0x" in number else "{}"

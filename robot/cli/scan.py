@@ -26,7 +26,7 @@ FAMILIES: Final[Mapping[str, Family]] = MappingProxyType(
         }
     )
 )
-"""By the name of the driver: its line, the baud rates and the ids that there may be."""
+"""By the name of the driver, its line, the possible baud rates and the possible ids."""
 
 _PATIENCE: Final = 0.02  # s; an adapter may hold an answer back for 16 ms
 _USUAL: Final = 20

@@ -19,9 +19,9 @@ def start(command: str, module: str, *, extra: str = "") -> int:
     Ctrl-C waits while libraries load, because extension modules turn it into errors of their own.
 
     Args:
-        command: What the person typed.
-        module: Where its ``main`` is.
-        extra: What of our optional dependencies it needs.
+        command: Name of the command that the person typed.
+        module: Module with its ``main``.
+        extra: Group of optional dependencies that the command needs.
 
     Returns:
         The exit code: that of ``main``, or 1: after a sentence on standard error, or where nobody
@@ -45,7 +45,7 @@ def start(command: str, module: str, *, extra: str = "") -> int:
 
 
 def _reader_left() -> bool:
-    """Whether nobody reads standard output any more; if so, what is left of it is dropped."""
+    """Whether nobody reads standard output any more; if so, the rest of the output is dropped."""
     ends = select.poll()
     ends.register(sys.stdout, 0)  # of a pipe without a reader, poll(2) tells POLLERR unasked
     if not any(event & select.POLLERR for _, event in ends.poll(0)):

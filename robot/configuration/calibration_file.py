@@ -2,7 +2,7 @@
 
 Its keys are those of ``robot.toml``, which names the file and whose values give way to it. What was
 not calibrated is left out. The last table tells a whole file from one that was cut off. A file is
-replaced in one step, and the one before is kept under a number.
+replaced in one step, and the previous one is kept under a number.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ _FOOT: Final = """
 
 @dataclass(frozen=True, kw_only=True)
 class JointCalibration:
-    """Mechanical limits of a joint, rad, its counts, and how well these are known."""
+    """Mechanical limits of a joint, rad, the scale of its counts, and how well these are known."""
 
     lower_limit: float
     upper_limit: float
@@ -65,7 +65,7 @@ class AxesCalibration:
 
 @dataclass(frozen=True, kw_only=True)
 class GaugeCalibration:
-    """Volts of the free foot, volts per newton, and the loads that switch touch on and off, N."""
+    """Volts of the unloaded gauge, volts per newton, loads that switch touch on and off, N."""
 
     tare: float
     volts_per_newton: float
@@ -75,7 +75,7 @@ class GaugeCalibration:
 
 @dataclass(frozen=True, kw_only=True)
 class DistanceCalibration:
-    """Reading of the distance sensor with the belly on the ground, m; clearance per distance."""
+    """Reading with the belly on the ground, m, and metres of clearance per metre of reading."""
 
     zero: float
     scale: float
@@ -83,7 +83,7 @@ class DistanceCalibration:
 
 
 Part = JointCalibration | AxesCalibration | GaugeCalibration | DistanceCalibration
-"""What is calibrated at one go."""
+"""Calibration of one part: of what is calibrated at one go."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,12 +92,12 @@ class Calibration:
 
     Attributes:
         robot: The robot's name; the file fits no other.
-        revision: Grows by one with each file that replaces another.
-        made: When, ISO 8601, UTC.
-        joints: By name; those that were calibrated.
-        accelerometer: Or ``None``.
-        gauges: By name; those that were calibrated.
-        distance: Or ``None``.
+        revision: Number that grows by one with each file that replaces another.
+        made: Time at which it was made, ISO 8601, UTC.
+        joints: Calibrations of the joints that were calibrated, by name.
+        accelerometer: Calibration of the accelerometer, or ``None``.
+        gauges: Calibrations of the gauges that were calibrated, by name.
+        distance: Calibration of the distance sensor, or ``None``.
     """
 
     robot: str
@@ -118,7 +118,7 @@ class Calibration:
         )
 
     def with_part(self, name: str, part: Part) -> Calibration:
-        """With another calibration of one part; ``name`` is a joint's or a gauge's."""
+        """A copy with another calibration of one part; ``name`` is a joint's or a gauge's."""
         match part:
             case JointCalibration():
                 return replace(self, joints={**self.joints, name: part})
@@ -135,7 +135,7 @@ def read_calibration(path: Path, counts: range) -> Calibration:
 
     Args:
         path: The file.
-        counts: What the robot's servo driver can command.
+        counts: Counts that the robot's servo driver can command.
 
     Raises:
         ConfigError: Names file, key and reason.
@@ -144,14 +144,14 @@ def read_calibration(path: Path, counts: range) -> Calibration:
 
 
 def check_calibration(calibration: Calibration, counts: range) -> None:
-    """Whether the file that would be written of a calibration could be read again.
+    """Checks that the file that would be written of a calibration could be read again.
 
     Args:
         calibration: The calibration.
-        counts: What the robot's servo driver can command.
+        counts: Counts that the robot's servo driver can command.
 
     Raises:
-        ConfigError: Names key and reason: it holds what no robot has.
+        ConfigError: It holds what no robot has; names key and reason.
     """
     _calibration(toml_section(to_toml(replace(calibration, revision=1)), ""), counts)
 
@@ -279,11 +279,11 @@ def save_calibration(path: Path, calibration: Calibration, *, keep: bool = True)
 
     Args:
         path: The file.
-        calibration: What it shall hold.
-        keep: Whether the file before is kept under a number.
+        calibration: Calibration to write.
+        keep: Whether the previous file is kept under a number.
 
     Returns:
-        Where the file before was kept, or ``None`` if there was none.
+        Path under which the previous file was kept, or ``None`` if none was.
 
     Raises:
         ConfigError: The disk is full, the folder is not ours, …; the old file stands.

@@ -1,7 +1,7 @@
 """The tables that describe joints, sensors and their calibration in a file of the robot.
 
-``robot.toml`` and the calibration file use the same keys for the same things; this module is what
-they mean. Degrees and millimetres in a file, because a person writes it; radians and metres in the
+``robot.toml`` and the calibration file use the same keys for the same things; this module reads
+them. Degrees and millimetres in a file, because a person writes it; radians and metres in the
 objects.
 """
 
@@ -38,7 +38,7 @@ class DistanceConfig:
 JOINT_SIGMAS: Final = ("zero_sigma_deg", "travel_sigma")
 AXES_SIGMAS: Final = ("zero_sigma_deg", "gain_sigma")
 DISTANCE_SIGMAS: Final = ("zero_sigma_mm", "scale_sigma")
-"""By table, the keys of how well it was calibrated: of the zero, and of the gain, as a fraction."""
+"""Keys of a table's standard deviations: of the zero, and of the gain, as a fraction."""
 
 _SHORTEST_RANGE: Final = 10.0
 """Degrees from the lower limit to the upper one; a joint typed in radians spans six at most."""
@@ -55,7 +55,7 @@ def check_count(root: Section, head: Section, key: str, table: str, least: int) 
 
 
 def read_joint(section: Section, servos: ServoSettings) -> DrivenJoint:
-    """A ``[[joint]]`` table."""
+    """Reads a ``[[joint]]`` table."""
     lower, upper = read_limits(section)
     output = section.integer("output", 0, 10_000)
     if output not in servos.outputs:
@@ -82,7 +82,7 @@ def read_joint(section: Section, servos: ServoSettings) -> DrivenJoint:
 
 
 def read_limits(section: Section) -> tuple[float, float]:
-    """``limits_deg``, in rad."""
+    """Reads ``limits_deg``, returned in rad."""
     lower, upper = section.numbers("limits_deg", 2, -180, 180)
     if lower >= upper:
         raise section.refuse("limits_deg", f"must rise, not {lower:g} to {upper:g}.")
@@ -96,7 +96,7 @@ def read_limits(section: Section) -> tuple[float, float]:
 
 
 def read_scale(section: Section, counts: range) -> JointScale:
-    """``calibration``, pairs of count and degrees; ``counts`` are those of the servo driver."""
+    """Reads ``calibration``, pairs of count and degrees; ``counts`` are the servo driver's."""
     pairs = section.pairs("calibration")
     least, most = slopes(counts)
     try:
@@ -115,14 +115,14 @@ def read_scale(section: Section, counts: range) -> JointScale:
 
 
 def read_board(section: Section) -> BoardSettings:
-    """The ``[daq]`` table."""
+    """Reads the ``[daq]`` table."""
     board: BoardSettings = read_settings(section, SENSORS, "dmm32", kind="daq")
     section.done()
     return board
 
 
 def read_accelerometer(section: Section) -> SensorSettings:
-    """The ``[accelerometer]`` table."""
+    """Reads the ``[accelerometer]`` table."""
     driver: SensorSettings = read_settings(section, SENSORS, "analogue", kind="accelerometer")
     if isinstance(driver, CalibratedAxes):
         known = replace(driver, uncertainty=Uncertainty.read(section, *AXES_SIGMAS))
@@ -132,7 +132,7 @@ def read_accelerometer(section: Section) -> SensorSettings:
 
 
 def read_touch(section: Section) -> TouchPoint:
-    """A ``[[touch]]`` table."""
+    """Reads a ``[[touch]]`` table."""
     driver: SensorSettings = read_settings(section, SENSORS, "analogue", kind="touch")
     on, off = read_thresholds(section)
     point = TouchPoint(
@@ -147,7 +147,7 @@ def read_touch(section: Section) -> TouchPoint:
 
 
 def read_thresholds(section: Section) -> tuple[float, float]:
-    """``on_n`` and ``off_n``."""
+    """Reads ``on_n`` and ``off_n``, N."""
     on = section.number("on_n", 0, 50, 0.1)
     off = section.number("off_n", 0, 50, on / 2)
     if off > on:
@@ -156,7 +156,7 @@ def read_thresholds(section: Section) -> tuple[float, float]:
 
 
 def read_distance(section: Section) -> DistanceConfig:
-    """The ``[distance]`` table."""
+    """Reads the ``[distance]`` table."""
     driver: DistanceSettings = read_settings(section, SENSORS, "vl6180x", kind="distance")
     zero, scale = read_distance_calibration(section)
     reach = section.number("range_mm", 20, driver.reach * 1000) / 1000
@@ -167,12 +167,12 @@ def read_distance(section: Section) -> DistanceConfig:
 
 
 def read_distance_calibration(section: Section) -> tuple[float, float]:
-    """``zero_mm``, in m, and ``scale``."""
+    """Reads ``zero_mm``, returned in m, and ``scale``."""
     return section.number("zero_mm", 0, 255) / 1000, section.number("scale", 0.5, 2, 1)
 
 
 def read_settling(section: Section) -> RestCriterion:
-    """The ``[settling]`` table, save ``samples``."""
+    """Reads the ``[settling]`` table, save ``samples``."""
     usual = RestCriterion()
     return RestCriterion(
         window=section.number("window_s", 0.05, 10, usual.window),

@@ -1,4 +1,4 @@
-"""Counts of the servo driver ↔ joint angles.
+"""Conversion between counts of the servo driver and joint angles.
 
 A joint can only take the angles of its driver's counts (255 of them on a board with 8 bits): what
 is commanded is always one of those, and it is what gets reported.
@@ -39,8 +39,8 @@ class JointScale:
     """A monotone table of (count, angle in rad), linear between and beyond its points.
 
     Attributes:
-        points: At least two.
-        counts: What the servo driver can command.
+        points: Counts and their angles, rad, at least two; sorted by count.
+        counts: Counts that the servo driver can command.
 
     Raises:
         ValueError: Fewer than two points, counts that the driver does not have, or a table that is
@@ -73,7 +73,7 @@ class JointScale:
         return min(self.counts[-1], max(self.counts[0], math.floor(self.exact(angle) + 0.5)))
 
     def exact(self, angle: float) -> float:
-        """The count of an angle, in fractions, also where the driver has none."""
+        """The fractional count of an angle, also beyond the driver's counts."""
         return _interpolate(sorted((value, count) for count, value in self.points), angle)
 
     @property
@@ -83,7 +83,7 @@ class JointScale:
 
     @property
     def resolution(self) -> float:
-        """The coarsest angle between two neighbouring counts, rad."""
+        """Largest angle between two neighbouring counts, rad."""
         pairs = pairwise(self.points)
         return max(abs((d - b) / (c - a)) for (a, b), (c, d) in pairs)
 
@@ -98,8 +98,8 @@ def _interpolate(table: Sequence[tuple[float, float]], x: float) -> float:
 class DrivenJoint:
     """A joint, the output that drives it, its mechanical limits (rad) and its calibration.
 
-    ``part_radius``, m, is that of the part it moves, ``None`` where nobody knows; ``uncertainty``
-    that of its 0 and of how far it turns.
+    ``part_radius`` is the radius of the part that it moves, m, ``None`` where nobody knows it;
+    ``uncertainty`` is that of its zero and of how far it turns.
     """
 
     name: str
@@ -120,7 +120,7 @@ class DrivenJoint:
         return min(within), max(within)
 
     def check_zero(self) -> None:
-        """Every interaction begins with all joints at zero.
+        """Checks that the joint reaches zero, where every interaction begins.
 
         Raises:
             ValueError: Zero is not within the limits and the counts.
@@ -134,6 +134,6 @@ class DrivenJoint:
         return self.scale.count(min(upper, max(lower, angle)))
 
     def at_end(self, count: int) -> bool:
-        """Whether a count is the last one in either direction, or beyond."""
+        """Whether a count is the last reachable one in either direction, or beyond."""
         lower, upper = self.reachable
         return not lower < self.scale.angle(count) < upper

@@ -1,6 +1,6 @@
 """``robot.toml``: what is connected where, and how it is calibrated.
 
-``robot/robot.toml`` is the documented example; this module is its meaning. Degrees and millimetres
+``robot/robot.toml`` is the documented example; this module reads it. Degrees and millimetres
 in the file, because a person writes it; radians and metres in the objects.
 """
 
@@ -36,7 +36,7 @@ from robot.sensing.sensors import TouchPoint, Underside
 from robot.toml_sections import Section, numbered, read_toml
 
 DENSITIES: Final = (10.0, 20_000.0)
-"""Kilograms per cubic metre of whatever a body can be made of."""
+"""Least and greatest density of a main body, kilograms per cubic metre."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,9 +44,9 @@ class BodyConfig:
     """The main body.
 
     Attributes:
-        size: x, y, z, m; ``hello`` makes it public.
-        radius: Of one that is round, an upright cylinder, m; ``None``: it is a box.
-        mass: Of the main body, kg.
+        size: Size along x, y, z, m; ``hello`` makes it public.
+        radius: Radius of a round main body, an upright cylinder, m; ``None``: it is a box.
+        mass: Mass of the main body, kg.
         lies_flat: Whether it lies on the ground with all joints at 0.
     """
 
@@ -60,7 +60,7 @@ class BodyConfig:
 class NoiseConfig:
     """Root mean square errors of one observation, as ``hello`` announces them (rad, m).
 
-    ``joint`` is that of a measured angle, where servos say where they are: backlash, mostly.
+    ``joint`` is the error of a measured angle, of servos that report theirs: backlash, mostly.
     """
 
     tilt: float
@@ -111,7 +111,7 @@ class RobotConfig:
                 )
 
     def _check_claims(self) -> None:
-        """No two devices answer at one address."""
+        """Checks that no two devices have the same address."""
         tables: dict[str, object] = {
             "servos": self.servos,
             "daq": self.daq,
@@ -236,7 +236,7 @@ def load_config(path: Path, *, uncalibrated: bool = False) -> RobotConfig:
 
 
 def with_calibration(config: RobotConfig, file: Path | None) -> tuple[RobotConfig, Calibration]:
-    """Applies the values of a calibration file, which need not exist, and returns them, too.
+    """Applies the values of a calibration file, which need not exist; returns both.
 
     Raises:
         ConfigError: Names file, key and reason.
@@ -248,10 +248,10 @@ def with_calibration(config: RobotConfig, file: Path | None) -> tuple[RobotConfi
 
 
 def apply_calibration(config: RobotConfig, calibration: Calibration, *, file: str) -> RobotConfig:
-    """A configuration with the values of a calibration in the place of its own.
+    """Returns a configuration with the values of a calibration in the place of its own.
 
     Raises:
-        ConfigError: It is another robot's, or does not fit this one; names ``file`` and key.
+        ConfigError: The calibration is another robot's, or does not fit; names ``file`` and key.
     """
     if calibration.robot != config.name:
         raise ConfigError(
@@ -327,7 +327,7 @@ def read_config(path: Path) -> tuple[RobotConfig, Path | None]:
     """Reads ``robot.toml`` alone.
 
     Returns:
-        Its own values, and the calibration file that it names, if it does.
+        The values of ``robot.toml``, and the calibration file that it names, or ``None``.
 
     Raises:
         ConfigError: Names file, key and reason.

@@ -2,16 +2,16 @@
 
 The server's thread calls ``submit``, ``silence`` and ``snapshot``, which never wait for a device;
 the control thread takes jobs from a queue and reports through ``events``. What a request may do in
-which state is ``protocol.rules.transitions.TRANSITIONS``, and what it ends
-``robot.control.jobs.ENDS``: what waits ends at once, what is under way is given an *interrupt*,
-which it meets before its next line, query or sample. A request is judged by the state to which the
+which state is ``protocol.rules.transitions.TRANSITIONS``; which others it ends is
+``robot.control.jobs.ENDS``: those that wait end at once, the one under way is given an *interrupt*,
+which ends it before its next line, query or sample. A request is judged by the state to which the
 accepted ones lead; a ``snapshot`` shows the state that the devices have reached.
 
-A fault ends all that waits in the queue, too: after it the robot does nothing until a ``clear`` has
-found every device in order. Until then, and when it has not, the state remains ``fault``. Whatever
-a driver raises is one. So is a driver that does not return: a watch says so in the place of the
-control thread, which goes no further when the driver does return; and so is the end of that thread,
-after which nothing moves until the daemon is started again.
+A fault ends all that waits in the queue, too: after it the robot does nothing, and the state
+remains ``fault``, until a ``clear`` has found every device in order. Faults are: whatever a driver
+raises; a driver that does not return, which a watch reports in the place of the control thread
+(that goes no further when the driver does return); and the end of the control thread, after which
+nothing moves until the daemon is started again.
 """
 
 from __future__ import annotations
@@ -47,11 +47,12 @@ class Controller:
 
     Args:
         interaction: The devices and the choreography of one interaction.
-        capabilities: What ``hello`` answers.
+        capabilities: Capabilities with which ``hello`` is answered.
         housekeeping: Seconds between checks of the board while idle, or ``None`` for none (in
             virtual time, which stands still while the robot is idle).
-        log: Where to write what a person may want to know.
-        manager: Who is told that the control loop turns, and what became of the robot.
+        log: Log for what a person may want to know.
+        manager: Service manager; it is told that the control loop turns, and what became of the
+            robot.
     """
 
     def __init__(
@@ -115,7 +116,7 @@ class Controller:
                 self._lock.notify()
         if not queued:
             self._carry_out(job)  # a stop, and nothing moves any more
-        # After the control thread has heard of it, for they may be very many.
+        # Only after the control thread has heard of the request, for these may be very many.
         self._outbox.withdraw(overtaken)
 
     def controller_changed(self, client: str | None) -> None:
@@ -158,15 +159,14 @@ class Controller:
         """Ends a motion, parks at zero where the state allows it, ends the control thread.
 
         A stopped, faulty or limp robot is left as it is: parking would move it. From now on every
-        request but ``stop`` is refused, and that one ends the parking, too. So does the time-out:
+        request but ``stop`` is refused; a stop ends the parking, and so does the time-out:
         a robot that needs longer stops on its way.
 
         Args:
-            timeout: For the parking, s.
+            timeout: Time for the parking, s.
 
         Returns:
-            Whether the thread ended, and not before its time; a driver that does not return is not
-            waited for.
+            Whether the thread ended as it should; a driver that does not return is not waited for.
         """
         with self._lock:
             self._leaving = True
@@ -188,11 +188,11 @@ class Controller:
                 self._work()  # a stop that came meanwhile
                 with self._lock:
                     self._ended = not self._jobs
-        except BaseException as error:  # of ours, whatever it is: nobody else would ever hear of it
+        except BaseException as error:  # an error of ours: nobody else would ever hear of it
             self._die(error)
 
     def _die(self, error: BaseException) -> None:
-        """The end of the control thread: nothing moves any more, and everybody is answered."""
+        """Handles an error that ended the control thread: nothing moves, everybody is answered."""
         sentence = f"The control loop has ended: {error_text(error)}."
         with self._lock:
             self._died = RobotError("fault", sentence, advice="Start the daemon again.")
@@ -363,7 +363,7 @@ class Controller:
             raise RobotError("fault", self._thread.obstacle)
 
     def _stop_blindly(self, job: Job) -> None:
-        """Takes a stop for when the loop turns again, and answers it at once."""
+        """Queues a stop for when the loop turns again, and answers at once: not confirmed."""
         unsure = RobotError("not_confirmed", f"The stop is not confirmed. {self._thread.obstacle}")
         self._outbox.finish(job, job.error(unsure))
         with self._lock:

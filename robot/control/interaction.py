@@ -6,8 +6,8 @@ may raise ``RobotError`` there: the servos then stay at the last commanded count
 
 The servo board acknowledges nothing, and other programs may reach it, so it is asked before a
 motion, and before and after a reading, whether it still has the counts that it was sent: what an
-observation calls commanded was, all along. One that was reset in mid-motion ignores the rest of it,
-and is found out when the motion has ended, if not before.
+observation calls commanded was so all along. A board that was reset in mid-motion ignores the rest
+of the motion, and is found out when that has ended, if not before.
 """
 
 from __future__ import annotations
@@ -31,12 +31,14 @@ from robot.host.clock import MAX_GAP, SteadyClock
 from robot.sensing.samples import RestDetector
 from robot.sensing.sensors import OnProgress, Reading, SensorReader
 
-LATENESS: Final = 1.25  # times the line's own period: so late may an update be and lose no way
+LATENESS: Final = 1.25  # times the line's own period: an update may be that late and lose no way
 FLAT_TILT: Final = math.radians(3)
-"""The most that a robot in its zero pose may lean, rad: ten times the usual noise of tilt."""
+"""Most that the tilt in the zero pose may differ from its reference, rad: ten times the usual
+noise of tilt."""
 
 FLAT_CLEARANCE: Final = 0.005
-"""The most that a robot in its zero pose may stand off, m: five times the usual noise."""
+"""Most that the clearance in the zero pose may differ from its reference, m: five times the usual
+noise."""
 
 _SAMPLE_TIME: Final = 0.25  # s for one sample of all sensors, at the very most
 
@@ -61,14 +63,14 @@ class MotorProgramRunner:
     """Performs motor programs.
 
     Args:
-        config: The robot.
+        config: Configuration of the robot.
         servos: The servo driver.
         sensing: The sensors.
         clock: The robot clock.
         revive: Makes the devices work again after a fault, or raises ``DeviceError``.
-        operator: The operator, or ``None`` for none. Unless the operator lays it down, the zero
-            pose is compared with the first one since a client took control, which must be flat
-            unless the robot stands then; else the robot is refused with ``not_planar``.
+        operator: The operator, or ``None``. Unless the operator lays the robot down, its zero pose
+            is compared with the first one since a client took control, which must be flat unless
+            the robot stands in it; a zero pose that differs is refused with ``not_planar``.
     """
 
     def __init__(
@@ -106,7 +108,7 @@ class MotorProgramRunner:
 
     @property
     def measures(self) -> bool:
-        """Whether the servos say where they are."""
+        """Whether the servos report their positions."""
         return self._answering is not None
 
     def now(self) -> float:
@@ -118,7 +120,7 @@ class MotorProgramRunner:
         return {joint.name: joint.scale.angle(count) for joint, count in self._commanded()}
 
     def perform(self, targets: Mapping[str, float], report: Report) -> Reading:
-        """One interaction.
+        """Performs one interaction.
 
         Raises:
             RobotError: ``report`` ended it; or ``not_settled``, ``not_planar``: in its zero pose
@@ -153,9 +155,10 @@ class MotorProgramRunner:
         """Carries out what a hold, relax or clear asks of the servos; a stop asks nothing of them.
 
         Args:
-            event: Which of them.
-            state: The robot's. A clear after a stop holds, also what was limp before it: that must
-                not move; a clear after a fault makes the devices work and tries all of them.
+            event: Hold, relax, clear or stop.
+            state: The robot's state. A clear after a stop holds all joints, also those that were
+                limp before it, as ``_stiffen`` does; a clear after a fault makes the devices work
+                and tries all of them.
             check: Called before each sample and query; it may raise ``RobotError``, and then
                 nothing is sent.
 
@@ -180,7 +183,7 @@ class MotorProgramRunner:
 
         Raises:
             RobotError: ``check`` ended it.
-            DeviceDataError: It was.
+            DeviceDataError: The board was reset.
         """
         self._verify(check)
 
@@ -214,7 +217,7 @@ class MotorProgramRunner:
         )
 
     def _measured(self, reading: Reading) -> Reading:
-        """A reading with the angles of the joints, if they are measured."""
+        """A reading with the measured angles of the joints, if their servos report them."""
         if self._answering is None:
             return reading
         states = self._answering.read_states(self._outputs)
@@ -252,10 +255,10 @@ class MotorProgramRunner:
         self._verify(check)
 
     def _stiffen(self) -> None:
-        """Holds each joint: one that was limp where it is, if its servo says where that is.
+        """Holds each joint; a limp one is held where it is, if its servo reports that.
 
-        If it does not, it is sent its last commanded count, to which it returns at its servo's own
-        speed; one that was limp when the daemon started returns to zero.
+        Otherwise a limp joint is sent its last commanded count, to which it returns at its servo's
+        own speed; one that was limp when the daemon started returns to zero.
         """
         if self._answering is not None:
             self._counts = {
@@ -336,7 +339,7 @@ class MotorProgramRunner:
         return reading
 
     def _board_counts(self) -> dict[int, int]:
-        """The board's counts, read twice: a motion that began elsewhere would leap."""
+        """The board's counts, read twice: a motion that began from wrong ones would leap."""
         counts = self._servos.read_counts(self._outputs)
         if self._servos.verify(counts):
             raise DeviceDataError(

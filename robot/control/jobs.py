@@ -31,7 +31,7 @@ SENTENCES: Final = MappingProxyType(
         "shutting_down": "The daemon is shutting down.",
     }
 )
-"""What the codes mean with which a request ends that was interrupted."""
+"""Sentences for the error codes with which interrupted requests end."""
 
 _READ = MappingProxyType({Event.READ: "aborted_read"})
 
@@ -47,10 +47,10 @@ ENDS: Final = MappingProxyType(
         ),
     }
 )
-"""What each request ends that was accepted before it, and the error code with which that ends."""
+"""By request, the earlier requests that it ends, and the error codes with which these end."""
 
 LEAVING: Final = (Event.READ, Event.PERFORM)
-"""What the end of the daemon ends, with ``shutting_down``."""
+"""Requests that the end of the daemon ends, with ``shutting_down``."""
 
 STOPPED: Final = "A client sent stop."
 OFF: Final = (
@@ -67,7 +67,7 @@ NEWS: Final = MappingProxyType(
         Event.CLEAR: (logging.INFO, "cleared by client {}"),
     }
 )
-"""What a person wants to know afterwards: level, and a sentence about a client."""
+"""Log level and sentence about a client, by the event that a person wants to know of."""
 
 
 PROGRESS_PERIOD: Final = 0.1
@@ -79,10 +79,10 @@ class Job:
     """One request that was accepted.
 
     Attributes:
-        ticket: Ties its events to it.
-        request: What was asked.
-        interrupt: The error with which it shall end.
-        reported: Phase and robot time of the last progress that was told.
+        ticket: Number that ties events to the request.
+        request: The request.
+        interrupt: The error with which it shall end, or ``None``.
+        reported: Phase and robot time (s) of the last progress that was told.
         ended: Whether its final reply was given, or nobody waits for one.
     """
 
@@ -101,7 +101,7 @@ class Job:
         """Records progress, and returns whether clients should be told.
 
         Args:
-            phase: As in ``protocol.wire.messages.Progress``.
+            phase: Phase as in ``protocol.wire.messages.Progress``.
             now: Robot time, s.
         """
         last_phase, last_time = self.reported
@@ -133,7 +133,7 @@ def ended_by(code: str) -> RobotError:
 
 
 def refused(state: State, event: Event, reason: str | None) -> RobotError:
-    """The error with which a request is refused that a state, reached for a reason, forbids."""
+    """The error for a request that a state forbids; ``reason`` says why the robot is in it."""
     because = f" ({reason})" if reason else ""
     return RobotError(REFUSALS[state], f"The robot is {state}{because}: {event} is refused.")
 
@@ -142,7 +142,7 @@ class JobQueue:
     """The requests that were accepted and have not ended; not thread-safe.
 
     Attributes:
-        under_way: The one that is being carried out.
+        under_way: The request that is being carried out, or ``None``.
     """
 
     def __init__(self) -> None:
@@ -173,7 +173,7 @@ class JobQueue:
         """Ends requests of some kinds with an error: at the next check, or now if they wait.
 
         Returns:
-            Those that waited, in order; they have yet to be told.
+            The requests that waited, in order; their clients have yet to be told.
         """
         if self.under_way is not None and self.under_way.interrupt is None:
             self.under_way.interrupt = errors.get(self.under_way.event)
@@ -216,7 +216,7 @@ class JobQueue:
 
 
 AT_A_TIME: Final = 64
-"""Events that are taken out at once, so that the server soon looks at requests again."""
+"""Most events that are taken out at once, so that the server soon looks at requests again."""
 
 
 class Outbox:
@@ -233,7 +233,7 @@ class Outbox:
         self._of_reads: deque[RobotEvent] = deque()
 
     def finish(self, job: Job, reply: FinalReply) -> None:
-        """Adds the reply with which a request ended, unless there was one: a fault came before."""
+        """Adds the reply with which a request ended, unless it has one: a fault came before."""
         with self._lock:
             if job.ended:
                 return

@@ -1,4 +1,4 @@
-"""Joints whose servos say where they are: which are not where they were sent, and why.
+"""Joints whose servos report their positions: which are not where they were sent, and why.
 
 A servo that pushes and takes no current has a dead motor; a joint that does not turn at all is
 jammed. One that stops on its way is blocked, or too weak for the load on it: after one movement
@@ -15,7 +15,8 @@ from robot.configuration.joint_calibration import DrivenJoint
 from robot.drivers.servos.servo_bus import ServoState
 
 OFF: Final = math.radians(3)
-"""A joint at rest further from its command is off; backlash and a regulator's droop are less."""
+"""Angle from its command, rad, beyond which a joint at rest is off target; backlash and a
+regulator's droop are less."""
 
 DEAD: Final = "dead"
 JAMMED: Final = "jammed"
@@ -23,7 +24,7 @@ STOPPED: Final = "blocked or too weak"
 BLOCKED: Final = "blocked"
 SAGGING: Final = "sagging"
 
-_PUSHES: Final = 0.2  # share of a servo's drive; no sound motor takes less than that for it:
+_PUSHES: Final = 0.2  # share of a servo's drive; a sound motor that pushes so takes more than:
 _NO_CURRENT: Final = 0.05  # A
 _STILL: Final = math.radians(1)
 _SAME: Final = math.radians(1.5)  # a stop is always at the same angle, within that
@@ -42,23 +43,23 @@ class JointWatch:
         self._stops: dict[str, list[float]] = {}
 
     def angles(self, states: Mapping[int, ServoState]) -> dict[str, float]:
-        """Where the joints are, rad."""
+        """Angles of the joints by name, rad."""
         return {
             joint.name: joint.scale.angle(states[joint.output].position) for joint in self._joints
         }
 
     def begin(self, states: Mapping[int, ServoState]) -> None:
-        """A movement begins from here."""
+        """Notes where a movement begins."""
         self._start = self.angles(states)
 
     def off_target(
         self, commanded: Mapping[str, float], states: Mapping[int, ServoState]
     ) -> dict[str, str]:
-        """The joints at rest that are not where they were sent, each with what that is like.
+        """The joints at rest that are not where they were sent, by name, each with its kind.
 
         Args:
-            commanded: By joint, rad; none for a limp one.
-            states: By output.
+            commanded: Commanded angles by joint, rad; none for a limp one.
+            states: States of the servos by output.
         """
         found = {}
         here = self.angles(states)
@@ -74,7 +75,7 @@ class JointWatch:
         stops = self._stops.setdefault(joint.name, [])
         side = math.copysign(1.0, target - here)
         if abs(target - here) <= OFF:
-            # It went where it had been stopped: that was no block.
+            # It went beyond where it had stopped before: that was no block.
             if any(abs(stop) < abs(here) - _SAME and stop * here > 0 for stop in stops):
                 stops[:] = [math.inf]
             return ""
@@ -93,9 +94,9 @@ class JointWatch:
 
 
 def cut_short(joint: DrivenJoint, state: ServoState) -> str:
-    """What is wrong where a servo lets itself be driven less far than its joint goes, or nothing.
+    """Says that a servo's own limits are narrower than its joint's; empty if they are not.
 
-    Servos drive to their limit then, and say nothing.
+    Such a servo drives to its limit, and reports nothing.
     """
     if state.limits is None:
         return ""
@@ -114,7 +115,7 @@ LIMITED: Final = "Narrow limits_deg of the joint, or widen those limits with the
 def told(
     off: Mapping[str, str], measured: Mapping[str, float], commanded: Mapping[str, float]
 ) -> str:
-    """A sentence that names the joints, for people; empty if there are none."""
+    """A sentence for people about the joints that are off target; empty if there are none."""
     names = [
         f"{name} is {kind}: at {math.degrees(measured[name]):.1f}° instead of "
         f"{math.degrees(commanded[name]):.1f}°"

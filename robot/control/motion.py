@@ -49,7 +49,7 @@ class Slew:
         start: Present count of each output.
         targets: Target count of each output.
         speed: Top speed of every joint, rad/s.
-        period: Seconds between two updates of a joint, at most, when nothing is late.
+        period: Longest time between two updates of a joint when nothing is late, s.
         now: Robot time at which the motion begins, s.
     """
 

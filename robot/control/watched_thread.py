@@ -21,22 +21,22 @@ A motion that was held up for as long has failed anyway: ``robot.host.clock.MAX_
 LATE: Final = 0.25
 """Seconds without a sign of life after which a person who asks is told."""
 
-_LOOK: Final = 0.25  # s; time in which the whole process stood still counts as one look
+_LOOK: Final = 0.25  # s between looks; time in which the whole process stood still counts as one
 
 
 class WatchedThread:
     """Runs a loop, and watches it.
 
     Args:
-        name: The thread's.
+        name: Name of the thread.
         run: The loop; it calls ``rest`` before it waits for work, and ``work`` afterwards.
-        seen: When the loop last gave a sign of life, monotonic, s.
-        on_hang: Called, from the watch's thread, once it has given none for ``PATIENCE``.
-        on_return: Called, from the watch's thread, when it then gives one after all.
+        seen: Returns when the loop last gave a sign of life, monotonic, s.
+        on_hang: Called, from the watch's thread, once the loop has given none for ``PATIENCE``.
+        on_return: Called, from the watch's thread, when the loop then gives one after all.
 
     Attributes:
-        hangs: Whether it has given none for so long.
-        rests: Whether it waits for work.
+        hangs: Whether the loop has given no sign of life for ``PATIENCE``.
+        rests: Whether the loop waits for work.
     """
 
     def __init__(
@@ -89,11 +89,11 @@ class WatchedThread:
         return not self._thread.is_alive()
 
     def rest(self) -> None:
-        """The loop waits for work from now on, which may last."""
+        """Notes that the loop waits for work from now on, which may last."""
         self.rests = True
 
     def work(self) -> None:
-        """The loop has work to do from now on."""
+        """Notes that the loop has work to do from now on."""
         with self._changed:
             self._began = time.monotonic()
             self.rests = False

@@ -29,11 +29,11 @@ _DISTANCE: Final = "distance"
 
 
 class Doctor:
-    """One examination.
+    """One examination of a robot.
 
     Args:
-        config: The robot.
-        buses: What leads to its devices.
+        config: Configuration of the robot.
+        buses: Buses that lead to its devices.
         move: Whether joints may be moved.
     """
 
@@ -44,7 +44,7 @@ class Doctor:
         self._move = move
 
     def examine(self) -> Iterator[Finding]:
-        """Finding by finding, as they are made; closes what it opened."""
+        """Yields the findings as they are made; closes what it opened."""
         with ExitStack() as stack:
             try:
                 servos: ServoBus | None = open_driver(self._config.servos, self._buses)
@@ -109,7 +109,7 @@ class Doctor:
         yield from self._look_at(drivers)
 
     def _look_at(self, drivers: Mapping[str, Any]) -> Iterator[Finding]:
-        """The sensors that could be opened, by subject."""
+        """Examines the sensors that could be opened, given by subject."""
         config, tilt = self._config, None
         recordings = {
             subject: Recording(driver, driver.acceleration if subject == _TILT else driver.load)
@@ -135,7 +135,7 @@ class Doctor:
 
 
 def _sensors_of(config: RobotConfig) -> Iterator[tuple[str, str, SensorSettings]]:
-    """Subject, name and driver of every sensor."""
+    """Yields subject, name and driver settings of every sensor."""
     if config.accelerometer is not None:
         yield _TILT, _TILT, config.accelerometer
     for point in config.touch:

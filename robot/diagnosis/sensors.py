@@ -22,7 +22,7 @@ Sample = TypeVar("Sample")
 FAST_SCANS: Final = 200  # enough to be timed; not tuned
 SAMPLES: Final = 5 * STUCK_AFTER  # so that a stuck input is noticed
 DISTANCES: Final = 20  # not tuned
-_FLICKER: Final = 4.0  # a threshold nearer to zero than so many rms of noise is crossed by it
+_FLICKER: Final = 4.0  # a threshold below this many rms of noise is crossed by it
 _MOST_FORCE: Final = 50.0  # N; the robot weighs a few
 _LEANS: Final = math.radians(10)  # more than any floor
 _BELOW_GROUND: Final = -0.005  # m; beyond the error of a calibrated sensor
@@ -30,16 +30,16 @@ _UNSTEADY: Final = 3e-3  # m rms; not tuned
 
 
 class Recording(Generic[Sample]):
-    """What one sensor gave while the robot rested, until it failed.
+    """The samples of one sensor while the robot rested, until the sensor failed.
 
     Args:
-        driver: The sensor.
-        read: Takes one sample of it.
+        driver: Driver of the sensor.
+        read: Takes one sample of the sensor.
 
     Attributes:
-        name: What the device is called.
-        samples: What it gave.
-        failure: Why it cannot be believed, or ``None``.
+        name: Name of the device.
+        samples: Samples that were taken.
+        failure: Why the sensor cannot be believed, or ``None``.
     """
 
     def __init__(self, driver: SensorDriver, read: Callable[[], Sample]):
@@ -84,7 +84,7 @@ def record(recordings: Sequence[Recording[Any]], rate: float, clock: Clock) -> N
 def check_inputs(
     inputs: AnalogueInputs, settings: BoardSettings, wanted: float, clock: Clock
 ) -> tuple[Finding, bool]:
-    """Scans as fast as possible; the rate must be that of the settings, ``wanted``, at least.
+    """Scans as fast as possible; the rate must be at least ``wanted``, that of the settings.
 
     Returns:
         What was observed, and whether the board works at all.
@@ -191,7 +191,7 @@ def check_distance(
     tilt: tuple[float, float] | None,
     clock: Clock,
 ) -> Finding:
-    """The distance sensor, also against the tilt where that is known (rad)."""
+    """Examines the distance sensor, also against the tilt (rad) where that is known."""
     subject = "distance"
     start = clock.now()
     try:

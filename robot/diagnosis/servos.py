@@ -17,11 +17,11 @@ from robot.errors import DeviceError
 from robot.host.clock import Clock
 
 QUERIES: Final = 24  # a line that damages one query in five hardly passes
-_HICCUP: Final = 1  # repeated query; a bad line has more
+_HICCUP: Final = 1  # query that had to be repeated; a bad line has more
 MOVE: Final = math.radians(5)  # is seen, and safe in any pose
 _REST: Final = 0.3  # s between there and back
 _BESIDE: Final = math.radians(1)  # a joint may stand this far outside its limits, by quantisation
-_USUAL: Final = (0.43, 2.14)  # times the usual size of a count: 0.3° to 1.5° of 255
+_USUAL: Final = (0.43, 2.14)  # times the usual size of a count: 0.3° to 1.5° where there are 255
 
 
 def check_board(
@@ -81,7 +81,7 @@ def check_board(
 def check_joints(
     joints: Sequence[DrivenJoint], counts: Mapping[int, int], servos: ServoBus
 ) -> Iterator[Finding]:
-    """Checks each joint's count against its calibration and limits, and what its servo says."""
+    """Checks each joint's count against calibration and limits, and what its servo reports."""
     answers = answering(servos)
     for joint in joints:
         finding = _check_joint(joint, counts[joint.output])
@@ -96,7 +96,7 @@ def check_joints(
 
 
 def _with_state(finding: Finding, joint: DrivenJoint, count: int, state: ServoState) -> Finding:
-    """A finding about a joint, with what its servo says of itself."""
+    """A finding about a joint, with what its servo reports."""
     here = joint.scale.angle(state.position)
     says = [f"it is at {math.degrees(here):.1f}°"]
     for value, unit in ((state.voltage, " V"), (state.temperature, " °C"), (state.current, " A")):
@@ -153,9 +153,9 @@ def move_joints(
 
     Args:
         joints: The joints.
-        counts: Where they stand, by output.
+        counts: Counts at which they stand, by output.
         servos: The servo board.
-        clock: Paces the counts.
+        clock: Clock that paces the counts.
     """
     answers = answering(servos)
     for joint in joints:

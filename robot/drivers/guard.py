@@ -1,9 +1,9 @@
-"""Between a driver and whoever uses it: what it raises, what it gives, and whether it returns.
+"""Guards the callers of a driver: against what it raises or returns, and against its hanging.
 
-A driver may come from anywhere. What it raises besides a ``DeviceError`` becomes one,
-``SystemExit`` included, which would end a thread or the whole program in silence; a number that is
-not finite, which compares as false with every threshold, is never taken for a reading; and while
-one does not return, others can tell which.
+A driver may come from anywhere. What it raises besides a ``DeviceError`` or a ``CommandError``
+becomes a ``DeviceError``, ``SystemExit`` included, which would end a thread or the whole program in
+silence; a number that is not finite, which compares as false with every threshold, is never taken
+for a reading; and while a driver does not return, others can tell which one it is.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class Settings(Protocol):
 
     @property
     def name(self) -> str:
-        """What the device is called in sentences."""
+        """Name of the device, for messages."""
 
     @property
     def open(self) -> Callable[..., Any]:
@@ -39,22 +39,22 @@ def open_driver(settings: Settings, *where: Any) -> Any:
     The guarded driver has the attributes of the driver, which may also be set and deleted there.
 
     Args:
-        settings: Those of the driver.
-        where: What ``settings.open`` is given.
+        settings: Settings of the driver.
+        where: Arguments of ``settings.open``.
 
     Raises:
-        DeviceError: It cannot be opened.
+        DeviceError: The device cannot be opened.
     """
     return _Guarded(_called(settings.name, "open", settings.open, *where), settings.name)
 
 
 def under_way(thread: int | None) -> str:
-    """Which driver a thread waits for and in what, for a sentence; empty: for none."""
+    """Says which method of which driver a thread waits in, as a clause; empty if in none."""
     waiting = _under_way.get(thread or 0)
     return f"the driver of the {waiting[0]} does not return from {waiting[1]}" if waiting else ""
 
 
-_under_way: Final[dict[int, tuple[str, str]]] = {}  # by thread: a device and a method
+_under_way: Final[dict[int, tuple[str, str]]] = {}  # by thread: name of the device, method
 
 
 class _Guarded:
@@ -104,10 +104,10 @@ def _called(device: str, doing: str, method: Callable[..., Any], *values: Any, *
 
 
 def _close(device: str, method: Callable[[], Any]) -> None:
-    """Closes a driver; one that does not return is left behind, for whoever closes wants to leave.
+    """Closes a driver; waits no longer than ``CLOSING``, for whoever closes wants to leave.
 
     Raises:
-        DeviceError: It failed, or did not return.
+        DeviceError: Closing failed, or did not return.
     """
     failed: list[BaseException] = []
 
@@ -196,4 +196,4 @@ _CHECKS: Final[Mapping[str, Callable[[str, Any], Any]]] = MappingProxyType(
         "seconds_for": _number,
     }
 )
-"""What is made sure of what a driver gives, by its method."""
+"""Check of the value that a driver's method returned, by the method's name."""

@@ -9,7 +9,7 @@ A distribution offers a driver by an entry point, whose name is what ``robot.tom
     "accelerometer.adxl345" = "my_robot.adxl345:ADXL345Settings"
 
 A sensor's name begins with its table: ``accelerometer``, ``touch``, ``distance`` or ``daq``. A
-module is imported only when a configuration names its driver. A name that is ours remains ours.
+module is imported only when a configuration names its driver. No distribution can replace ours.
 """
 
 from __future__ import annotations
@@ -59,10 +59,10 @@ class InstalledDriver:
     """A driver that a configuration can name.
 
     Attributes:
-        table: The table of ``robot.toml`` that it serves.
-        name: What that table's key ``driver`` calls it.
-        point: Where it is.
-        distribution: Who brings it, with its version; empty where nobody knows.
+        table: Table of ``robot.toml`` that the driver serves.
+        name: Name of the driver in that table's key ``driver``.
+        point: Entry point of the driver's settings class.
+        distribution: Name and version of the distribution that brings it; empty where unknown.
     """
 
     table: str
@@ -89,22 +89,22 @@ def installed() -> list[InstalledDriver]:
 
 
 def read_settings(table: Section, group: str, default: str, *, kind: str = "") -> Any:
-    """The settings, in a table, of the driver that its key ``driver`` names.
+    """Reads from a table the settings of the driver that its key ``driver`` names.
 
     Args:
-        table: The table.
-        group: ``SERVOS`` or ``SENSORS``.
+        table: Table of ``robot.toml``.
+        group: Group of entry points: ``SERVOS`` or ``SENSORS``.
         default: The driver of a table that names none.
         kind: For a sensor, the name of its table.
 
     Raises:
         ConfigError: There is no such driver, or more than one; it cannot be imported, or refuses
-            its keys or fails on them. Names file, key and reason.
+            its keys or fails on them. The error names file, key and reason.
     """
     prefix = f"{kind}." if kind else ""
     driver = table.text("driver", default)
     name, ours = prefix + driver, OURS[group]
-    if name in ours:  # theirs need not be looked for, which takes a while on a small computer
+    if name in ours:  # no search for others' drivers: it takes a while on a small computer
         points = [metadata.EntryPoint(name, ours[name], group)]
     else:
         points = list(metadata.entry_points(group=group, name=name))
@@ -136,7 +136,7 @@ def load(point: metadata.EntryPoint) -> Any:
     """The settings class at an entry point.
 
     Raises:
-        ImportError: Whatever its module did when it was imported, ``sys.exit`` included.
+        ImportError: Importing its module failed in whatever way, ``sys.exit`` included.
     """
     try:
         return point.load()

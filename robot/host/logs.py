@@ -30,7 +30,7 @@ _JOURNAL_FORMAT: Final = "%(message)s"
 def set_up_logging() -> None:
     """Sends what is logged from now on to standard error, if there is one.
 
-    A crash, or the SIGABRT of a watchdog, leaves there where each thread was.
+    A crash, or the SIGABRT of a watchdog, then writes there where each thread was.
     """
     if sys.__stderr__ is None:
         return
@@ -46,7 +46,7 @@ def complain(program: str, error: Exception) -> None:
 
 
 def reads_journal(fd: int, environment: Mapping[str, str] = os.environ) -> bool:
-    """Whether a file descriptor leads to systemd's journal, which then says so itself."""
+    """Whether a file descriptor leads to systemd's journal, by ``$JOURNAL_STREAM``."""
     try:
         status = os.fstat(fd)
     except OSError:
@@ -78,7 +78,7 @@ class LineHandler(logging.Handler):
     """Writes whole lines to a file descriptor, and never waits for it.
 
     Args:
-        fd: The file descriptor; it stays the caller's.
+        fd: The file descriptor; the handler does not close it.
     """
 
     def __init__(self, fd: int = _STDERR):

@@ -17,7 +17,7 @@ from typing import Final
 from protocol.text import brief
 
 _PATIENCE: Final = 1.0  # s that a full queue of the manager may cost a message that must arrive
-_GLANCE: Final = 0.05  # … and one that should; a sign of life is repeated and may cost nothing
+_GLANCE: Final = 0.05  # s for one that should; a sign of life is repeated and may cost nothing
 
 
 class ServiceManager:
@@ -27,12 +27,12 @@ class ServiceManager:
     control loop hangs must be killed.
 
     Args:
-        environment: Where the manager left its address and its patience.
+        environment: Environment variables, in which the manager left its address and its patience.
 
     Attributes:
         period: Seconds between signs of life, a quarter of what the manager bears, so that a loop
-            that turns at least this often is never silent for more than half of it; ``None``: it
-            wants none.
+            that turns at least this often is never silent for more than half of it; ``None``: the
+            manager wants none.
         heard: When ``alive`` was last called, monotonic, s.
     """
 

@@ -1,4 +1,4 @@
-"""Series of samples: their spread, and whether the robot rests by those of its tilt.
+"""Series of samples: their spread, and whether the robot rests, judged by its tilt.
 
 Every change of pose disturbs the tilt. Rest means: within the window the tilt neither swings (peak
 to peak) nor drifts (mean of the first half against the second). A body that tips over slowly drifts
@@ -56,7 +56,7 @@ class RestDetector:
             return False  # a sample takes time of its own, so there are fewer than the rate says
         first, (last, _) = self._samples[0][0], self._samples[-2]
         if now - first + (now - last) < self._criterion.window - 1e-9:
-            return False  # one more would still be within the window
+            return False  # the window is not full: one more sample would still fit
         half = len(self._samples) // 2
         for axis in zip(*(values for _, values in self._samples), strict=True):
             if max(axis) - min(axis) > self._criterion.swing:
@@ -69,7 +69,7 @@ class RestDetector:
 
 @dataclass(frozen=True, kw_only=True)
 class Spread:
-    """Statistics of some samples, all in their unit."""
+    """Statistics of some samples, in the unit of the samples."""
 
     mean: float
     deviation: float
@@ -79,7 +79,7 @@ class Spread:
 
 
 def spread(values: Sequence[float]) -> Spread:
-    """Mean, standard deviation and extremes of at least one sample."""
+    """Returns mean, standard deviation and extremes of at least one sample."""
     mean = sum(values) / len(values)
     square = sum((value - mean) ** 2 for value in values) / max(1, len(values) - 1)
     return Spread(
@@ -94,7 +94,7 @@ def spread(values: Sequence[float]) -> Spread:
 def sample_channel(
     inputs: AnalogueInputs, channel: int, *, count: int, rate: float, clock: Clock
 ) -> Spread:
-    """Volts at a connected channel, ``count`` scans at ``rate`` per second.
+    """Statistics of the volts at a connected channel: ``count`` scans at ``rate`` per second.
 
     Raises:
         DeviceError: The board failed, or the channel is stuck or at an end of its range.
@@ -108,10 +108,10 @@ def sample_channel(
 
 
 def sample_distance(sensor: DistanceSensor, *, count: int) -> Spread | None:
-    """Metres, ``count`` measurements one after another.
+    """Statistics of the distance, m: ``count`` measurements one after another.
 
     Returns:
-        Those that saw a target, or ``None`` when more than half saw none.
+        Statistics of those that saw a target, or ``None`` when more than half saw none.
 
     Raises:
         DeviceError: The sensor failed.

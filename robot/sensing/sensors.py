@@ -26,18 +26,18 @@ from robot.uncertainty import Uncertainty
 
 OnProgress: TypeAlias = Callable[[float], None]
 PLAUSIBLE_G: Final = (0.9, 1.1)
-"""Lengths, g, of what a calibrated accelerometer reads at rest; chosen, not tuned."""
+"""Least and greatest length of a calibrated reading at rest, g; chosen, not tuned."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class BellySensor:
-    """The distance sensor.
+    """The distance sensor under the belly, with its calibration.
 
     Attributes:
-        zero: What it reads with the belly on the ground, m.
-        reach: The largest clearance that it tells, m.
+        zero: Reading with the belly on the ground, m.
+        reach: Largest clearance that it tells, m.
         scale: Metres of clearance per metre that it reads; 1 for a sensor that reads true.
-        uncertainty: Of zero and scale.
+        uncertainty: Uncertainty of zero and scale.
     """
 
     zero: float
@@ -55,17 +55,17 @@ class Reading:
     """One average over a resting robot; its fields are named as those of ``ObservationReply``.
 
     Attributes:
-        tilt: Left/right and forward/back, rad; ``None``: not measured.
+        tilt: Left/right and forward/back tilt, rad; ``None``: not measured.
         touch: Whether each part with a sensor touches, in the order of the configuration.
         clearance: Belly to ground, m.
         clearance_saturated: Whether nothing was within reach: ``clearance`` is then the reach.
-        samples: How many were averaged.
-        robot_time: When the last of them was taken, s.
-        settled: Whether the robot came to rest before the first.
-        settle_time: Seconds that was waited for.
+        samples: Number of samples in the average.
+        robot_time: Time of the last sample, robot clock, s.
+        settled: Whether the robot came to rest before the first sample.
+        settle_time: Time waited for rest, s.
         saturated_joints: The joints that were commanded to an end of their range.
-        measured: Where the joints were, rad, if their servos say so.
-        off_target: Those that were not where they were sent, each with what that is like.
+        measured: Measured angles of the joints, rad, if their servos report them.
+        off_target: Joints that were not where they were sent, each with a description of that.
     """
 
     tilt: tuple[float, float] | None = None
@@ -86,7 +86,7 @@ def ignore(fraction: float) -> None:
 
 
 def tilt_at_rest(acceleration: Sequence[float]) -> tuple[float, float]:
-    """Both tilt angles, rad, of a robot whose accelerometer feels nothing but gravity."""
+    """Both tilt angles, rad, of a robot whose accelerometer measures nothing but gravity."""
     length = math.hypot(*acceleration) or 1.0
     return tilt_of([value / length for value in acceleration])
 
@@ -96,10 +96,10 @@ class TouchPoint:
     """A part with a touch sensor.
 
     Attributes:
-        name: The part.
-        driver: Its sensor.
+        name: Name of the part.
+        driver: Settings of its sensor's driver.
         on: Load above which the part touches, N; a switch needs none.
-        off: Load below which it no longer does, N.
+        off: Load below which it no longer touches, N.
         debounce: Consecutive samples that must agree before the bit changes.
     """
 
@@ -111,14 +111,14 @@ class TouchPoint:
 
 
 class TouchDetector:
-    """The bit of one part, sample by sample."""
+    """The touch bit of one part, sample by sample."""
 
     def __init__(self, point: TouchPoint):
         self._point = point
         self.reset()
 
     def reset(self) -> None:
-        """Forgets: what a foot felt in an earlier pose says nothing about this one."""
+        """Forgets all samples: what a foot felt in an earlier pose says nothing about this one."""
         self.touching = False
         self._against = 0
 
@@ -136,7 +136,7 @@ class TouchDetector:
 
 
 LEAST_MARGIN: Final = 0.010
-"""Metres by which distance and tilt may contradict each other in any case."""
+"""Smallest margin by which distance and tilt may contradict each other, m."""
 
 _DISTANCE_SIGMAS: Final = 10.0  # rms errors; wide, for such a sensor errs by placement, too
 _TILT_SIGMAS: Final = 5.0  # rms errors; not tuned
@@ -145,11 +145,11 @@ _STEEPEST: Final = math.cos(math.radians(60))  # beyond it, 1° of tilt is worth
 
 @dataclass(frozen=True, kw_only=True)
 class Underside:
-    """The belly, against which distance and tilt are held.
+    """The belly, by which distance and tilt are checked against each other.
 
     Attributes:
-        length: Along x, m.
-        width: Along y, m.
+        length: Length along x, m.
+        width: Width along y, m.
         round: Whether it is a disc, else a rectangle.
         margin: Metres by which distance and tilt may contradict each other.
     """
@@ -171,8 +171,8 @@ class Underside:
         """The belly of a body, with a margin for the noise that its sensors announce.
 
         Args:
-            size: Main body along x, y, z, m.
-            radius: Of one that is round, m.
+            size: Size of the main body along x, y, z, m.
+            radius: Radius of a round main body, m; ``None``: it is a box.
             tilt_noise: Root mean square error of one observation of tilt, rad.
             clearance_noise: Root mean square error of one observation of clearance, m.
         """
@@ -182,15 +182,15 @@ class Underside:
         return cls(length=length, width=width, round=radius is not None, margin=margin)
 
     def check(self, clearance: float, tilt: tuple[float, float], *, sensor: str) -> None:
-        """Whether a clearance can go with a tilt: nothing of the belly is below the ground.
+        """Checks that a clearance fits a tilt: nothing of the belly is below the ground.
 
         Args:
-            clearance: Belly to ground, m.
-            tilt: Left/right and forward/back, rad.
-            sensor: What the distance sensor is called.
+            clearance: Distance from belly to ground, m.
+            tilt: Left/right and forward/back tilt, rad.
+            sensor: Name of the distance sensor.
 
         Raises:
-            DeviceDataError: It cannot.
+            DeviceDataError: The clearance does not fit the tilt.
         """
         along, across, upright = map(abs, up_of(tilt))
         if upright < _STEEPEST:
@@ -224,7 +224,7 @@ class RobotSensors:
     """All sensors of the robot.
 
     Args:
-        accelerometer: Its driver, or ``None``.
+        accelerometer: Driver of the accelerometer, or ``None``.
         touch: The parts that feel touch, each with its driver; may be empty.
         belly: The distance sensor's driver and calibration, or ``None``.
         clock: The robot clock.
@@ -259,7 +259,7 @@ class RobotSensors:
         """Averages ``samples`` samples of everything.
 
         Args:
-            samples: How many.
+            samples: Number of samples.
             report: Told the share that is done, before each sample and at the end; what it raises
                 ends the average.
 
@@ -317,7 +317,7 @@ class RobotSensors:
 
 
 def _clearance(belly: BellySensor, distances: Sequence[float | None]) -> tuple[float, bool]:
-    """The mean clearance, m, or the reach and true where most samples lie beyond it."""
+    """The mean clearance, m, and false; the reach and true where most samples lie beyond it."""
     clearances = (belly.clearance(one) for one in distances if one is not None)
     seen = [clearance for clearance in clearances if clearance < belly.reach]
     if 2 * len(seen) < len(distances):

@@ -42,13 +42,13 @@ def build_controller(
     """The control loop of a robot, not yet started.
 
     Args:
-        config: What is connected where.
-        devices: The drivers.
+        config: Configuration of the robot.
+        devices: Drivers of the robot's devices.
         clock: The robot clock.
-        operator: Who puts the robot back on its belly, or ``None``.
+        operator: Operator who puts the robot back on its belly, or ``None``.
         housekeeping: Seconds between checks of the idle board, or ``None`` for none.
-        log: Where to write what a person may want to know.
-        manager: Who is told that the control loop turns.
+        log: Log for what a person may want to know.
+        manager: Service manager, which is told that the control loop turns.
     """
     steady = SteadyClock(clock)
     belly = None
@@ -111,11 +111,11 @@ def assemble(
 
 
 def describe(config: RobotConfig, *, measured: bool = False) -> Capabilities:
-    """What ``hello`` tells about a robot; the server adds where it publishes telemetry.
+    """What ``hello`` tells about a robot; the server adds the endpoint of its telemetry.
 
     Args:
-        config: What is connected where.
-        measured: Whether the servos say where they are.
+        config: Configuration of the robot.
+        measured: Whether the servos report their positions.
     """
     rate = config.settling.rate
     level = config.axes.uncertainty if config.axes else Uncertainty()

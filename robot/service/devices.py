@@ -37,15 +37,15 @@ class Devices:
 
     @property
     def sensors(self) -> tuple[SensorDriver, ...]:
-        """All sensors."""
+        """The drivers of all sensors."""
         found = (self.accelerometer, *self.touch, self.distance)
         return tuple(one for one in found if one is not None)
 
     def close(self) -> None:
-        """Closes all of them, one that fails not keeping the others open.
+        """Closes all devices; one that fails does not keep the others open.
 
         Raises:
-            DeviceError: One failed, or did not return.
+            DeviceError: A device failed, or its driver did not return.
         """
         failed: list[DeviceError] = []
         board = [] if self.inputs is None else [self.inputs.board.close]
@@ -62,9 +62,9 @@ def open_devices(config: RobotConfig, buses: Buses, *, file: str = "") -> Device
     """Opens, finds and identifies each device that a configuration names.
 
     Args:
-        config: What is connected where.
-        buses: What leads there.
-        file: The configuration's, for the sentence.
+        config: Configuration of the robot.
+        buses: Buses that lead to its devices.
+        file: Name of the configuration's file, for messages.
 
     Raises:
         DeviceError: One of them cannot be opened or is not what it should be; the sentence says
@@ -104,7 +104,7 @@ def open_devices(config: RobotConfig, buses: Buses, *, file: str = "") -> Device
 
 @contextmanager
 def _named(file: str, table: str) -> Iterator[None]:
-    """Says in the sentence of a device that fails where the configuration has it."""
+    """Adds file and table of the configuration to the error of a device that fails."""
     try:
         yield
     except DeviceError as error:
@@ -117,8 +117,8 @@ def revive(config: RobotConfig, devices: Devices) -> None:
     """Makes devices that failed work again, as far as that takes no person.
 
     The link to servos that do not answer, or cannot, is opened anew, under the name in the
-    configuration; that to every sensor in any case, after all of them were closed: one that is open
-    keeps an adapter that was plugged in again from its number.
+    configuration; the links to all sensors are in any case, after all of them were closed: while
+    one is open, an adapter that was plugged in again cannot get its number back.
 
     Raises:
         DeviceError: One of them still fails.

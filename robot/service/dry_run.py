@@ -21,7 +21,7 @@ from robot.sensing.sensors import OnProgress, Reading, ignore
 from robot.service.daemon import HOUSEKEEPING, assemble, describe
 
 SUFFIX: Final = " (dry run)"
-_SECONDS_PER_SERVO: Final = 0.01  # s; an SV-203B's at 9600 baud
+_SECONDS_PER_SERVO: Final = 0.01  # s; that of an SV-203B at 9600 baud
 _NO_WAIT: Final = 1e-3  # s; there is nothing that could settle
 
 
@@ -54,7 +54,7 @@ class NullServos:
         """Does nothing: everything is sent every time."""
 
     def seconds_for(self, changed: int) -> float:
-        """The time over the usual serial line, s."""
+        """Time that so many counts take over the usual serial line, s."""
         return changed * _SECONDS_PER_SERVO
 
     def reopen(self) -> None:
@@ -71,18 +71,18 @@ class NoSensors:
         self._clock = clock
 
     def tilt(self) -> tuple[float, float] | None:
-        """None."""
+        """Returns ``None``: nothing is measured."""
         return None
 
     def average(self, samples: int, report: OnProgress = ignore) -> Reading:
-        """An empty reading."""
+        """Returns an empty reading."""
         del samples
         report(1.0)
         return Reading(robot_time=self._clock.now())
 
 
 def dry_config(config: RobotConfig) -> RobotConfig:
-    """The configuration, under a name that says what it is."""
+    """The configuration under a name that says that it is a dry run, without waiting for rest."""
     return replace(
         config,
         name=config.name[: MAX_NAME - len(SUFFIX)] + SUFFIX,
@@ -96,10 +96,10 @@ def dry_controller(
     """The control loop of a robot that is not there, not yet started; it begins at zero.
 
     Args:
-        config: From ``dry_config``.
+        config: Configuration from ``dry_config``.
         clock: The robot clock.
-        log: Where to write what a person may want to know.
-        manager: Who is told that the control loop turns.
+        log: Log for what a person may want to know.
+        manager: Service manager, which is told that the control loop turns.
     """
     return assemble(
         config,

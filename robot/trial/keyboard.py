@@ -1,4 +1,4 @@
-"""A terminal of which single keys are read, and which is as it was before when that ends."""
+"""A terminal of which single keys are read, and which is restored at the end."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ KEYS: Final = MappingProxyType(
         b"l": "right",
     }
 )
-"""What a terminal sends → the key."""
+"""Key by what a terminal sends for it."""
 
 _AT_ONCE: Final = (b" ", b"q", b"\x03", b"\x04")  # what ends a motion overtakes all before it
 _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)

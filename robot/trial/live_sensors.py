@@ -27,14 +27,14 @@ class LiveSensor:
     """One sensor.
 
     Args:
-        name: What the robot calls it.
-        settings: Its driver.
-        say: What one sample of its driver means, in words.
+        name: Name of the sensor.
+        settings: Settings of its driver.
+        say: Takes one sample of its driver, and says in words what that means.
 
     Attributes:
         name: As given.
         text: The latest sample in words, or why there is none.
-        failed: Whether there is none.
+        failed: Whether there is no latest sample.
     """
 
     def __init__(self, name: str, settings: SensorSettings, say: Callable[[Any], str]):
@@ -84,8 +84,8 @@ class LiveSensors:
     """All sensors of a robot.
 
     Args:
-        config: The robot.
-        buses: What leads to its devices.
+        config: Configuration of the robot.
+        buses: Buses that lead to its devices.
     """
 
     def __init__(self, config: RobotConfig, buses: Buses):
@@ -95,7 +95,7 @@ class LiveSensors:
         self.rows = list(_sensors(config))
 
     def open(self) -> None:
-        """Opens all of them, also those that were open."""
+        """Opens all sensors; those that were open, anew."""
         self.close()
         buses = self._buses
         if self._config.daq is not None:
@@ -107,12 +107,12 @@ class LiveSensors:
             row.open(buses, row.name.removeprefix("touch "))
 
     def sample(self) -> None:
-        """Takes a sample of each."""
+        """Takes a sample of each sensor."""
         for row in self.rows:
             row.sample()
 
     def close(self) -> None:
-        """Closes all of them."""
+        """Closes all sensors."""
         for row in self.rows:
             row.close()
         self._board.close()

@@ -36,22 +36,22 @@ KEYS: Final = (
 HAND_KEYS: Final = "g, and g again: lets the joint go, to be moved by hand    h: holds it there"
 
 LEAD: Final = math.radians(20)
-"""How far ahead of a joint its goal may lie, rad: it stops soon after the key is let go."""
+"""Largest lead of a joint's goal over the joint, rad: it stops soon after the key is let go."""
 
 
 class JointsUnderTest:
     """Commands one joint at a time; nobody but this object may move the servos meanwhile.
 
-    A joint that is limp does not move before ``stiffen``: it is held where its servo says that it
-    is, or where nothing tells where it hangs, driven to 0°.
+    A limp joint does not move before ``stiffen``, which holds it where its servo reports it, or, if
+    nothing reports where it hangs, drives it to 0°.
 
     Args:
-        config: The robot.
-        servos: Its servo driver.
+        config: Configuration of the robot.
+        servos: Driver of its servos.
         clock: The robot clock.
 
     Attributes:
-        counts: Where each output was sent; 0 where it is limp.
+        counts: Count to which each output was sent; 0 where it is limp.
         chosen: The joint that moves.
 
     Raises:
@@ -83,14 +83,14 @@ class JointsUnderTest:
 
     @property
     def answer(self) -> bool:
-        """Whether the servos say where they are."""
+        """Whether the servos report their positions."""
         return self._answering is not None
 
     def ask(self) -> None:
-        """Asks the servos where they are, if they say so.
+        """Asks the servos for their positions, if they report them.
 
         Raises:
-            DeviceError: One does not answer.
+            DeviceError: A servo does not answer.
         """
         if self._answering is not None:
             outputs = [joint.output for joint in self._joints]
@@ -98,7 +98,7 @@ class JointsUnderTest:
             self._positions = {output: state.position for output, state in states.items()}
 
     def measured(self, joint: DrivenJoint) -> float | None:
-        """Where a joint was when the servos were last asked, rad."""
+        """Angle of a joint when the servos were last asked, rad; ``None`` if it is not known."""
         position = self._positions.get(joint.output)
         return None if position is None else joint.scale.angle(position)
 
@@ -123,10 +123,10 @@ class JointsUnderTest:
         self.counts = self._servos.read_counts([joint.output for joint in self._joints])
 
     def reconnect(self) -> None:
-        """Opens the link to the servos anew, and looks.
+        """Opens the link to the servos anew, and calls ``look``.
 
         Raises:
-            DeviceError: It cannot be opened, or nothing answers there.
+            DeviceError: The link cannot be opened, or nothing answers there.
         """
         self.stop()
         self._servos.reopen()
@@ -137,7 +137,7 @@ class JointsUnderTest:
         """Chooses another joint; a motion ends.
 
         Args:
-            steps: How many further down the list, or up.
+            steps: How many joints further down the list; up if negative.
         """
         self.stop()
         index = self._joints.index(self.chosen) + steps
@@ -152,7 +152,7 @@ class JointsUnderTest:
         """Sends the chosen joint to an angle, rad, or as near to it as it may go.
 
         Raises:
-            DeviceError: It does not stand where it is thought to, and would leap; nothing was sent.
+            DeviceError: The joint is not where it should be, and would leap; nothing was sent.
         """
         joint = self.chosen
         if not self.moving:
@@ -168,7 +168,7 @@ class JointsUnderTest:
         )
 
     def move_by(self, degrees: float) -> None:
-        """Sends the chosen joint so much further than it was sent, up or down.
+        """Moves the goal of the chosen joint by so many degrees, up or down.
 
         However often this is called, its goal is never more than ``LEAD`` from where it is.
 
@@ -180,7 +180,7 @@ class JointsUnderTest:
         self.move_to(min(max(goal, here - LEAD), here + LEAD))
 
     def stiffen(self) -> None:
-        """Holds the chosen joint, which is limp; where nothing says where it is, at 0°.
+        """Holds the chosen, limp joint where its servo reports it, or at 0° if it does not.
 
         It goes to 0° at its servo's own speed.
 
@@ -196,7 +196,7 @@ class JointsUnderTest:
         self._slew = None
 
     def advance(self) -> bool:
-        """Sends what is due; at the end of a motion, asks whether the board has it.
+        """Sends what is due; at the end of a motion, checks that the board has it.
 
         Returns:
             Whether something was sent, which has taken time.
@@ -219,10 +219,10 @@ class JointsUnderTest:
         return bool(counts)
 
     def check(self) -> None:
-        """Whether the board still has the chosen joint's count.
+        """Checks that the board still has the chosen joint's count.
 
         Raises:
-            DeviceDataError: It does not; a motion has ended.
+            DeviceDataError: The board has another count; a motion has ended.
             DeviceError: The servo driver failed.
         """
         joint = self.chosen
@@ -263,8 +263,8 @@ class Trial:
     """Moves joints and reads sensors until somebody leaves; the robot then holds.
 
     Args:
-        config: The robot.
-        buses: What leads to its devices.
+        config: Configuration of the robot.
+        buses: Buses that lead to its devices.
         view: The terminal.
         by_hand: Whether joints may be let go, one at a time.
     """
@@ -347,7 +347,7 @@ class Trial:
             joints.move_to(0.0)
 
     def _press_limp(self, key: str, *, asked: bool) -> None:
-        """A key that would move the chosen joint, which is limp."""
+        """Handles a key that would move the chosen joint, which is limp."""
         joints = self._joints
         if key == "h" and (asked or joints.answer):
             joints.stiffen()
@@ -394,7 +394,7 @@ def head(
     *,
     by_hand: bool = False,
 ) -> list[str]:
-    """The sensors, a message, and the keys."""
+    """Lines that show the sensors, a message, and the keys."""
     width = max(len(row.name) for row in sensors.rows)
     return [
         *(f"{'!' if one.failed else ' '} {one.name:<{width}}  {one.text}" for one in sensors.rows),
@@ -407,7 +407,7 @@ def head(
 
 
 def row(joint: DrivenJoint, joints: JointsUnderTest) -> str:
-    """One joint: where it was sent, where it is, and how far it may go."""
+    """Line that shows a joint: where it was sent, where it is, and how far it may go."""
     low, high = (math.degrees(angle) for angle in joint.reachable)
     angle = joints.angle(joint)
     where = "limp" if angle is None else f"{math.degrees(angle):+.1f}°"

@@ -1,5 +1,5 @@
 """Emulated electronics: what the drivers of ``robot`` talk to when there is no robot.
 
 The emulators are told what there is to sense by plain callables, know nothing of bodies, and charge
-a clock for each access as the real electronics would take. Each has faults to be switched on.
+a clock with the time that each access takes on real electronics. Each has faults to be switched on.
 """

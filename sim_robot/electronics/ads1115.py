@@ -30,7 +30,7 @@ class ADS1115Emulator(I2CDevice):
     Args:
         volts: The voltage at input 0 to 3; asked at the end of each conversion.
         clock: Is charged 100 µs per transfer and times the conversions.
-        address: Set by the chip's pin.
+        address: Address that the chip's pin sets.
     """
 
     FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
@@ -59,7 +59,7 @@ class ADS1115Emulator(I2CDevice):
         self.power_cycle()
 
     def power_cycle(self) -> None:
-        """A reset: every setting is lost."""
+        """Resets the chip: every setting is lost."""
         self._pointer = _CONVERSION
         self._registers = [0x0000, _RESET_CONFIG, 0x8000, 0x7FFF]
         self._done_at: float | None = None
@@ -72,7 +72,7 @@ class ADS1115Emulator(I2CDevice):
             self._stuck.clear()
 
     def answers(self, address: int) -> bool:
-        """Whether it is the chip's, or the general call."""
+        """Whether an address is the chip's, or that of the general call."""
         return address in (self._address, 0x00)
 
     def receive(self, data: bytes) -> bool:
@@ -88,7 +88,7 @@ class ADS1115Emulator(I2CDevice):
         return True
 
     def send(self, count: int) -> bytes:
-        """The register at the pointer, again and again."""
+        """Gives the register at the pointer, again and again."""
         self._finish()
         value = self._registers[self._pointer]
         if self._pointer == _CONFIG:

@@ -1,7 +1,7 @@
 """Emulated serial bus servos: what is the same for every family of them.
 
 A family brings its servo (``BusServo``) and its packets (``BusServos.answers``). Servos are told
-where the world has their horns; without one, a horn is wherever its motor drives it.
+where the world has their horns; without a world, a horn is wherever its motor drives it.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from sim_robot.electronics.serial_device import SerialDevice
 from sim_robot.electronics.servos import Felt
 
 STEPS: Final = 4096
-"""Positions of a turn."""
+"""Number of positions in a turn."""
 LIMP: Final = 0
 BOOT: Final = 0.3
 """Seconds after a reset in which a servo answers nothing; a guess."""
@@ -32,15 +32,15 @@ class BusServo(ABC):
     """One servo; no I/O, no threads.
 
     Attributes:
-        USUAL: What the supply gives, 0.1 V.
-        DIPPED: What it gives when it dips, 0.1 V.
-        now: Its clock, s.
+        USUAL: Usual voltage of the supply, 0.1 V.
+        DIPPED: Voltage of the supply when it dips, 0.1 V.
+        now: Tells the time, s.
         on_move: Called with position before and after, whenever the host has it driven elsewhere.
-        position: Where its horn stands, in steps.
-        torque: The share that it gives of its torque.
-        heat: Its temperature, °C.
-        volts: Its supply, 0.1 V.
-        switched_on: When it was reset, s.
+        position: Position of the horn, in steps.
+        torque: Share of its torque that the servo gives.
+        heat: Temperature, °C.
+        volts: Voltage of the supply, 0.1 V.
+        switched_on: Time of the last reset, s.
     """
 
     USUAL: ClassVar[int]
@@ -58,54 +58,54 @@ class BusServo(ABC):
     @property
     @abstractmethod
     def number(self) -> int:
-        """Its id."""
+        """ID of the servo."""
 
     @property
     @abstractmethod
     def baud(self) -> int:
-        """At which it listens."""
+        """Baud rate at which the servo listens."""
 
     @property
     def deaf(self) -> bool:
-        """Whether it has not yet come up after a reset."""
+        """Whether the servo has not yet come up after a reset."""
         return self.now() - self.switched_on < BOOT
 
     def feel(self, felt: Felt) -> None:
-        """What the world does to it."""
+        """Takes over the position and the torque that the world gives the servo."""
         self.position, self.torque = felt
         self._felt = True
 
     def warm_up(self) -> None:
-        """It has been on for a while."""
+        """Makes the servo one that has been on for a while."""
         self.switched_on = self.now() - BOOT
 
     @abstractmethod
     def power_up(self) -> None:
-        """What the supply's coming (back) does."""
+        """Does what happens when the supply comes (back)."""
 
     @abstractmethod
     def look(self) -> None:
-        """Brings its own state up to heat and supply."""
+        """Brings the servo's state up to date with its temperature and supply."""
 
     @abstractmethod
     def overload(self) -> None:
-        """It finds itself overloaded."""
+        """Makes the servo find itself overloaded."""
 
     @abstractmethod
     def send_to(self, position: int) -> None:
-        """Another program moves it."""
+        """Moves the servo as another program would."""
 
     @abstractmethod
     def set_wheel(self, on: bool) -> None:
-        """Another program makes a wheel of it, and a joint again, its torque off."""
+        """Sets wheel mode, or position mode again, as another program would; torque goes off."""
 
     @abstractmethod
     def driven_to(self) -> float:
-        """The position that its motor drives to, in steps; ``LIMP`` where it has no torque."""
+        """The position that the motor drives to, in steps; ``LIMP`` where it has no torque."""
 
     @abstractmethod
     def twin(self) -> BusServo:
-        """Another one of its id, elsewhere."""
+        """Another servo with the same ID, in another state."""
 
     def _drives(self, to: float) -> float:
         if not self._felt:
@@ -120,10 +120,10 @@ class BusServos(SerialDevice, Generic[S]):
     """Servos on a serial line.
 
     Args:
-        servos: In the order of the robot's joints.
+        servos: Servos in the order of the robot's joints.
 
     Attributes:
-        servos: As given.
+        servos: The servos, as given.
     """
 
     FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
@@ -159,7 +159,7 @@ class BusServos(SerialDevice, Generic[S]):
 
     @abstractmethod
     def answers(self, data: bytes) -> Iterator[bytes]:
-        """Acts on bytes from the host; the packets that come back, one after another."""
+        """Acts on bytes from the host; yields the packets that come back, one after another."""
 
     def connect(self, clock: Clock) -> None:
         """Gives the servos the time of their world, in which they have been on for a while."""
@@ -168,7 +168,7 @@ class BusServos(SerialDevice, Generic[S]):
             servo.warm_up()
 
     def watch_moves(self, on_move: Callable[[int, float, float], None]) -> None:
-        """Has every move that the host commands reported: servo from 1, position before, after."""
+        """Reports every move that the host commands: servo from 1, position before and after."""
         for number, servo in enumerate(self.servos, 1):
             servo.on_move = partial(on_move, number)
 
@@ -176,8 +176,8 @@ class BusServos(SerialDevice, Generic[S]):
         """Puts the servos into a world.
 
         Args:
-            find: Where the horn of each is, in steps, and the share of its torque that it gives;
-                asked when bytes come.
+            find: Returns the position of each servo's horn, in steps, and the share of its torque
+                that it gives; asked when bytes come.
         """
         self._find = find
 
@@ -191,7 +191,7 @@ class BusServos(SerialDevice, Generic[S]):
             )
 
     def numbers(self, fault: str) -> Sequence[int]:
-        """Of what befalls a servo, those of all of them from 1; of a reboot also 0, for all."""
+        """Numbers of a fault: the servos' from 1 if it befalls one; of a reboot also 0, for all."""
         match fault:
             case "silent" | "twin" | "hot" | "wheel_mode" | "overload" | "moved":
                 return range(1, len(self.servos) + 1)
@@ -218,7 +218,7 @@ class BusServos(SerialDevice, Generic[S]):
         return b"".join(self.answers(data))
 
     def called(self, number: int) -> list[S]:
-        """The servos with an id that listen."""
+        """Servos with an ID that listen at the host's baud rate."""
         silent = self._faults.get("silent")
         return [
             servo
@@ -227,7 +227,7 @@ class BusServos(SerialDevice, Generic[S]):
         ]
 
     def at_once(self, answers: Sequence[bytes]) -> bytes:
-        """What comes of packets that several servos send at the same time; a low level wins."""
+        """Bytes on the line when several servos send packets at the same time; a low level wins."""
         line = bytes(map(_and, zip_longest(*answers, fillvalue=0xFF)))
         return self._spoilt(line) if line and self._faults else line
 

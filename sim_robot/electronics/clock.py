@@ -4,7 +4,7 @@ Before they let time pass, both call ``synchronise``, which waits until an emula
 read every byte that was written to it: otherwise a command could take effect before or after it was
 due, by the luck of the operating system's scheduling.
 
-``HostClock`` is the clock of the computer that the daemon runs on: over one of these, and able to
+``HostClock`` is the clock of the computer that the daemon runs on: it follows one of these, and can
 jump, which leaves the world and its electronics untouched.
 """
 
@@ -18,7 +18,7 @@ from typing import ClassVar
 from robot.host.clock import Clock
 from sim_robot.electronics.fault_switch import FaultSwitch
 
-TICK = 2.0**-30  # s; differences of its multiples are exact: what lasts as long, does so always
+TICK = 2.0**-30  # s; differences of its multiples are exact: equal durations stay equal
 MAX_SLICE = 0.02  # s of real time between two advances of a real-time world
 
 
@@ -89,7 +89,7 @@ class HostClock(FaultSwitch):
     """The clock of the computer that the daemon runs on; a fault can make it jump.
 
     Args:
-        clock: The time in which the world goes on.
+        clock: Clock by which the world goes on.
     """
 
     EVENTS: ClassVar[Mapping[str, str]] = MappingProxyType(

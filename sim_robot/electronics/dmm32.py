@@ -33,7 +33,7 @@ class Dither:
     From scan to scan the codes are off by 0, +1, 0, -1.
 
     Args:
-        full_scale: Of the bipolar range in use, V.
+        full_scale: Full scale of the bipolar range in use, V.
     """
 
     def __init__(self, full_scale: float = 5.0):
@@ -57,7 +57,7 @@ class DMM32Emulator(FaultSwitch):
         volts: The voltage at channel 0 to 31; asked once per conversion.
         clock: Is charged 1 µs per access and times settling and conversion.
         base: Base address.
-        fifo_depth: Samples that the FIFO holds.
+        fifo_depth: Number of samples that the FIFO holds.
     """
 
     FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(

@@ -31,10 +31,10 @@ from sim_robot.electronics.bus_servos import LIMP, STEPS, BusServo, BusServos
 MODEL: Final = 1200
 FIRMWARE: Final = 52
 BAUDS: Final = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000)
-"""What register 8 says, by its value."""
+"""Baud rates, by the value of register 8."""
 POSITION_MODE: Final = 3
 OVERLOAD, SHOCK, OVERHEATED, VOLTAGE = 0x20, 0x10, 0x04, 0x01
-"""Bits of the hardware error status, and of what switches the torque off."""
+"""Bits of the hardware error status, and of ``shutdown``: which of them switch the torque off."""
 
 _STEPS_PER_UNIT_SECOND: Final = 0.229 / 60 * STEPS  # of a velocity register, 0.229 rev/min a unit
 _WATCHDOG_UNIT: Final = 0.02  # s
@@ -49,10 +49,10 @@ class Register:
     """An item of the control table.
 
     Attributes:
-        address: Its first byte.
-        size: Bytes, low first.
-        initial: What it holds after power-up, in the EEPROM area when it leaves the factory.
-        span: The numbers that may be written; ``None``: it can only be read.
+        address: Address of the first byte.
+        size: Number of bytes, low first.
+        initial: Value after power-up; in the EEPROM area, value when it leaves the factory.
+        span: Lowest and highest number that may be written; ``None``: it can only be read.
     """
 
     address: int
@@ -136,8 +136,8 @@ class Servo(BusServo):
     """One servo: packets in, packets out.
 
     Args:
-        number: Its id.
-        now: Its clock, s.
+        number: ID of the servo.
+        now: Tells the time, s.
     """
 
     USUAL = 50
@@ -152,7 +152,7 @@ class Servo(BusServo):
         self.warm_up()
 
     def power_up(self) -> None:
-        """What the supply's coming (back) and a reboot do: RAM begins anew, torque is off."""
+        """Starts up, by supply or reboot: RAM begins anew, torque is as ``startup`` says."""
         for name, register in REGISTERS.items():
             if register.address not in EEPROM:
                 self._held[name] = register.initial
@@ -164,42 +164,42 @@ class Servo(BusServo):
 
     @property
     def number(self) -> int:
-        """Its id."""
+        """ID of the servo."""
         return self["id"]
 
     @property
     def baud(self) -> int:
-        """At which it listens."""
+        """Baud rate at which the servo listens."""
         return BAUDS[self["baud"]]
 
     def __getitem__(self, name: str) -> int:
-        """What a register holds."""
+        """Value of a register."""
         return self._held[name]
 
     def __setitem__(self, name: str, value: int) -> None:
-        """Sets a register, as its maker's program could."""
+        """Sets a register, as the maker's program could."""
         self._held[name] = value
 
     def fail(self, bit: int) -> None:
-        """A hardware error: it is remembered, and switches the torque off where it shall."""
+        """Remembers a hardware error, which switches the torque off if ``shutdown`` has its bit."""
         self._held["hardware_error"] |= bit
         if bit & self["shutdown"]:
             self._held["torque"] = 0
 
     def overload(self) -> None:
-        """It finds itself overloaded."""
+        """Makes the servo find itself overloaded."""
         self.fail(OVERLOAD)
 
     def send_to(self, position: int) -> None:
-        """Another program moves it."""
+        """Moves the servo as another program would."""
         self._held["goal"] = position
 
     def set_wheel(self, on: bool) -> None:
-        """Another program makes a wheel of it, and a joint again, its torque off."""
+        """Sets wheel mode, or position mode again, as another program would; torque goes off."""
         self._held |= {"torque": 0, "mode": 1 if on else POSITION_MODE}
 
     def twin(self) -> Servo:
-        """Another one of its id, switched on a moment before."""
+        """Another servo with the same ID, switched on a moment before."""
         other = Servo(self["id"], self.now)
         other._held |= {"baud": self["baud"]}
         other.position = self.position
@@ -218,7 +218,7 @@ class Servo(BusServo):
         return self._drives(self._trajectory) if self["torque"] else LIMP
 
     def answer(self, packet: Packet) -> Packet | None:
-        """Acts on a packet for this servo alone, and answers if it shall."""
+        """Acts on a packet for this servo alone; returns its answer, or ``None``."""
         if self.deaf:
             return None
         self._heard_something()
@@ -252,7 +252,7 @@ class Servo(BusServo):
         return b""
 
     def _bytes(self, first: int, size: int) -> bytes:
-        """What stands in the table from an address on, measured now."""
+        """Bytes of the control table from an address on, measured now."""
         if first + size > _FIRST_MEASURED:
             self._measure()
         found = bytearray()
@@ -308,14 +308,14 @@ class Servo(BusServo):
         self._heard = now
 
     def look(self) -> None:
-        """Compares heat and supply with what it shall bear."""
+        """Compares temperature and supply with their limits, and fails beyond."""
         if self.heat > self["temperature_limit"]:
             self.fail(OVERHEATED)
         if not self["voltage_min"] <= self.volts <= self["voltage_max"]:
             self.fail(VOLTAGE)
 
     def _measure(self) -> None:
-        """Brings the registers that only tell up to date."""
+        """Brings the registers that can only be read up to date."""
         self.driven_to()
         miss = self._trajectory - self.position
         drive = max(-1.0, min(1.0, self.torque + _P_GAIN * miss / _PWM_FULL)) * self["torque"]
@@ -337,8 +337,8 @@ class DynamixelEmulator(BusServos[Servo]):
     """Servos on a serial line.
 
     Args:
-        ids: Theirs, in the order of the robot's joints.
-        baud: At which they listen, one of ``BAUDS``.
+        ids: IDs of the servos, in the order of the robot's joints.
+        baud: Baud rate at which they listen, one of ``BAUDS``.
     """
 
     def __init__(self, ids: Iterable[int] = (1,), *, baud: int = 1_000_000):
@@ -348,7 +348,7 @@ class DynamixelEmulator(BusServos[Servo]):
             servo["baud"] = BAUDS.index(baud)
 
     def answers(self, data: bytes) -> Iterator[bytes]:
-        """Acts on the packets that are complete."""
+        """Acts on the packets that are complete; yields the answers."""
         for packet in self._decoder.feed(data):
             parameters = packet.parameters
             if packet.instruction == Instruction.SYNC_WRITE:

@@ -9,17 +9,17 @@ from typing import ClassVar, Final
 from robot.errors import CommandError
 
 EVERY_NTH: Final = range(10**9)
-"""Numbers of what fails now and then; 0, like 1, is every time."""
+"""Numbers n of a fault that strikes every n-th time; 0, like 1, is every time."""
 
 
 class FaultSwitch:
-    """Base of what can fail: named faults, each with a number where it needs one.
+    """Base class of what can fail: named faults, each with a number where it needs one.
 
     Attributes:
         FAULTS: What each lasting fault does, by name; subclasses fill it in.
         EVENTS: What each event does, which happens once and is over, by name.
-        NUMBERS: The numbers that make sense, by name, of those that take one.
-        AMOUNTS: Least and most of those that take an amount as well, by name.
+        NUMBERS: Numbers that make sense, by name of the fault or event that takes one.
+        AMOUNTS: Least and largest amount, by name of the fault that takes an amount as well.
     """
 
     FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType({})
@@ -37,14 +37,14 @@ class FaultSwitch:
         return dict(self._faults)
 
     def amount(self, fault: str) -> float:
-        """How much of a fault there is; 0 of one that takes no amount."""
+        """Amount of a fault; 0 for one that takes no amount."""
         return self._amounts.get(fault, 0.0)
 
     def inject(self, fault: str, value: int = 0, amount: float = 0.0) -> None:
         """Switches a fault on, or makes an event happen; may be called from any thread.
 
         Raises:
-            CommandError: See ``check``.
+            CommandError: The fault cannot be injected; see ``check``.
         """
         self.check(fault, value, amount)
         if fault in self.EVENTS:
@@ -57,12 +57,12 @@ class FaultSwitch:
         """Finds out whether a fault can be injected.
 
         Args:
-            fault: Its name.
-            value: Its number, 0 for none.
-            amount: How much of it, 0 where it takes none.
+            fault: Name of the fault or event.
+            value: Number of the fault, 0 for none.
+            amount: Amount of the fault, 0 where it takes none.
 
         Raises:
-            CommandError: There is no such fault here, or none of this number.
+            CommandError: There is no such fault here, or none of this number or amount.
         """
         if fault not in self.FAULTS and fault not in self.EVENTS:
             known = ", ".join([*self.FAULTS, *self.EVENTS])

@@ -20,7 +20,7 @@ from sim_robot.electronics.bus_servos import LIMP, STEPS, BusServo, BusServos
 from sim_robot.electronics.servos import Felt
 
 BAUDS: Final = (1_000_000, 500_000, 250_000, 128_000, 115_200, 76_800, 57_600, 38_400)
-"""What register 6 says, by its value."""
+"""Baud rates, by the value of register 6."""
 VOLTAGE, OVERHEAT, OVERLOAD = 1 << 0, 1 << 2, 1 << 5
 """Bits of the status."""
 
@@ -54,11 +54,11 @@ class Servo(BusServo):
     """One servo: instructions in, answers out.
 
     Args:
-        number: Its ID.
+        number: ID of the servo.
 
     Attributes:
-        memory: Its registers, by their addresses.
-        permanent_writes: How often a host wrote into its permanent memory.
+        memory: Registers, by their addresses.
+        permanent_writes: Number of times that a host wrote into the permanent memory.
     """
 
     USUAL = 74
@@ -78,7 +78,7 @@ class Servo(BusServo):
         self.warm_up()
 
     def power_up(self) -> None:
-        """What the supply's coming (back) does: memory begins anew, torque is off."""
+        """Does what happens when the supply comes (back): memory begins anew, torque is off."""
         self.memory[PERMANENT[0] : PERMANENT[-1] + 1] = self._kept[PERMANENT[0] : PERMANENT[-1] + 1]
         self.memory[TORQUE:] = bytes(SIZE - TORQUE)
         self.memory[TORQUE_LIMIT : TORQUE_LIMIT + 2] = self.memory[MOST_TORQUE : MOST_TORQUE + 2]
@@ -89,20 +89,20 @@ class Servo(BusServo):
 
     @property
     def number(self) -> int:
-        """Its ID."""
+        """ID of the servo."""
         return self.memory[ID]
 
     @property
     def baud(self) -> int:
-        """At which it listens."""
+        """Baud rate at which the servo listens."""
         return BAUDS[self.memory[BAUD]]
 
     def word(self, address: int) -> int:
-        """Two registers, low first."""
+        """Number in two registers, low first."""
         return self.memory[address] + 256 * self.memory[address + 1]
 
     def set_word(self, address: int, value: int) -> None:
-        """Sets two registers, low first, as its maker's program could."""
+        """Sets the number in two registers, low first, as the maker's program could."""
         self.memory[address : address + 2] = value.to_bytes(2, "little")
 
     def keep(self) -> None:
@@ -110,21 +110,21 @@ class Servo(BusServo):
         self._kept = bytes(self.memory)
 
     def overload(self) -> None:
-        """It finds itself overloaded."""
+        """Makes the servo find itself overloaded."""
         self._overload = True
         self.look()
 
     def send_to(self, position: int) -> None:
-        """Another program moves it."""
+        """Moves the servo as another program would."""
         self.set_word(GOAL, position)
         self.memory[TORQUE] = 1
 
     def set_wheel(self, on: bool) -> None:
-        """Another program makes a wheel of it, and a joint again, its torque off."""
+        """Sets wheel mode, or position mode again, as another program would; torque goes off."""
         self.memory[TORQUE], self.memory[MODE] = 0, int(on)
 
     def twin(self) -> Servo:
-        """Another one of its ID, and of another model."""
+        """Another servo with the same ID, of another model."""
         other = Servo(self.number)
         other.memory[BAUD] = self.memory[BAUD]
         other.memory[3] ^= 0x10
@@ -134,7 +134,7 @@ class Servo(BusServo):
         return other
 
     def look(self) -> None:
-        """Brings status and torque up to its condition."""
+        """Brings status and torque up to date with the servo's condition."""
         low, high = self.memory[LOWEST_VOLTAGE], self.memory[HIGHEST_VOLTAGE]
         status = VOLTAGE * (not low <= self.volts <= high)
         status |= OVERHEAT * (self.heat > self.memory[HOTTEST]) | OVERLOAD * self._overload
@@ -154,7 +154,7 @@ class Servo(BusServo):
         return self._drives(self._last)
 
     def answer(self, instruction: int, parameters: bytes, *, asked_alone: bool) -> bytes | None:
-        """Acts on an instruction; what it answers, error first, or nothing."""
+        """Acts on an instruction; returns the answer, error first, or ``None`` for no answer."""
         if self.deaf:
             return None
         self._measure()
@@ -188,7 +188,7 @@ class Servo(BusServo):
             self.on_move(before or self.position, after)
 
     def _measure(self) -> None:
-        """Brings the registers that only tell up to date."""
+        """Brings the registers that can only be read up to date."""
         driven = self.driven_to()
         position, torque = self.position, self.torque
         off = driven - position if driven else 0.0
@@ -207,8 +207,8 @@ class FeetechEmulator(BusServos[Servo]):
     """Servos on a serial line.
 
     Args:
-        ids: Theirs, in the order of the robot's joints.
-        baud: At which they listen, one of ``BAUDS``.
+        ids: IDs of the servos, in the order of the robot's joints.
+        baud: Baud rate at which they listen, one of ``BAUDS``.
     """
 
     def __init__(self, ids: Iterable[int] = (1,), *, baud: int = BAUDS[0]):
@@ -220,7 +220,7 @@ class FeetechEmulator(BusServos[Servo]):
             servo.keep()
 
     def answers(self, data: bytes) -> Iterator[bytes]:
-        """Acts on the packets that are complete; one that was broken off is forgotten."""
+        """Acts on complete packets and yields the answers; forgets one that was broken off."""
         now = self.servos[0].now()
         if now - self._heard > _BROKEN_OFF:
             self._buffer.clear()
@@ -230,7 +230,7 @@ class FeetechEmulator(BusServos[Servo]):
             yield from self._answered(*packet)
 
     def _packets(self) -> Iterator[tuple[int, int, bytes]]:
-        """Takes the whole packets that came: ID, instruction and parameters."""
+        """Takes the whole packets that came; yields ID, instruction and parameters of each."""
         buffer = self._buffer
         while (start := buffer.find(_HEADER)) >= 0:
             del buffer[:start]
@@ -251,7 +251,7 @@ class FeetechEmulator(BusServos[Servo]):
         del buffer[: max(0, len(buffer) - 1)]
 
     def _answered(self, number: int, instruction: int, parameters: bytes) -> Iterator[bytes]:
-        """The answers to a packet, one after another; of servos that share an ID at once."""
+        """Answers to a packet, one after another; servos that share an ID answer at once."""
         if instruction == _SYNC_WRITE and len(parameters) >= 2:
             size = parameters[1]
             for at in range(2, len(parameters) - size, size + 1):

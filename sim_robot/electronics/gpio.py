@@ -22,7 +22,7 @@ from sim_robot.electronics.fault_switch import FaultSwitch
 
 CALL_TIME: Final = 2e-6  # s
 LINES: Final = 54
-"""Of a Raspberry Pi's chip."""
+"""Number of lines of a Raspberry Pi's chip."""
 
 _USED: Final = 1 << 0
 _ACTIVE_LOW: Final = 1 << 1
@@ -32,7 +32,7 @@ _PULL_UP: Final = 1 << 8
 _PULLS: Final = (1 << 8, 1 << 9, 1 << 10)
 _LEVELS: Final = 2  # kinds of attributes
 _DEBOUNCE: Final = 3
-_FIRST_DESCRIPTOR: Final = 1 << 20  # none of this process's own
+_FIRST_DESCRIPTOR: Final = 1 << 20  # beyond this process's own
 
 
 class _Requests(IntEnum):
@@ -50,10 +50,10 @@ class Chip:
     """A chip.
 
     Attributes:
-        path: Its device file.
-        label: What it is called.
-        names: Of its lines, by number.
-        taken: Who has a line, by number; it is not ours to have.
+        path: Device file of the chip.
+        label: Label of the chip.
+        names: Names of lines, by number.
+        taken: Other programs that have a line, by number; it cannot be opened.
     """
 
     path: str = "/dev/gpiochip0"
@@ -64,7 +64,7 @@ class Chip:
 
 @dataclass
 class _Line:
-    """A line that was asked for."""
+    """A line that was opened."""
 
     chip: Chip
     offset: int
@@ -78,11 +78,11 @@ class GPIOEmulator(FaultSwitch):
     """The GPIO chips of one computer, to give to drivers in the place of its device files.
 
     Args:
-        chips: Those that there are.
-        level: What drives a line from outside, given its chip's path and its number: whether high,
-            or ``None`` for nothing.
+        chips: Chips of the computer.
+        level: Tells whether a line is driven high from outside, given its chip's path and its
+            number; ``None`` where nothing drives it.
         clock: Is charged 2 µs per call.
-        driven: Told chip, number and level of an output whenever it is driven.
+        driven: Called with chip, number and level of an output whenever it is driven.
     """
 
     FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
@@ -116,7 +116,7 @@ class GPIOEmulator(FaultSwitch):
 
     @property
     def handles(self) -> int:
-        """How many files of chips and lines are open."""
+        """Number of open files of chips and lines."""
         return len(self._files) + len(self._lines)
 
     def inject(self, fault: str, value: int = 0, amount: float = 0.0) -> None:
@@ -127,7 +127,7 @@ class GPIOEmulator(FaultSwitch):
                 line.alive = False
 
     def chips(self) -> list[str]:
-        """The paths of those that there are."""
+        """Paths of the chips that there are."""
         return [] if "unplugged" in self._faults else list(self._chips)
 
     def open(self, path: str) -> int:
@@ -138,12 +138,12 @@ class GPIOEmulator(FaultSwitch):
         return self._next
 
     def close(self, file: int) -> None:
-        """Closes a chip, or a line, which then is nobody's."""
+        """Closes a chip, or a line, which is then free."""
         if self._files.pop(file, None) is None and self._lines.pop(file, None) is None:
             raise _error(errno.EBADF)
 
     def ioctl(self, file: int, request: int, argument: bytearray) -> None:
-        """Answers in place."""
+        """Makes a request of a chip or a line, which answers in place."""
         self._clock.charge(CALL_TIME)
         size = request >> 16 & 0x3FFF
         if len(argument) < size:

@@ -30,7 +30,7 @@ _HUNG_BUS_TIME: Final = 0.1  # s until the kernel gives up
 
 
 class I2CDevice(FaultSwitch, ABC):
-    """Base of an emulated device; alone, it is its own bus.
+    """Base class of an emulated device; alone, it is its own bus.
 
     Args:
         clock: Is charged 100 µs per transfer.
@@ -62,16 +62,16 @@ class I2CDevice(FaultSwitch, ABC):
         """Does nothing."""
 
     def begin(self) -> bool:
-        """Called at the beginning of a transfer; whether the device takes part in it."""
+        """Called at the beginning of a transfer; returns whether the device takes part in it."""
         self._begun += 1
         return not self._fails("nak")
 
     def heard(self) -> bool:
-        """Called at the end of a transfer; whether its acknowledges reached the host."""
+        """Called at the end of a transfer; returns whether its acknowledges reached the host."""
         return not self._fails("unheard")
 
     def hears(self, address: int) -> bool:
-        """Called at the beginning of a message; whether the device takes part in it."""
+        """Called at the beginning of a message; returns whether the device takes part in it."""
         self._called = address
         return self.answers(address)
 
@@ -81,7 +81,7 @@ class I2CDevice(FaultSwitch, ABC):
 
     @abstractmethod
     def receive(self, data: bytes) -> bool:
-        """Takes the bytes of a write; whether it acknowledged them."""
+        """Takes the bytes of a write; returns whether the device acknowledged them."""
 
     @abstractmethod
     def send(self, count: int) -> bytes:
@@ -97,16 +97,16 @@ class I2CDevice(FaultSwitch, ABC):
 
 
 class I2CBus(FaultSwitch):
-    """A bus with devices on it; itself, it is a handle that never dies.
+    """A bus with devices on it; used by itself, it is a handle that never dies.
 
     The devices keep their supply while the adapter is unplugged.
 
     Args:
-        devices: What is on it.
+        devices: Devices on the bus.
         clock: Is charged 100 µs per transfer.
 
     Attributes:
-        handles: Those that are open.
+        handles: Handles that are open.
     """
 
     FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
@@ -126,7 +126,7 @@ class I2CBus(FaultSwitch):
         """Opens the bus, whatever it is called.
 
         Raises:
-            DeviceMissingError: It is unplugged.
+            DeviceMissingError: The bus is unplugged.
         """
         if "unplugged" in self._faults:
             raise no_such_bus(path, _error(errno.ENOENT))
@@ -192,7 +192,7 @@ class Handle:
         self._bus.i2c_rdwr(*messages)
 
     def close(self) -> None:
-        """Closes it; that of a dead one, too, is due."""
+        """Closes the handle; a dead one must be closed, too."""
         self._bus.handles.remove(self)
 
 

@@ -39,12 +39,12 @@ class MPU6050Emulator(I2CDevice):
     """One chip.
 
     Args:
-        acceleration: Acceleration along its axes, g; asked once per sample.
+        acceleration: Returns the acceleration along the chip's axes, g; asked once per sample.
         clock: Is charged 100 µs per transfer and times the samples.
-        address: 0x68, or 0x69 by its pin.
+        address: Address of the chip: 0x68, or 0x69 by its pin.
 
     Attributes:
-        celsius: Temperature of the die.
+        celsius: Temperature of the die, °C.
     """
 
     FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
@@ -84,7 +84,7 @@ class MPU6050Emulator(I2CDevice):
         self.power_cycle()
 
     def power_cycle(self) -> None:
-        """A reset: it sleeps, and every setting is lost."""
+        """Resets the chip: it sleeps, and every setting is lost."""
         self._registers = bytearray(_SIZE)
         x, y, z = _TRIM_CODES
         self._registers[_SELF_TEST : _SELF_TEST + 4] = bytes(
@@ -108,7 +108,7 @@ class MPU6050Emulator(I2CDevice):
             self._stuck = None
 
     def answers(self, address: int) -> bool:
-        """Whether it is the chip's."""
+        """Whether an address is the chip's."""
         return address == self._address
 
     def receive(self, data: bytes) -> bool:

@@ -56,11 +56,11 @@ class PCA9685Emulator(I2CDevice):
 
     Args:
         clock: Is charged 100 µs per transfer.
-        address: Set by the board's jumpers.
-        oscillator_mhz: What its oscillator really runs at.
+        address: Address that the board's jumpers set.
+        oscillator_mhz: Frequency at which the oscillator really runs, MHz.
 
     Attributes:
-        enabled: Whether the pin OE is low, to which the boards pull it; see ``drive_enable``.
+        enabled: Whether the pin OE is low, as the boards pull it; see ``drive_enable``.
         on_pulse: Called with output, ticks before and ticks after whenever a command changes the
             pulse of an output; a reset is no command, nor is what another program does.
         on_reset: Called when the board was reset.
@@ -104,7 +104,7 @@ class PCA9685Emulator(I2CDevice):
         self.power_cycle()
 
     def power_cycle(self) -> None:
-        """A reset: every output is off, and every setting is lost."""
+        """Resets the board: every output is off, and every setting is lost."""
         self._registers = bytearray(256)
         self._registers[_MODE1] = _SLEEP | _ALL_CALL
         self._registers[_MODE2] = 0x04
@@ -114,7 +114,7 @@ class PCA9685Emulator(I2CDevice):
         self._registers[_PRESCALE] = 0x1E
         self._pointer = 0
         self._awake_since = 0.0
-        self._loaded: set[int] = set()  # registers of outputs, since the last end of a transfer
+        self._loaded: set[int] = set()  # registers of outputs, written since the last transfer
         self._pulses: tuple[int, ...] = (0,) * OUTPUTS
         self.on_reset()
 
@@ -133,7 +133,7 @@ class PCA9685Emulator(I2CDevice):
         return (self._registers[_PRESCALE] + 1) / self._oscillator_mhz
 
     def answers(self, address: int) -> bool:
-        """Whether it is the board's own, or one that several boards share."""
+        """Whether an address is the board's own, or one that several boards share."""
         if address in (self._address, _GENERAL_CALL):
             return True
         mode = self._registers[_MODE1]
@@ -154,7 +154,7 @@ class PCA9685Emulator(I2CDevice):
         return True
 
     def send(self, count: int) -> bytes:
-        """Registers from the pointer on; the ones for all outputs read as zero."""
+        """Gives registers from the pointer on; the ones for all outputs read as zero."""
         data = bytearray()
         for _ in range(count):
             shown = self._pointer if not _ALL_LED <= self._pointer < _PRESCALE else None
@@ -163,7 +163,7 @@ class PCA9685Emulator(I2CDevice):
         return bytes(data)
 
     def stop(self) -> None:
-        """Outputs change at the end of a transfer."""
+        """Changes the outputs, at the end of a transfer."""
         self._end_transfer()
         self._command()
 
@@ -173,7 +173,7 @@ class PCA9685Emulator(I2CDevice):
             return
         for register, written in _written_by_others(event, value):
             self._store(register, written)
-            self._awake_since = -_WAKING  # they wait as long as the data sheet asks for
+            self._awake_since = -_WAKING  # others wait as long as the data sheet asks
         self._end_transfer()
         self._drive()
 
@@ -222,7 +222,7 @@ class PCA9685Emulator(I2CDevice):
         self._registers[_MODE1] = after
 
     def _end_transfer(self) -> None:
-        """A write to an output clears RESTART; with each acknowledge, to all its registers."""
+        """Clears RESTART if an output was written, in all registers if it changes at each ACK."""
         needed = 4 if self._registers[_MODE2] & _CHANGE_AT_ACK else 1
         for output in range(OUTPUTS):
             registers = range(_LED0 + 4 * output, _LED0 + 4 * output + 4)

@@ -1,6 +1,6 @@
 """What lies between the body and the sensors' inputs: gauges that fail, sensors that shift.
 
-Nothing of it can be noticed by a daemon: each reading is one that some pose gives.
+No daemon can notice any of these faults: each reading is one that some pose gives.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ class Sensors(FaultSwitch):
     """The gauges, the accelerometer and the distance sensor as they are mounted.
 
     Args:
-        gauges: How many there are.
+        gauges: Number of gauges.
     """
 
     FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
@@ -36,14 +36,14 @@ class Sensors(FaultSwitch):
         self._gauges = gauges
 
     def numbers(self, fault: str) -> Sequence[int]:
-        """The gauges from 1; degrees; millimetres."""
+        """Numbers that a fault may have: of a gauge, from 1; degrees; or millimetres."""
         if fault in ("deaf", "pressed"):
             return range(1, self._gauges + 1)
         most = 50 if fault == "too_high" else 45
         return [*range(-most, 0), *range(1, most + 1)]
 
     def load(self, gauge: int, newtons: float) -> float:
-        """What the gauge of an index feels of a load, N."""
+        """Load that a gauge, by its index, feels of a load of so many newtons, N."""
         faults = self.faults
         if faults.get("deaf") == gauge + 1:
             return 0.0
@@ -51,11 +51,11 @@ class Sensors(FaultSwitch):
 
     @property
     def turned(self) -> tuple[float, float]:
-        """By how many degrees the left side, and the nose, seem up."""
+        """Angles by which the left side, and the nose, seem up, degrees."""
         faults = self.faults
         return faults.get("tilt_left", 0), faults.get("tilt_forward", 0)
 
     @property
     def too_high(self) -> int:
-        """How much too much the distance sensor reads, mm."""
+        """Excess of what the distance sensor reads, mm."""
         return self.faults.get("too_high", 0)

@@ -25,11 +25,11 @@ _SYNCHRONISE_TIMEOUT: Final = 2.0  # s of real time for a device to read what wa
 _PREFIX: Final = "emulated-serial-"
 _LINK: Final = "port"
 _TCGETS2: Final = 0x802C542A  # ioctl of struct termios2, asm-generic/ioctls.h
-_OUTPUT_SPEED: Final = 40  # where it has the baud rate, which need not be a usual one
+_OUTPUT_SPEED: Final = 40  # offset in it of the baud rate, which need not be a usual one
 
 
 class SerialDevice(FaultSwitch, ABC):
-    """Base of an emulated device on a serial line; ``port`` is the name to open with pyserial.
+    """Base class of an emulated device on a serial line, whose ``port`` pyserial can open.
 
     The line can be unplugged and plugged in again, as a USB adapter can: the name is a link that
     vanishes and comes back, while the terminal behind it may be another one. The device has its own
@@ -37,7 +37,7 @@ class SerialDevice(FaultSwitch, ABC):
 
     Attributes:
         port: Name of the serial port.
-        bytes_read: Bytes consumed and acted upon, or swallowed by a cable that was pulled.
+        bytes_read: Number of bytes acted upon, or swallowed by a cable that was pulled.
     """
 
     FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
@@ -78,7 +78,7 @@ class SerialDevice(FaultSwitch, ABC):
         """Waits until ``bytes_read`` has reached ``count``.
 
         Args:
-            count: Bytes written by the driver.
+            count: Number of bytes written by the driver.
             timeout: Longest wait, s of real time.
 
         Returns:
@@ -161,8 +161,8 @@ class Follower:
     """Waits, when called, until an emulated device has read all that its driver wrote.
 
     Args:
-        device: The device.
-        driver: Its driver.
+        device: The emulated device.
+        driver: Driver of the device.
     """
 
     def __init__(self, device: SerialDevice, driver: Writes):
@@ -206,7 +206,7 @@ class _Link:
 
     @property
     def baud(self) -> int:
-        """At which the host set the line."""
+        """Baud rate at which the host set the line."""
         settings = fcntl.ioctl(self._slave, _TCGETS2, bytes(_OUTPUT_SPEED + 4))
         return int.from_bytes(settings[_OUTPUT_SPEED:], sys.byteorder)
 

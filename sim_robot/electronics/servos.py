@@ -14,11 +14,11 @@ from typing import Any, ClassVar, Final, NamedTuple
 from sim_robot.electronics.fault_switch import FaultSwitch
 
 _PLAY: Final = 0.05
-"""A blocked servo turns by so much of its count, either way."""
+"""Share of its count by which a blocked servo turns, either way."""
 
 
 class Felt(NamedTuple):
-    """What a servo that measures finds: where it is, in counts, and its share of its torque."""
+    """What a servo measures: its position, in counts, and the share of its torque that it gives."""
 
     position: float
     torque: float
@@ -28,7 +28,7 @@ class Servos(FaultSwitch):
     """The servos of one robot and their plugs.
 
     Args:
-        count: Of the servos, by the board's outputs.
+        count: Number of servos, one at each of the board's outputs.
     """
 
     FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
@@ -51,10 +51,10 @@ class Servos(FaultSwitch):
         super().__init__()
         self._count = count
         self._last: tuple[int, ...] = ()
-        self._stuck: dict[str, int] = {}  # where it was when the fault began
+        self._stuck: dict[str, int] = {}  # count when the fault began, by fault
 
     def numbers(self, fault: str) -> Sequence[int]:
-        """The servos from 1; the last has no neighbour to exchange plugs with."""
+        """Numbers of servos, from 1; the last has no neighbour to exchange plugs with."""
         return range(1, self._count + (fault != "swapped"))
 
     def carry(self, pulses: Sequence[int]) -> tuple[int, ...]:
@@ -78,7 +78,7 @@ class Servos(FaultSwitch):
         return self._last
 
     def turned(self, index: int, angle: float) -> float:
-        """Where the servo of an index brings its joint that a pulse asks to an angle, rad."""
+        """Angle to which a servo, by its index, brings its joint if told ``angle``, rad."""
         faults = self.faults
         if faults.get("travel") == index + 1:
             angle *= self.amount("travel") / 100
@@ -87,7 +87,7 @@ class Servos(FaultSwitch):
         return angle
 
     def angle_of(self, index: int, angle: float) -> float:
-        """The angle that the servo of an index itself stands at, its joint being at one, rad."""
+        """Angle of a servo itself, by its index, while its joint stands at ``angle``, rad."""
         faults = self.faults
         if faults.get("slipped") == index + 1:
             angle -= math.radians(self.amount("slipped"))
@@ -96,11 +96,11 @@ class Servos(FaultSwitch):
         return angle
 
     def feel(self, pulses: Sequence[int], felt: Sequence[Felt]) -> list[Felt]:
-        """What servos that measure find, commanded to ``pulses``, in the order of the outputs.
+        """What the servos measure while commanded to ``pulses``, in the order of the outputs.
 
         Args:
-            pulses: As for ``carry``.
-            felt: What the world has at each joint; one that is held there has not the torque with
+            pulses: Pulses that the board sends, as for ``carry``.
+            felt: What the world has at each joint; where a joint is held, without the torque with
                 which its servo pushes in vain.
         """
         found, faults = list(felt), self.faults

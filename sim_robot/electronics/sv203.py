@@ -36,11 +36,11 @@ class Board:
     """The processor of one board: bytes in, servo pulses and answers out; no I/O, no threads.
 
     Args:
-        number: The number that it answers to; 0 addresses every board.
+        number: Number that the board answers to; 0 addresses every board.
 
     Attributes:
         pulses: Count at each output, 0 without pulses; replaced, never changed in place.
-        analogue: What the five analogue inputs read, 0 to 255.
+        analogue: Readings of the five analogue inputs, 0 to 255.
         on_move: Called with servo, count before and count after whenever a command changes one;
             what servos do by themselves when the supply comes back is no move, nor is ``place``.
     """
@@ -56,7 +56,7 @@ class Board:
         self.power_up()
 
     def power_up(self) -> None:
-        """What happens when the supply comes (back): deselected, all servos to neutral."""
+        """Does what happens when the supply comes (back): deselected, all servos to neutral."""
         self._enabled = False
         self._servo: int | None = None
         self._line = bytearray()
@@ -116,7 +116,7 @@ class Board:
                 self._set(self._servo, count)
 
     def place(self, servo: int, count: int) -> None:
-        """Another program on the line moves a servo, which is not reported to ``on_move``."""
+        """Moves a servo as another program on the line would; ``on_move`` is not called."""
         self._counts[servo - 1] = count
         self.pulses = tuple(self._counts)
 
@@ -199,7 +199,7 @@ class SV203Emulator(SerialDevice):
     """Boards on a serial line.
 
     Args:
-        boards: The numbers that they answer to.
+        boards: Numbers that the boards answer to.
     """
 
     FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
@@ -239,7 +239,7 @@ class SV203Emulator(SerialDevice):
             board.on_move = partial(_shifted, on_move, first)
 
     def numbers(self, fault: str) -> Sequence[int]:
-        """Of a brown-out the boards', or 0 for all of them; of a move the outputs'."""
+        """Numbers of a fault: of a brown-out a board's, or 0 for all; of a move an output's."""
         match fault:
             case "brown_out":
                 return (0, *self._boards)
@@ -248,7 +248,7 @@ class SV203Emulator(SerialDevice):
         return super().numbers(fault)
 
     def power_cycle(self, number: int = 0) -> None:
-        """A brown-out of one board or of all: it is deselected, and its servos jump to neutral.
+        """Browns one board or all out: it is deselected, and its servos jump to neutral.
 
         Raises:
             CommandError: There is no board of this number.

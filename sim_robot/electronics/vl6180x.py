@@ -20,7 +20,7 @@ from sim_robot.electronics.i2c_bus import I2CDevice
 _SIZE: Final = 0x300
 _OVERHEAD_TIME: Final = 7.5e-3  # s; preparation and read-out
 _NEAR_TIME: Final = 1e-3  # s; convergence at no distance
-_SLOWEST: Final = 49e-3  # convergence of what is out of sight, as the chip leaves its reset
+_SLOWEST: Final = 49e-3  # s; convergence without a target in reach, as set by a reset
 _RATE: Final = 20.0  # Mcps returned at no distance
 
 _COUNTS: Final = 0x06C
@@ -66,8 +66,8 @@ class VL6180XEmulator(I2CDevice):
         distance_mm: Distance to the target, mm, or ``None`` where there is none; asked once per
             measurement.
         clock: Is charged 100 µs per transfer and times the measurements.
-        reach_mm: Farthest target that is still seen; at most 255.
-        offset_mm: What the factory found the chip to read too little, and stored in it.
+        reach_mm: Distance of the farthest target that is still seen, mm; at most 255.
+        offset_mm: Amount that the chip reads too little, measured and stored in the factory, mm.
 
     Attributes:
         address: Address on the bus; 0x29 after every reset.
@@ -108,13 +108,13 @@ class VL6180XEmulator(I2CDevice):
         self.power_cycle()
 
     def power_cycle(self) -> None:
-        """A reset: every setting is lost."""
+        """Resets the sensor: every setting is lost."""
         self.address = 0x29
         self._registers = bytearray(_SIZE)
         for register, value in _AT_RESET.items():
             self._registers[register] = value
         self._registers[_OFFSET] = self._factory_offset & 0xFF
-        self._used = bytes(self._registers)  # those of the measurement under way
+        self._used = bytes(self._registers)  # by the measurement under way
         self._endless = False
         self._index = 0
         self._done_at: float | None = None
@@ -127,11 +127,11 @@ class VL6180XEmulator(I2CDevice):
             self._frozen = None
 
     def answers(self, address: int) -> bool:
-        """Whether it is the sensor's."""
+        """Whether an address is the sensor's."""
         return address == self.address
 
     def send(self, count: int) -> bytes:
-        """Registers from the index on."""
+        """Gives registers from the index on."""
         self._finish()
         return bytes(self._read() for _ in range(count))
 
@@ -222,7 +222,7 @@ class VL6180XEmulator(I2CDevice):
         return _IGNORED if checks & 0x02 and rate < threshold else 0
 
     def _count(self) -> bytes:
-        """Photons, which never come in the same number twice; only that they differ is modelled."""
+        """Photon counts, which are never the same twice; only that they differ is modelled."""
         scatter = self._measurements * 2654435761 % 2**32
         counts = (12_000 + (scatter >> shift) % 256 for shift in range(0, 24, 4))
         return b"".join(count.to_bytes(4, "big") for count in counts)
@@ -241,5 +241,5 @@ class VL6180XEmulator(I2CDevice):
 
 
 def _mcps(register: bytes) -> float:
-    """A rate out of two registers, 9.7 bits."""
+    """A rate out of two registers, fixed point of 9.7 bits, Mcps."""
     return int.from_bytes(register[:2], "big") / 128

@@ -37,7 +37,7 @@ _IPC: Final = "ipc://"
 _MAX_REQUEST: Final = 65536  # bytes of a line
 _MAX_OPEN: Final = 64  # connections whose request has not come yet
 _MAX_ACCEPTED: Final = 16  # connections before those that are open are read
-_BACKLOG: Final = 1024  # that wait in the kernel: one that it drops knocks again after a second
+_BACKLOG: Final = 1024  # connections in the kernel's queue; one that it drops comes again after 1 s
 _TIMEOUT: Final = 10.0  # s that a client waits for an answer
 
 
@@ -45,12 +45,12 @@ class FaultSocket(Closable):
     """Serves a fault panel from a thread of its own.
 
     Args:
-        panel: Where faults are injected.
+        panel: Panel that injects the faults.
         uri: ``ipc://PATH`` or ``tcp://127.0.0.1:PORT``; port ``*`` takes any free one.
-        report: What else there is to tell, as JSON.
+        report: Returns what else the report has to tell, as JSON.
 
     Attributes:
-        endpoint: Where it is served, with the real port.
+        endpoint: Address at which the panel is served, with the real port.
 
     Raises:
         FaultError: The address cannot be served, or other computers could reach it.
@@ -70,7 +70,7 @@ class FaultSocket(Closable):
         except OSError as error:
             raise FaultError(f"Cannot serve faults at {uri}: {error.strerror or error}.") from None
         self._waker = Waker()
-        self._requests: dict[socket.socket, bytes] = {}  # so far; the oldest connection is first
+        self._requests: dict[socket.socket, bytes] = {}  # bytes so far; the oldest connection first
         self._selector = selectors.DefaultSelector()
         self._stopping = False
         self._thread = threading.Thread(target=self._run, name="faults", daemon=True)
@@ -101,7 +101,7 @@ class FaultSocket(Closable):
                 connection.close()
 
     def _accept(self) -> None:
-        """Accepts connections; those that have been silent for longest make room for them."""
+        """Accepts connections; the oldest open ones make room for them."""
         with suppress(OSError):  # there are no more, or whoever connected is gone
             for _ in range(_MAX_ACCEPTED):
                 connection, _ = self._listener.accept()
@@ -112,7 +112,7 @@ class FaultSocket(Closable):
                 self._selector.register(connection, selectors.EVENT_READ)
 
     def _read(self, connection: socket.socket) -> None:
-        """Reads from a connection; answers it, and hangs up, once that is a whole line."""
+        """Reads from a connection; once a whole line has come, answers it and hangs up."""
         try:
             chunk = connection.recv(_MAX_REQUEST)
             self._requests[connection] += chunk
@@ -169,7 +169,7 @@ class FaultClient:
     Each method returns the report.
 
     Args:
-        uri: Where the control socket is.
+        uri: Address of the control socket.
 
     Raises:
         FaultError: From each method: the request was refused, or nobody answers.
@@ -235,7 +235,7 @@ def _listening(uri: str) -> tuple[socket.socket, str]:
             listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listener.bind(address)
         listener.listen(_BACKLOG)
-        listener.setblocking(False)  # whoever knocks may be gone before it is let in
+        listener.setblocking(False)  # a client may be gone before it is accepted
     except BaseException:
         listener.close()
         raise

@@ -13,11 +13,12 @@ if TYPE_CHECKING:
 
 
 class Damage(FaultSwitch):
-    """Damages of a body; that of each kind is one leg's, told by the number of its motor.
+    """Damages of a body: of each kind one, to the leg of the motor that the fault's number tells.
 
     Args:
-        body: As it is without them.
-        damaged: The body with one kind of damage: of a motor's leg, by an amount.
+        body: The body without damages.
+        damaged: Returns a body with one damage more, given the body, the kind of damage, the number
+            of the leg's motor, and the amount.
     """
 
     FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
@@ -48,11 +49,11 @@ class Damage(FaultSwitch):
         self._done: dict[str, tuple[int, float]] = {}
 
     def numbers(self, fault: str) -> Sequence[int]:
-        """The motors from 1."""
+        """Numbers of the motors, from 1."""
         return range(1, len(self._whole.motors) + 1)
 
     def new_body(self) -> Body | None:
-        """The body as it is by now; ``None`` where nothing has happened since this was asked."""
+        """The body with its damages; ``None`` if these have not changed since the last call."""
         wanted = {fault: (number, self.amount(fault)) for fault, number in self.faults.items()}
         if wanted == self._done:
             return None

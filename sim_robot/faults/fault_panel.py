@@ -3,7 +3,7 @@
 A fault is written ``DEVICE.FAULT[=N[:AMOUNT]][@START][+DURATION]``, for instance
 ``servo_board.unplugged``, ``daq.stuck_channel=3@2i``, ``distance.nak@12.5s+3i``, ``body.cut=2:50``.
 
-* ``DEVICE.FAULT`` is one of ``KNOWN``, N its number, where it needs one, and AMOUNT how much.
+* ``DEVICE.FAULT`` is one of ``KNOWN``, N its number and AMOUNT its amount, where it needs them.
 * START is ``3i``, at the zero pose of the third interaction, or ``12.5s``, at that robot time.
   Without it the fault begins at once.
 * DURATION is ``2i`` (interactions), ``5s`` (robot time) or ``5w`` (seconds on the wall; virtual
@@ -57,7 +57,7 @@ DEVICES: Final[Mapping[str, type[FaultSwitch]]] = MappingProxyType(
         "body": Damage,
     }
 )
-"""What can fail."""
+"""What can fail, by its name in a fault."""
 
 KNOWN: Final[Mapping[str, str]] = MappingProxyType(
     {
@@ -78,14 +78,14 @@ _SPEC: Final = re.compile(
 
 @dataclass(frozen=True)
 class Span:
-    """A point in time or a length of it: seconds of robot time, interactions, wall seconds."""
+    """A time or a duration: in s of robot time (s), interactions (i) or s on the wall (w)."""
 
     amount: float
     unit: str
 
     @classmethod
     def parse(cls, text: str | None) -> Span | None:
-        """From ``12.5s``, ``3i`` or ``5w``."""
+        """Reads ``12.5s``, ``3i`` or ``5w``; ``None`` stays ``None``."""
         return None if text is None else cls(float(text[:-1]), text[-1])
 
     def __str__(self) -> str:
@@ -94,7 +94,7 @@ class Span:
 
 @dataclass(frozen=True)
 class FaultSpec:
-    """One fault to inject."""
+    """One fault to inject; the module says what its parts mean."""
 
     device: str
     fault: str
@@ -108,7 +108,7 @@ class FaultSpec:
         """Reads a fault as it is written.
 
         Raises:
-            FaultError: It cannot be; the message says what to write instead.
+            FaultError: It is no fault as written; the message says what to write instead.
         """
         match = _SPEC.fullmatch(text)
         if match is None:
@@ -132,7 +132,7 @@ class FaultSpec:
 
     @property
     def name(self) -> str:
-        """Device and fault."""
+        """Device and fault, as in ``daq.absent``."""
         return f"{self.device}.{self.fault}"
 
     def __str__(self) -> str:
@@ -143,10 +143,10 @@ class FaultSpec:
 
 
 def check_name(name: str) -> str:
-    """A fault's name, if there is such a fault.
+    """Returns a fault's name, if there is such a fault.
 
     Raises:
-        FaultError: There is none; the message names one that sounds like it.
+        FaultError: There is no such fault; the message names one that is spelt like it, or all.
     """
     if name not in KNOWN:
         near = difflib.get_close_matches(name, KNOWN, n=1)
@@ -163,7 +163,7 @@ class FaultPanel:
 
     Args:
         devices: What can fail here, by the names of ``DEVICES``.
-        now: The robot clock.
+        now: Tells the robot time, s.
     """
 
     def __init__(self, devices: Mapping[str, FaultSwitch], now: Callable[[], float]):
@@ -172,14 +172,14 @@ class FaultPanel:
         self._now = now
         self._lock = threading.RLock()
         self._waiting: list[FaultSpec] = []
-        self._ending: list[tuple[Span, FaultSpec]] = []  # the first is when, in absolute terms
+        self._ending: list[tuple[Span, FaultSpec]] = []  # end, in absolute terms, and fault
         self._timers: list[threading.Timer] = []
 
     def order(self, spec: FaultSpec) -> None:
         """Injects a fault, at once or when it is due.
 
         Raises:
-            FaultError: This robot has no such device, or the fault no such number.
+            FaultError: This robot has no such device, or the fault no such number or amount.
         """
         if spec.device not in self._devices:
             raise FaultError(f"This robot has no {spec.device}; it has {', '.join(self._devices)}.")
@@ -233,7 +233,7 @@ class FaultPanel:
             self._look()
 
     def close(self) -> None:
-        """Cancels the faults that have not begun."""
+        """Cancels the faults that have not begun, and the ends of the others."""
         with self._lock:
             self._waiting.clear()
             self._ending.clear()

@@ -28,10 +28,10 @@ BAUD: Final = 1_000_000
 
 
 class BusServoSet(PiSensors):
-    """A servo for each joint, with the ids from 1.
+    """Bus servos, one for each joint, with the IDs from 1.
 
     Attributes:
-        name: Of the servos, at the fault panel.
+        name: Name of the servos at the fault panel.
     """
 
     name: ClassVar[str]
@@ -44,12 +44,12 @@ class BusServoSet(PiSensors):
     @staticmethod
     @abstractmethod
     def emulator(ids: Sequence[int]) -> BusServos[Any]:
-        """The servos."""
+        """Emulated servos that have these IDs."""
 
     @staticmethod
     @abstractmethod
     def settings(port: str) -> ServoSettings:
-        """Those of their driver."""
+        """Settings of the servos' driver."""
 
     @classmethod
     def configuration(cls, body: Body, *, port: str, levels: NoiseLevels) -> RobotConfig:
@@ -57,8 +57,8 @@ class BusServoSet(PiSensors):
 
         Args:
             body: The body.
-            port: The emulated servos' serial port.
-            levels: Noise, announced to clients.
+            port: Serial port of the emulated servos.
+            levels: Levels of noise that are announced to clients.
         """
         servos = cls.settings(port)
         turn = 2 * math.pi * len(servos.counts) / STEPS
@@ -70,7 +70,7 @@ class BusServoSet(PiSensors):
         return {self.name: self.servos, **super().switches}
 
     def configure(self, levels: NoiseLevels) -> RobotConfig:
-        """The configuration that fits, on the emulated port."""
+        """The configuration that fits the set, on the emulated port."""
         return self.configuration(self._body, port=self.servos.port, levels=levels)
 
     def connect(self, wiring: Wiring, clock: Clock) -> None:
@@ -79,7 +79,7 @@ class BusServoSet(PiSensors):
         self.servos.connect(clock)
 
     def pulses(self) -> Sequence[int]:
-        """Where each servo drives to."""
+        """Position that each servo drives to, in steps."""
         return self.servos.pulses()
 
     def feel(self, find: Callable[[], Sequence[Felt]]) -> None:
@@ -87,7 +87,7 @@ class BusServoSet(PiSensors):
         self.servos.feel(find)
 
     def follow(self, servos: ServoBus) -> Callable[[], None]:
-        """Waits for the thread that reads the serial line."""
+        """Returns what waits for the thread that reads the serial line."""
         return Follower(self.servos, cast(AnsweringServos, servos))
 
     def close(self) -> None:
@@ -96,34 +96,34 @@ class BusServoSet(PiSensors):
 
 
 class FeetechSet(BusServoSet):
-    """STS servos."""
+    """Feetech STS servos."""
 
     name = "feetech"
     summary = "Feetech STS servos on a serial line, the sensors of pi on I²C"
 
     @staticmethod
     def emulator(ids: Sequence[int]) -> FeetechEmulator:
-        """STS3215."""
+        """Emulated STS3215 servos."""
         return FeetechEmulator(ids, baud=BAUD)
 
     @staticmethod
     def settings(port: str) -> FeetechSettings:
-        """At 1 Mbaud."""
+        """Settings of the driver, at 1 Mbaud."""
         return FeetechSettings(port=port, baud=BAUD)
 
 
 class DynamixelSet(BusServoSet):
-    """X servos."""
+    """DYNAMIXEL X servos."""
 
     name = "dynamixel"
     summary = "DYNAMIXEL X servos on a serial line, the sensors of pi on I²C"
 
     @staticmethod
     def emulator(ids: Sequence[int]) -> DynamixelEmulator:
-        """XL430-W250."""
+        """Emulated XL330-M288 servos."""
         return DynamixelEmulator(ids, baud=BAUD)
 
     @staticmethod
     def settings(port: str) -> DynamixelSettings:
-        """At 1 Mbaud."""
+        """Settings of the driver, at 1 Mbaud."""
         return DynamixelSettings(port=port, baud=BAUD)

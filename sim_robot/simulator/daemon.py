@@ -43,16 +43,16 @@ class Emulation:
     """Emulated electronics over a body, found and identified by a robot's drivers.
 
     Attributes:
-        config: What the daemon believes about its robot.
-        truth: How the electronics are really calibrated.
-        buses: What leads the drivers to the emulators.
+        config: Configuration that the daemon believes.
+        truth: Configuration with the true calibration of the electronics.
+        buses: Buses that lead the drivers to the emulators.
         devices: The drivers.
         clock: The robot clock.
         real_time: Whether time passes as on a wall clock.
-        noise: Of the sensors.
-        body: The body.
-        world: What the sensors sense.
-        panel: Where its faults are injected.
+        noise: Noise of the sensors.
+        body: The body, undamaged.
+        world: World that the sensors sense.
+        panel: Panel that injects faults.
         electronics: The emulators.
     """
 
@@ -72,11 +72,11 @@ class Emulation:
 class SimulatedOperator:
     """Numbers interactions, for the noise, and lays the body down before each.
 
-    One that is made again after it was broken off reads what it would have read.
+    An interaction that is repeated after it was broken off reads what it would have read.
 
     Args:
-        parts: The robot's.
-        observed: How many observations there were so far.
+        parts: Emulation of the robot.
+        observed: Returns the number of observations so far.
         lays_down: Whether to put the body back on its belly.
     """
 
@@ -118,14 +118,14 @@ def emulation(
         levels: Sensor noise.
         real_time: Whether time passes as on a wall clock instead of in lockstep with the loop.
         log: Where to write what a person may want to know.
-        electronics: Which boards, by a name out of ``SETS``.
+        electronics: Set of electronics, by a name out of ``SETS``.
         wrong: Seed of electronics that differ from their configuration, or ``None`` for true ones.
         calibration: A calibration file, whose values the configuration takes over.
-        engine: What simulates the body.
-        own: A configuration whose electronics these are, instead of ``electronics``.
+        engine: Name of the engine that simulates the body.
+        own: Configuration whose electronics are emulated, instead of ``electronics``.
 
     Raises:
-        BodyError: The body is not one of the configuration ``own``.
+        BodyError: The body does not fit the configuration ``own``.
     """
     with ExitStack() as stack:
         if own is not None:
@@ -184,7 +184,7 @@ def emulation(
 
 
 def switch_on(parts: Emulation, log: logging.Logger) -> None:
-    """What a person does with servos that are off: puts each joint at 0°, and switches it on."""
+    """Puts joints whose servos are off at 0°, and switches them on, as a person would."""
     joints, servos = parts.config.joints, parts.devices.servos
     counts = servos.read_counts([joint.output for joint in joints])
     off = {joint.output: joint.quantise(0.0) for joint in joints if not counts[joint.output]}
@@ -198,7 +198,7 @@ def robot_on(parts: Emulation, log: logging.Logger, *, operator: bool) -> Contro
     """The control loop of a robot on emulated electronics; it is not yet started.
 
     Args:
-        parts: The electronics.
+        parts: Emulation of the robot.
         log: Where to write what a person may want to know.
         operator: Whether there is an operator, who switches servos that are off on in the zero pose
             and lays the body on its belly at each interaction.

@@ -27,9 +27,9 @@ from sim_robot.world.sensor_noise import NoiseLevels
 from sim_robot.world.simulation import GRAVITY, SERVO_SPEED
 
 TARE_VOLTS: Final = 0.2
-"""Of a strain gauge without load."""
+"""Voltage of a strain gauge without load, V."""
 VOLTS_PER_NEWTON: Final = 0.1
-"""Of a strain gauge; less for a heavy body: twice its weight on one foot still reads."""
+"""Sensitivity of a strain gauge, V/N; less for a heavy body, so that twice its weight reads."""
 RECESS: Final = 0.010
 """How far inside the belly the distance sensor sits, m."""
 REACH: Final = 0.2
@@ -45,15 +45,15 @@ _SPARE: Final = 2 / 255
 
 
 class ElectronicsSet(ABC):
-    """One set, made for a body and connected to its world.
+    """One set of electronics, made for a body and connected to its world.
 
     Args:
         body: The body.
 
     Attributes:
-        summary: Its boards, for the command line's help.
-        lag: Until a servo drives to where it was last sent, in small steps, s.
-        notes: What of it a person should know, a sentence each.
+        summary: Boards of the set, for the command line's help.
+        lag: Time until a servo drives to where it was last sent, in small steps, s.
+        notes: What a person should know of the set, a sentence each.
     """
 
     summary: ClassVar[str]
@@ -66,7 +66,7 @@ class ElectronicsSet(ABC):
     @property
     @abstractmethod
     def switches(self) -> Mapping[str, FaultSwitch]:
-        """What can fail, by its name at the fault panel; once it is connected."""
+        """What can fail, by its name at the fault panel; complete after ``connect``."""
 
     @abstractmethod
     def configure(self, levels: NoiseLevels) -> RobotConfig:
@@ -78,17 +78,17 @@ class ElectronicsSet(ABC):
 
     @abstractmethod
     def buses(self, clock: Clock) -> Buses:
-        """What leads drivers to the emulators; ``clock`` is the robot's."""
+        """Buses that lead drivers to the emulators; ``clock`` is the robot's."""
 
     @abstractmethod
     def pulses(self) -> Sequence[int]:
-        """The count for each joint, 0 where there are no pulses; more for outputs without one."""
+        """Counts of the joints, 0 where there are no pulses, then of outputs without a joint."""
 
     def feel(self, find: Callable[[], Sequence[Felt]]) -> None:  # noqa: B027 - few servos measure
-        """Has servos that measure find where they are, in the order of ``pulses``."""
+        """Has servos that measure find what the world has, in the order of ``pulses``."""
 
     def follow(self, servos: ServoBus) -> Callable[[], None]:
-        """What waits, when called, until the boards have had all that their driver sent."""
+        """Returns what waits, when called, until the boards have had all that the driver sent."""
         del servos
         return lambda: None
 
@@ -96,7 +96,7 @@ class ElectronicsSet(ABC):
         """Restarts what counts samples, so that a repeated observation reads the same."""
 
     def close(self) -> None:  # noqa: B027 - only some took anything
-        """Gives back what it took of this computer."""
+        """Gives back what the set took of this computer."""
 
 
 def configuration(
@@ -119,13 +119,13 @@ def configuration(
 
     Args:
         body: The body.
-        levels: Noise, announced to clients.
-        servos: Joints are on its outputs, in order.
-        daq: The feet are on its inputs.
-        accelerometer: Its driver.
-        first_foot: The input of the first foot; the others follow.
-        full_load: Volts at twice the body's weight on one foot, at most.
-        turn: What a servo turns over all its counts, rad, if that is known: the middle count is 0.
+        levels: Levels of noise that are announced to clients.
+        servos: Settings of the servos; joints are on their outputs, in order.
+        daq: Settings of the board that has the feet on its inputs, or ``None``.
+        accelerometer: Settings of the accelerometer.
+        first_foot: Input of the first foot; the others follow.
+        full_load: Largest voltage at twice the body's weight on one foot, V.
+        turn: Angle that a servo turns over all its counts, rad, if known: the middle count is 0.
     """
     counts = servos.counts
     spare = int(len(counts) * _SPARE)

@@ -1,8 +1,8 @@
 """The electronics that somebody's own ``robot.toml`` names, emulated: a rehearsal of that file.
 
-Wiring, limits and calibration are the file's. What it names and there is an emulator of, is that
-emulator, at the address, port or line that the file says. A driver without one is not rehearsed: a
-stand-in gives what its contract promises, straight from the simulated body, and that is said.
+Wiring, limits and calibration are the file's. A device that has an emulator is emulated, at the
+address, port or line that the file says. A driver without an emulator is not rehearsed: a stand-in
+gives what its contract promises, straight from the simulated body, and a note says so.
 """
 
 from __future__ import annotations
@@ -58,15 +58,15 @@ from sim_robot.world.body import Body, load_body, shipped_bodies
 from sim_robot.world.sensor_noise import NoiseLevels
 
 _SIZE: Final = 2e-3  # m by which a main body may differ from the file without a word
-_MASS: Final = 0.05  # kg, likewise, or
-_SHARE: Final = 0.05  # so much of it
+_MASS: Final = 0.05  # kg by which its mass may differ without a word, or
+_SHARE: Final = 0.05  # this share of its mass
 
 
 class OwnSet(ElectronicsSet):
-    """What a configuration names.
+    """Electronics that a configuration names.
 
     Args:
-        body: From ``fitted``.
+        body: Body from ``fitted``.
         config: The configuration.
 
     Attributes:
@@ -99,11 +99,11 @@ class OwnSet(ElectronicsSet):
 
     @property
     def switches(self) -> Mapping[str, FaultSwitch]:
-        """What is emulated, of several of a kind the first."""
+        """Emulators by name, of several of a kind the first."""
         return self._switches
 
     def configure(self, levels: NoiseLevels) -> RobotConfig:
-        """The file's, with stand-ins; what noise it announces stays."""
+        """The file's configuration, with stand-ins; it announces the file's noise."""
         del levels
         return self._config
 
@@ -174,13 +174,13 @@ class OwnSet(ElectronicsSet):
             self._serial.feel(find)
 
     def follow(self, servos: ServoBus) -> Callable[[], None]:
-        """Waits for the thread that reads a serial line."""
+        """Returns what waits for the thread that reads a serial line."""
         if self._serial is None:
             return lambda: None
         return Follower(self._serial, cast(Any, servos))
 
     def begin_interaction(self) -> None:
-        """The MPU-6050 alone counts its samples."""
+        """Restarts the dither of an MPU-6050, which alone counts its samples."""
         if isinstance(self._config.accelerometer, MPU6050Settings):
             self._imu.restart_dither()
 
@@ -206,7 +206,7 @@ class OwnSet(ElectronicsSet):
         return self._i2c[int(re.findall(r"\d+$", path)[0])].open(path)
 
     def _connect_lines(self, clock: Clock) -> None:
-        """GPIO chips with the lines of feet, and of a servo board's pin OE."""
+        """Makes GPIO chips with the lines of feet, and of a servo board's pin OE."""
         servos = self._config.servos
         enable = servos.enable if isinstance(servos, PCA9685Settings) else None
         feet = {
@@ -291,14 +291,14 @@ class OwnSet(ElectronicsSet):
 def fitted(body: Body, config: RobotConfig) -> tuple[Body, list[str]]:
     """A body in the order of a configuration, so that joint and foot k are those of the file.
 
-    Where the body has the file's names, they are matched by name; otherwise in order, which is
-    said. Feet that the file does not name have no sensor.
+    Where the body has the file's names, joints and feet are matched by name; otherwise in order,
+    which a note says. Feet that the file does not name have no sensor.
 
     Returns:
-        The body, and what of the file is otherwise on it, a sentence each.
+        The body, and notes on where it differs from the file, a sentence each.
 
     Raises:
-        BodyError: It has another number of joints, or not the feet that the file names.
+        BodyError: The body has another number of joints, or not the feet that the file names.
     """
     joints = [joint.name for joint in config.joints]
     if len(joints) != len(body.motors):
@@ -340,7 +340,7 @@ def _with_joints(number: int) -> str:
 
 
 def _differences(body: Body, config: RobotConfig) -> Iterator[str]:
-    """What the file says otherwise than the body: a robot that tells lies about itself."""
+    """Sentences on what the file, and so the robot, says otherwise than the body."""
     sizes = zip(body.base_size, config.body.size, strict=True)
     if any(abs(one - other) > _SIZE for one, other in sizes):
         both = body.base_size, config.body.size
@@ -361,7 +361,7 @@ def _differences(body: Body, config: RobotConfig) -> Iterator[str]:
 
 
 def _from(volts: Callable[[int], float], first: int) -> Callable[[int], float]:
-    """The inputs of a chip, of which the first is a board's ``first``."""
+    """Volts at the inputs of a chip, the first of which is the board's input ``first``."""
     return lambda channel: volts(first + channel)
 
 

@@ -30,7 +30,7 @@ FULL_LOAD_VOLTS: Final = 4.0  # of an input range of 5 V
 
 
 def servo_boards(body: Body) -> tuple[int, ...]:
-    """The numbers of as many servo boards as the joints of a body need."""
+    """Numbers of the servo boards, as many as the joints of a body need."""
     return tuple(range(1, math.ceil(len(body.motors) / SERVOS) + 1))
 
 
@@ -39,8 +39,8 @@ def configure(body: Body, *, port: str, levels: NoiseLevels) -> RobotConfig:
 
     Args:
         body: The body.
-        port: The emulated servo board's serial port.
-        levels: Noise, announced to clients.
+        port: Serial port of the emulated servo boards.
+        levels: Levels of noise that are announced to clients.
     """
     return configuration(
         body,
@@ -75,7 +75,7 @@ class PC104Set(ElectronicsSet):
         }
 
     def configure(self, levels: NoiseLevels) -> RobotConfig:
-        """The configuration that fits, on the emulated port."""
+        """The configuration that fits the set, on the emulated port."""
         return configure(self._body, port=self.servo_board.port, levels=levels)
 
     def connect(self, wiring: Wiring, clock: Clock) -> None:
@@ -89,11 +89,11 @@ class PC104Set(ElectronicsSet):
         return Buses(clock=clock, open_ports=lambda base: self.daq, open_i2c=self.bus.open)
 
     def pulses(self) -> Sequence[int]:
-        """The board's counts."""
+        """Counts at the boards' outputs."""
         return self.servo_board.pulses()
 
     def follow(self, servos: ServoBus) -> Callable[[], None]:
-        """Waits for the thread that reads the serial line."""
+        """Returns what waits for the thread that reads the serial line."""
         return Follower(self.servo_board, cast(SV203, servos))
 
     def close(self) -> None:

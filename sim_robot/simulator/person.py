@@ -69,8 +69,8 @@ class SimulatedPerson:
     Args:
         parts: The body, and the electronics over it; handling takes time on their clock, and their
             noise is drawn anew whenever the body is put somewhere.
-        seed: Of this person's own errors.
-        echo: Shown everything that is said and answered.
+        seed: Seed of this person's own errors.
+        echo: Called with everything that is said and answered.
     """
 
     def __init__(
@@ -129,7 +129,7 @@ class SimulatedPerson:
         """Does what is asked for, and answers.
 
         Raises:
-            CommandError: Nobody told this person what to do then.
+            CommandError: This person does not know the prompt.
         """
         answer = self._handle(prompt)
         self._echo(f"{prompt} > {answer}")
@@ -243,7 +243,7 @@ class _Joint:
         self._done = False
 
     def next(self, count: int, angle: float, limits: tuple[float, float]) -> str:
-        """The answer at a count where the protractor shows an angle, degrees, as are the limits."""
+        """Answer at a count where the protractor shows ``angle``; angle and limits in degrees."""
         nearest = min((abs(count - other) for other in self._points), default=_EVERY)
         steps = self._steps(count, angle, limits)
         if nearest >= (_EVERY if steps else _APART):
@@ -264,7 +264,7 @@ class _Joint:
         return "done"
 
     def _steps(self, count: int, angle: float, limits: tuple[float, float]) -> int:
-        """How many counts are safe and possible on this way."""
+        """Number of counts that are safe and possible in the present direction."""
         room = limits[1] - angle, angle - limits[0]
         points = sorted(self._points.items())
         if len(points) < 2:
@@ -286,8 +286,8 @@ class RehearsalConsole:
     """Commands that are typed, on one simulated robot.
 
     Args:
-        parts: Its emulated electronics; the drivers that are open there are closed.
-        seed: Of the errors of the simulated hands.
+        parts: Emulation of the robot; its drivers, which are open, are closed.
+        seed: Seed of the errors of the simulated hands.
         file: The calibration file, which need not exist, or ``None``.
     """
 

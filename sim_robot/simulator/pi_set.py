@@ -31,7 +31,7 @@ WIDTHS_US: Final = (500.0, 2500.0)
 
 
 def pulse_boards(body: Body) -> PCA9685Settings:
-    """The boards that the joints of a body need."""
+    """Settings of the servo boards that the joints of a body need."""
     boards = math.ceil(len(body.motors) / OUTPUTS)
     return PCA9685Settings(
         bus=1,
@@ -49,9 +49,9 @@ def configure(
 
     Args:
         body: The body.
-        levels: Noise, announced to clients.
-        servos: The servos.
-        turn: As for ``configuration``.
+        levels: Levels of noise that are announced to clients.
+        servos: Settings of the servos.
+        turn: Angle that a servo turns over all its counts, rad, as for ``configuration``.
     """
     chips = math.ceil(len(body.touch) / INPUTS_PER_CHIP)
     return configuration(
@@ -85,11 +85,11 @@ class PiSensors(ElectronicsSet):
 
     @property
     def i2c_servos(self) -> Sequence[I2CDevice]:
-        """What drives the servos, if that is on the bus, too."""
+        """Servo boards, if they are on the bus, too."""
         return ()
 
     def connect(self, wiring: Wiring, clock: Clock) -> None:
-        """Makes the emulators."""
+        """Makes the emulators of the sensors, and the bus."""
 
         def inputs_from(first: int) -> Callable[[int], float]:
             return lambda channel: wiring.volts(first + channel)
@@ -107,7 +107,7 @@ class PiSensors(ElectronicsSet):
         return Buses(clock=clock, open_i2c=self.bus.open)
 
     def begin_interaction(self) -> None:
-        """The accelerometer alone counts its samples."""
+        """Restarts the dither of the accelerometer, which alone counts its samples."""
         self.accelerometer.restart_dither()
 
 
@@ -122,7 +122,7 @@ class PiSet(PiSensors):
         return {"pwm": self.pwm[0], **super().switches}
 
     def configure(self, levels: NoiseLevels) -> RobotConfig:
-        """The configuration that fits; it says how many boards there are."""
+        """The configuration that fits the set; it decides how many servo boards there are."""
         self._servos = pulse_boards(self._body)
         return configure(self._body, levels, self._servos)
 
@@ -137,14 +137,14 @@ class PiSet(PiSensors):
         super().connect(wiring, clock)
 
     def pulses(self) -> Sequence[int]:
-        """What the boards command."""
+        """Widths that the boards command, in ticks."""
         return commanded(self._servos, self.pwm)
 
 
 def commanded(settings: PCA9685Settings, boards: Sequence[PCA9685Emulator]) -> list[int]:
-    """Widths in ticks of the configured length; a board that was altered has others.
+    """Pulse widths of all outputs in ticks of the configured length, also on a board with others.
 
-    A level is no pulse, and one that no servo knows drives it against its stop.
+    A level is no pulse, and a width that no servo knows drives it against its stop.
     """
     counts = settings.counts
     ticks = zip(boards, settings.ticks_us, strict=True)

@@ -17,7 +17,7 @@ class StandInServos:
     """Settings and driver of servos that do as they are told.
 
     Args:
-        settings: Those in whose place they are.
+        settings: Settings that these replace.
     """
 
     def __init__(self, settings: ServoSettings):
@@ -29,7 +29,7 @@ class StandInServos:
         self.driver = NullServos(dict.fromkeys(settings.outputs, 0))
 
     def open(self, buses: Buses) -> NullServos:
-        """The same ones every time, where they were left."""
+        """The same driver every time, its servos where they were left."""
         del buses
         return self.driver
 
@@ -41,8 +41,8 @@ class StandInBoard:
     """Settings and driver of a board with analogue inputs.
 
     Args:
-        settings: Those in whose place they are.
-        volts: Of a channel.
+        settings: Settings that these replace.
+        volts: Returns the voltage of a channel, V.
     """
 
     def __init__(self, settings: BoardSettings, volts: Callable[[int], float]):
@@ -52,12 +52,12 @@ class StandInBoard:
         self._volts = volts
 
     def open(self, buses: Buses) -> StandInBoard:
-        """Itself."""
+        """Returns this object, which is the driver, too."""
         del buses
         return self
 
     def probe(self) -> None:
-        """Does nothing: it is there."""
+        """Does nothing: the board is there."""
 
     def scan(self, low: int, high: int) -> list[float]:
         """Volts of the channels ``low`` to ``high``."""
@@ -80,17 +80,17 @@ class StandInSensor:
     reach: ClassVar[float] = REACH_MM / 1000
 
     def open(self, buses: Buses, called: str) -> StandInSensor:
-        """Itself."""
+        """Returns this object, which is the driver, too."""
         del buses, called
         return self
 
     def start(self) -> None:
-        """Does nothing: it is there."""
+        """Does nothing: the sensor is there."""
 
     check = close = start
 
     def acceleration(self) -> Any:
-        """Of an accelerometer, g."""
+        """Reading of the sensor; of an accelerometer, the acceleration in g."""
         return self.read()
 
     load = distance = acceleration

@@ -49,13 +49,13 @@ class Wiring:
     """Volts and distances at the emulated electronics, computed from the world, with noise.
 
     Args:
-        truth: How the electronics are really calibrated, whatever the daemon believes.
+        truth: Configuration with the true calibration, whatever the daemon believes.
         world: The world.
         noise: The sensors' noise.
 
     Attributes:
-        servos: Between the board's outputs and the joints.
-        sensors: Between the body and the inputs.
+        servos: Servos between the board's outputs and the joints.
+        sensors: Sensors between the body and the inputs.
     """
 
     def __init__(self, truth: RobotConfig, world: World, noise: Noise):
@@ -70,10 +70,10 @@ class Wiring:
         self._scales = [joint.scale for joint in truth.joints]
         self._axes = truth.axes
         self._feet = truth.touch
-        self._closed: set[int] = set()  # switches
+        self._closed: set[int] = set()  # feet whose switch is closed
         self._belly = None if truth.distance is None else truth.distance.sensor
         self._inputs = inputs
-        self._carried: tuple[int, ...] = ()  # by servos without a fault
+        self._carried: tuple[int, ...] = ()  # last by servos without a fault
         self._read_at = -1
         self._volts: dict[int, float] = {}
 
@@ -91,7 +91,7 @@ class Wiring:
         )
 
     def felt(self) -> list[Felt]:
-        """Where each joint's servo is and what it gives, in its counts, as an encoder tells it."""
+        """Position, in counts, and share of torque of each joint's servo, as an encoder tells."""
         joints = zip(self._scales, self._world.angles(), self._world.torques(), strict=True)
         return [
             Felt(
@@ -117,7 +117,7 @@ class Wiring:
     def pressed(self, foot: int) -> bool:
         """Whether the switch of a foot, by its place among the touch sensors, is pressed.
 
-        It has no noise, and snaps: it opens at less load than it closes at.
+        The switch has no noise, and snaps: it opens at less load than it closes at.
         """
         return self._closes(foot, self._load(foot))
 
@@ -144,13 +144,13 @@ class Wiring:
         return (measured + self._belly.zero) * 1000 + self.sensors.too_high
 
     def acceleration(self) -> list[float]:
-        """What the accelerometer reads along x, y and z of the body, in its unit."""
+        """Readings of the accelerometer along x, y and z of the body, in its unit."""
         assert self._axes is not None
         axes = zip(self._axes.zero, self._axes.per_g, self.gravity(), strict=True)
         return [zero + gain * value for zero, gain, value in axes]
 
     def gravity(self) -> tuple[float, float, float]:
-        """What is felt along x, y and z of the body at rest, g."""
+        """Gravity that the sensor feels along x, y and z of the body at rest, g."""
         x, y, z = self._world.up()
         turned = map(math.radians, self.sensors.turned)
         left_right, forward_back = map(sum, zip(self._noise.tilt(), turned, strict=True))
@@ -161,7 +161,7 @@ class Wiring:
         return [self._volts_at(foot, point, self._load(foot)) for foot, point in self._gauges]
 
     def _load(self, foot: int) -> float:
-        """What bears on a foot as its sensor feels it, N."""
+        """Load on a foot as its sensor feels it, N."""
         return self.sensors.load(foot, self._world.loads()[foot])
 
     def _volts_at(self, foot: int, point: TouchPoint, load: float) -> float:
@@ -172,7 +172,7 @@ class Wiring:
 
 
 def _gauges_of(config: RobotConfig) -> list[tuple[int, TouchPoint]]:
-    """The touch sensors on analogue inputs, each with its place among all of them."""
+    """Touch sensors on analogue inputs, each with its index among all touch sensors."""
     kinds = StrainGauge | SwitchSettings
     return [
         (foot, point) for foot, point in enumerate(config.touch) if isinstance(point.driver, kinds)
@@ -188,8 +188,8 @@ def miscalibrated(config: RobotConfig, seed: int) -> RobotConfig:
     """The true calibration of electronics that differ from their configuration.
 
     Args:
-        config: What the daemon believes.
-        seed: Decides the errors.
+        config: Configuration that the daemon believes.
+        seed: Seed of the errors.
     """
     rng = np.random.default_rng(seed)
     axes, distance, accelerometer = config.axes, config.distance, config.accelerometer

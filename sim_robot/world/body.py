@@ -25,12 +25,12 @@ _FLATNESS: Final = 1e-3  # m that a part may reach below the belly of a body tha
 
 
 def default_body_path() -> Path:
-    """The quadruped of the paper's Table 1."""
+    """File of the quadruped of the paper's Table 1."""
     return shipped_bodies()[DEFAULT]
 
 
 def shipped_bodies() -> dict[str, Path]:
-    """The bodies that come with the simulator, by name."""
+    """Files of the bodies that come with the simulator, by name."""
     folder = Path(str(resources.files("sim_robot") / "bodies"))
     return {path.stem: path for path in sorted(folder.glob("*.urdf"))}
 
@@ -42,7 +42,7 @@ def body_path(name_or_file: str) -> Path:
         name_or_file: The name of a body that comes with the simulator, or a URDF file.
 
     Raises:
-        BodyError: It is neither.
+        BodyError: The text is neither.
     """
     shipped = shipped_bodies()
     if name_or_file in shipped:
@@ -57,7 +57,7 @@ def body_path(name_or_file: str) -> Path:
 
 @dataclass(frozen=True, kw_only=True)
 class Motor:
-    """A driven joint: limits in rad, torque in N·m, and the radius, if any, of what it moves, m."""
+    """A driven joint: limits in rad, effort in N·m, and the radius, if any, of what it moves, m."""
 
     name: str
     link: str
@@ -73,16 +73,16 @@ class Body:
 
     Attributes:
         name: The robot's name.
-        robot: Its links and joints.
-        base: Name of the root link.
-        base_size: Its extents, m.
-        base_radius: Of one that is round, an upright cylinder, m; ``None``: it is a box.
-        base_center: Its middle in the root link's frame, m.
-        base_mass: Its mass, kg.
-        lies_flat: Whether it lies on the ground with all joints at 0.
-        mass: Of all links together, kg.
-        motors: In document order.
-        touch: For each touch sensor its link and the links that are fixed to it.
+        robot: Links and joints of the robot.
+        base: Name of the root link, which is the main body.
+        base_size: Extents of the main body, m.
+        base_radius: Radius of a main body that is an upright cylinder, m; ``None``: it is a box.
+        base_center: Middle of the main body in the root link's frame, m.
+        base_mass: Mass of the main body, kg.
+        lies_flat: Whether the main body lies on the ground with all joints at 0.
+        mass: Mass of all links together, kg.
+        motors: Motors in document order.
+        touch: Link of each touch sensor with the links that are fixed to it, by the sensor's name.
         notes: What is taken otherwise than it stands in the file, in one sentence each.
     """
 
@@ -110,7 +110,7 @@ def load_body(path: Path) -> Body:
     """Reads and checks a body.
 
     Raises:
-        BodyError: Names file, element and reason of what is wrong first, and how much more is.
+        BodyError: The body has faults; names file, element and reason of the first, counts others.
     """
     body, faults = examine(path)
     if body is None:
@@ -122,7 +122,7 @@ def load_body(path: Path) -> Body:
 
 
 def examine(path: Path) -> tuple[Body | None, tuple[BodyError, ...]]:
-    """Reads a body, if nothing is wrong with it, and all that is wrong with it otherwise."""
+    """Reads a body; returns it, or ``None`` and all that is wrong with it."""
     try:
         description = read_urdf(path)
     except BodyError as error:

@@ -35,7 +35,7 @@ from sim_robot.world.urdf.declarations import (
 
 _LOST: Final = Inertial(
     mass=Mass(value=1e-3), inertia=Inertia(ixx=1e-7, iyy=1e-7, izz=1e-7)
-)  # what is left of a link that broke off: an engine wants some
+)  # what is left of a link that broke off: an engine needs a mass
 _ALONG: Final = 0.99  # cosine to a leg's direction of what is stretched or cut with it
 
 
@@ -45,8 +45,8 @@ def damaged(body: Body, fault: str, number: int, amount: float) -> Body:
     Args:
         body: The body; it stays as it is.
         fault: A key of ``Damage.FAULTS``.
-        number: Of the leg's motor, from 1.
-        amount: How much, in the unit of the fault.
+        number: Number of the leg's motor, from 1.
+        amount: Amount of damage, in the unit of the fault.
     """
     robot: Robot = body.robot.model_copy(deep=True)
     leg = _Leg.of(robot, body.motors[number - 1].name)
@@ -74,13 +74,13 @@ class _Leg:
     """All that hangs from a joint, with joints at 0, in the frame of the first link.
 
     Attributes:
-        joint: From which it hangs.
-        links: By name, parents first.
-        joints: Between these.
-        frames: Of the links.
-        direction: To its far end, of length 1.
-        length: To its far end, m.
-        farthest: Name of the link that reaches there.
+        joint: Joint from which the leg hangs.
+        links: Links by name, parents first.
+        joints: Joints between these links.
+        frames: Frames of the links, by name.
+        direction: Unit vector towards the far end of the leg.
+        length: Length to the far end, m.
+        farthest: Name of the link that reaches to the far end.
     """
 
     joint: Joint
@@ -125,7 +125,7 @@ class _Leg:
         )
 
     def stretch(self, factor: float) -> None:
-        """Makes the leg so many times as long; it stays as thick."""
+        """Makes the leg ``factor`` times as long; it stays as thick."""
         for name, link in self.links.items():
             along = self._along(name)
             for shape in link.collisions:
@@ -138,7 +138,7 @@ class _Leg:
             joint.origin = _moved(joint.origin, self._along(joint.parent.link), factor - 1)
 
     def cut(self, left: float) -> None:
-        """Takes away what is farther than this share of the length."""
+        """Takes away what is farther out than the share ``left`` of the length."""
         place = left * self.length
         for name, link in self.links.items():
             along, kept, volume, before = self._along(name), list[Collision](), 0.0, 0.0
@@ -164,7 +164,7 @@ class _Leg:
             link.collisions = kept
 
     def bend(self, angle: float) -> None:
-        """Bends the leg at half its length, as its hinge turns it."""
+        """Bends the leg at half its length by an angle, rad, about its hinge's axis if possible."""
         axis = np.array(vector(self.joint.axis.xyz))
         if abs(axis @ self.direction) > _ALONG:
             axis = np.cross(self.direction, np.eye(3)[np.argmin(np.abs(self.direction))])
@@ -243,7 +243,7 @@ def _ends(frame: Frame, shape: Collision) -> list[Points]:
 
 
 def _extent(link: Frame, shape: Collision, direction: Points) -> tuple[float, float]:
-    """From where to where a shape reaches in a direction, m."""
+    """Lowest and highest coordinate of a shape along a direction, m."""
     rows = np.eye(4)
     rows[0, :3] = direction
     side = np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))])
@@ -254,7 +254,7 @@ def _extent(link: Frame, shape: Collision, direction: Points) -> tuple[float, fl
 
 
 def _resize(shape: Collision, along: Points, factor: float) -> bool:
-    """Makes a shape longer or shorter in a direction of its link, if it has an axis there."""
+    """Scales a shape along a direction of its link, if it has an axis there; returns whether."""
     solid, turn = shape.geometry.shape, shape.origin.frame[:3, :3]
     cosines = np.abs(turn.T @ along)
     if isinstance(solid, Cylinder) and cosines[2] > _ALONG:
@@ -269,13 +269,13 @@ def _resize(shape: Collision, along: Points, factor: float) -> bool:
 
 
 def _moved(origin: Origin, along: Points, share: float) -> Origin:
-    """A place that is farther in a direction by a share of how far it is."""
+    """An origin moved along a direction by a share of its distance in that direction."""
     xyz = np.array(vector(origin.xyz))
     return Origin(xyz=text_of(xyz + share * (xyz @ along) * along), rpy=origin.rpy)
 
 
 def _scaled(inertial: Inertial, origin: Origin, factor: float) -> Inertial:
-    """What a link weighs that is so many times as long."""
+    """Mass and inertia of a link that is ``factor`` times as long."""
     assert inertial.inertia is not None
     mass = Mass(value=factor * inertial.mass.value)
     return Inertial(origin=origin, mass=mass, inertia=_inertia(factor**3 * inertial.inertia.matrix))

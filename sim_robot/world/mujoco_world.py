@@ -3,7 +3,7 @@
 Contacts are as soft as MuJoCo's own defaults make them. A servo is a position servo whose target
 moves at its speed, no stronger than the URDF says; its joint has armature, inertia against its own
 turning, because MuJoCo's solver of contacts does not see how stiff a servo is. The finer the step,
-the less of it is needed, so one step of the world is several of MuJoCo's.
+the less armature is needed, so one step of the world is several of MuJoCo's.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class MuJoCoWorld(World):
 
     def __init__(self, body: Body, *, log: logging.Logger):
         if mujoco.get_mju_user_warning() is None:
-            # MuJoCo would write them into a file in the working directory.
+            # MuJoCo would write warnings into a file in the working directory.
             mujoco.set_mju_user_warning(log.debug)
         self._aims = np.zeros(len(body.motors))  # where the servos' slewing targets are
         super().__init__(body, log=log)
@@ -49,11 +49,11 @@ class MuJoCoWorld(World):
         """Does nothing: MuJoCo's model goes with this object."""
 
     def angles(self) -> tuple[float, ...]:
-        """Where each motor's joint is, rad."""
+        """Angle of each motor's joint, rad."""
         return tuple(self._data.qpos[self._places].tolist())
 
     def torques(self) -> tuple[float, ...]:
-        """What each servo gives, as a share of the most that it can."""
+        """Torque of each servo, as a share of the most that it can give."""
         efforts = [motor.effort for motor in self._body.motors]
         return tuple((self._data.actuator_force / efforts).tolist())
 
@@ -198,7 +198,7 @@ def _shape(collision: Collision) -> dict[str, Any]:
 
 
 def _place(origin: Origin) -> dict[str, Sequence[float]]:
-    """Position and orientation; URDF's angles turn about the fixed axes x, y and z."""
+    """Position and quaternion of an origin; URDF's angles turn about the fixed axes x, y, z."""
     roll, pitch, yaw = (angle / 2 for angle in vector(origin.rpy))
     cr, sr = math.cos(roll), math.sin(roll)
     cp, sp = math.cos(pitch), math.sin(pitch)

@@ -20,7 +20,7 @@ with native_output_discarded():
     import pybullet
 
 MIN_INERTIA: Final = 0.001
-"""kg·m²; not tuned."""
+"""Least moment of inertia of a link, kg·m²; not tuned."""
 _ORIGIN: Final = Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 
 
@@ -34,7 +34,7 @@ class PyBulletWorld(World):
         super().__init__(body, log=log)
 
     def become(self, body: Body) -> None:
-        """Puts another body down; of a file by the old name PyBullet would load the old one."""
+        """Replaces the body; from a file with the old name PyBullet would load the old one."""
         self._file = _fresh_file()
         super().become(body)
 
@@ -45,12 +45,12 @@ class PyBulletWorld(World):
             self._client = -1
 
     def angles(self) -> tuple[float, ...]:
-        """Where each motor's joint is, rad."""
+        """Angle of each motor's joint, rad."""
         states = pybullet.getJointStates(self._robot, self._motors, physicsClientId=self._client)
         return tuple(state[0] for state in states)
 
     def torques(self) -> tuple[float, ...]:
-        """What each servo gives, as a share of the most that it can."""
+        """Torque of each servo, as a share of the most that it can give."""
         states = pybullet.getJointStates(self._robot, self._motors, physicsClientId=self._client)
         efforts = [motor.effort for motor in self._body.motors]
         return tuple(state[3] / most for state, most in zip(states, efforts, strict=True))
@@ -109,7 +109,8 @@ class PyBulletWorld(World):
     def _load(self, pose: Pose) -> int:
         """Loads the body into PyBullet, from a file that exists only meanwhile.
 
-        So who is killed leaves nothing behind. The name stays: PyBullet remembers each for ever.
+        So a process that is killed leaves nothing behind. The name stays the same, because PyBullet
+        remembers each for ever.
         """
         with open(self._file, "x", encoding="utf-8") as file:
             file.write(self._body.urdf)

@@ -24,20 +24,20 @@ from sim_robot.errors import EngineError
 from sim_robot.world.body import Body
 
 STEP: Final = 1 / 240
-"""Of the simulation, s: PyBullet's own default."""
+"""Step of the simulation, s: PyBullet's own default."""
 GRAVITY: Final = 9.81
-"""m/s²."""
+"""Acceleration of gravity, m/s²."""
 FRICTION: Final = 0.7
 """Coulomb coefficient of the ground; not tuned."""
 SERVO_SPEED: Final = math.radians(60)
-"""At most, rad/s."""
+"""Largest speed of a servo, rad/s."""
 HOLD_TOLERANCE: Final = math.radians(0.1)
-"""A servo at rest further from its target is too weak, rad."""
+"""Distance from its target, rad, beyond which a servo at rest is too weak."""
 MAX_GAP: Final = 1.0
-"""The distance from the ground, m, of whatever is farther."""
+"""Largest distance from the ground that is told, m, also of what is farther."""
 
 _LOOK: Final = 12  # steps from one look at the pose to the next: 0.05 s
-_CALM_LOOKS: Final = 10  # 0.5 s in one pose are rest; speed alone is none where a body tips over
+_CALM_LOOKS: Final = 10  # 0.5 s in one pose are rest; low speed alone is not, if a body tips over
 _SAME_HEIGHT: Final = 5e-5  # m
 _SAME_ANGLE: Final = math.radians(0.02)
 
@@ -85,7 +85,7 @@ class World(Closable):
         self._due = 0.0
         self._held: Pose | None = None
         self._pressed: dict[str, float] = {}
-        self._rested: tuple[float, ...]  # height and angles from which on the looks are counted
+        self._rested: tuple[float, ...]  # the pose since which looks are counted
         self._calm, self._rested = 0, ()
         self._build()
 
@@ -100,7 +100,7 @@ class World(Closable):
         self._build()
 
     def become(self, body: Body) -> None:
-        """Puts another body down in the place of this one, with joints and sensors of its names."""
+        """Puts another body, with joints and sensors of the same names, down instead of this."""
         self._body = body
         self.lay_down()
 
@@ -108,7 +108,7 @@ class World(Closable):
         """Fixes the body in the air, as a stand or two hands do, until it is laid down again.
 
         Args:
-            height: Of the belly's middle above the ground when the body is upright, m.
+            height: Height of the belly's middle above the ground when the body is upright, m.
             up: The direction in the body frame that points up, of length 1.
         """
         center = self._body.base_center[2] - self._body.base_size[2] / 2
@@ -139,7 +139,7 @@ class World(Closable):
 
     @property
     def steps(self) -> int:
-        """Steps done so far."""
+        """Number of steps done so far."""
         return self._steps
 
     def up(self) -> tuple[float, float, float]:
@@ -147,7 +147,7 @@ class World(Closable):
         return up_in_body(self._pose().orientation)
 
     def belly_ray(self) -> float:
-        """From the belly's middle along its normal to the ground, m; infinite where it misses."""
+        """Distance from the belly's middle along its normal to the ground, m; infinite for none."""
         x, y, z = self._body.base_center
         belly = (x, y, z - self._body.base_size[2] / 2)
         position, orientation = self._pose()
@@ -170,7 +170,7 @@ class World(Closable):
         return tuple(gaps.values())
 
     def largest_miss(self) -> float:
-        """How far the worst servo is from its target, rad."""
+        """Distance of the worst servo from its target, rad."""
         misses = [
             abs(angle - target)
             for angle, target in zip(self.angles(), self._targets, strict=True)
@@ -182,11 +182,11 @@ class World(Closable):
 
     @abstractmethod
     def angles(self) -> tuple[float, ...]:
-        """Where each motor's joint is, rad."""
+        """Angle of each motor's joint, rad."""
 
     @abstractmethod
     def torques(self) -> tuple[float, ...]:
-        """What each servo gives, as a share of the most that it can, signed as its angle."""
+        """Torque of each servo, as a share of the most that it can give, signed as its angle."""
 
     @abstractmethod
     def _build(self) -> None:
@@ -202,7 +202,7 @@ class World(Closable):
 
     @abstractmethod
     def _pose(self) -> Pose:
-        """Where the main body is."""
+        """Pose of the root link's frame in the world."""
 
     @abstractmethod
     def _contacts(self) -> Iterator[tuple[str, float]]:

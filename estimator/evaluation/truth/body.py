@@ -1,8 +1,8 @@
-"""A URDF in the words of a genome: limbs with parent, mount, hinge and length.
+"""Reads a URDF as limbs with parent, mount, hinge and length, as a genome describes bodies.
 
 Links joined by fixed joints, and by revolute ones that nobody asks for, are one limb. A limb's
 mount is the one nearest to its joint, its hinge the one whose axis is nearest, its length the
-distance from joint to far end. Where that is only the nearest and not what the body is, no genome
+distance from joint to far end. Where the nearest mount or hinge is not what the body has, no genome
 can be right, and the limb says so.
 """
 
@@ -41,10 +41,10 @@ class TrueLimb:
     """A limb of the true body.
 
     Attributes:
-        name: Name of its joint.
-        limb: The nearest that a genome can say; its sensors are unknown.
-        mount: Number of its mount among those of the main body, or of parts.
-        hinge: Number of its hinge.
+        name: Name of the joint that carries the limb.
+        limb: The nearest limb that a genome can describe; its sensors are unknown.
+        mount: Number of the limb's mount among those of the main body, or of parts.
+        hinge: Number of the limb's hinge.
         not_representable: For each trait (``mount``, ``hinge``) that no genome has right, a
             sentence that says why.
     """
@@ -58,7 +58,7 @@ class TrueLimb:
 
 @dataclass(frozen=True)
 class _Pose:
-    """A frame: rotation, shape (3, 3), and place, shape (3,), in its parent's."""
+    """A frame: rotation, shape (3, 3), and place, m, shape (3,), in its parent's frame."""
 
     turn: Array
     place: Array
@@ -158,7 +158,7 @@ class _Reader:
         return tuple(by_motor[motor] for motor in sorted(by_motor))
 
     def _places(self, parent: int, lengths: Mapping[int, float]) -> Sequence[BaseMount]:
-        """Mounts on a parent, all in its frame."""
+        """Mounts on a parent, all in the parent's frame."""
         if parent == BASE:
             return self._tables.base_mounts(self._base_size)
         return [
@@ -174,9 +174,9 @@ class _Reader:
     def _direction(
         self, motor: int, start: Array, parent: _Pose, places: Sequence[BaseMount]
     ) -> tuple[int, float, float]:
-        """The mount as which a limb points, how far it reaches there, and its slant from it.
+        """Number of the mount nearest in direction to a limb, reach that way, m, and angle, rad.
 
-        It points to the middle of its furthest shape, so that a wide foot does not turn a leg.
+        A limb points to the middle of its furthest shape, so that a wide foot does not turn a leg.
         """
         here = parent.turn.T @ (start - parent.place)
         ways = np.array([parent.turn @ direction(place)[:, 0] for place in places])
@@ -197,17 +197,19 @@ class _Reader:
             _, slant = _nearest(far / distance, ways)
             alike = np.flatnonzero(ways @ far / distance >= math.cos(slant) - 1e-9)
             apart = [float(np.linalg.norm(here - places[way].at)) for way in alike.tolist()]
-            pointing = int(alike[np.argmin(apart)])  # of several that hang down, its own
+            pointing = int(alike[np.argmin(apart)])  # of several that hang down, the nearest
         return pointing, max(0.0, reach[pointing]), slant
 
 
 def _nearest_mount(place: Array, places: Sequence[BaseMount], pointing: int) -> tuple[int, float]:
-    """The nearest mount and how far off it is, m; of several in one place the one that fits best.
+    """Number of the nearest mount and how far off it is, m.
+
+    Of several in one place it is the one whose direction is nearest to the limb's.
 
     Args:
-        place: Of the joint.
+        place: Place of the joint.
         places: The mounts.
-        pointing: One with the limb's direction.
+        pointing: Number of a mount with the limb's direction.
     """
     distances = np.linalg.norm(np.array([mount.at for mount in places]) - place, axis=1)
     turns = np.array([_between(places[pointing], mount) for mount in places])
@@ -268,7 +270,7 @@ def _unit(vector: tuple[float, float, float]) -> Array:
 
 
 def _nearest(way: Array, choices: Array) -> tuple[int, float]:
-    """The choice that is nearest in direction, and the angle between, rad."""
+    """Number of the choice that is nearest in direction to ``way``, and the angle between, rad."""
     index = int(np.argmax(choices @ way))
     return index, _angle(choices[index], way)
 
@@ -283,10 +285,10 @@ def _angle(one: Array, other: Array) -> float:
 
 
 _SIZE: Final = 0.005
-"""By how much a main body may differ from what its robot says, m; both were measured by people."""
+"""Largest difference of a main body's size from what its robot says, m; people measured both."""
 
 _MASS: Final = 0.1
-"""By how much its mass may differ, relative."""
+"""Largest relative difference of a main body's mass from what its robot says."""
 
 
 def check_robot(path: Path, robot: Capabilities) -> None:

@@ -45,10 +45,10 @@ Vector: TypeAlias = Annotated[str, AfterValidator(_finite)]  # pydantic-xml: no 
 Extents: TypeAlias = Annotated[str, AfterValidator(_extents)]
 
 LARGEST: Final = 4 * 2**20
-"""Bytes of a file; the descriptions of whole humanoids have a tenth of that."""
+"""Largest size of a file, bytes; the descriptions of whole humanoids have a tenth of that."""
 
 MAX_ELEMENTS: Final = 20_000
-"""XML elements of a file, at most."""
+"""Largest number of XML elements in a file."""
 
 _ZERO: Final = "0 0 0"
 _SKIPPED: Final = frozenset(
@@ -62,11 +62,11 @@ _PRINTED: Final = "give what sim-robotd --body FILE --print-body makes of it"
 
 
 class _Element(BaseXmlModel, search_mode="unordered", extra="forbid"):
-    """Elements come in any order, and unknown ones are refused."""
+    """An XML element; its children may come in any order, and unknown ones are refused."""
 
 
 class Origin(_Element, tag="origin"):
-    """A frame in its parent's: m, and fixed-axis roll, pitch, yaw in rad."""
+    """A frame in its parent's frame: place, m, and fixed-axis roll, pitch and yaw, rad."""
 
     xyz: Vector = attr(default=_ZERO)
     rpy: Vector = attr(default=_ZERO)
@@ -135,7 +135,7 @@ class Link(_Element, tag="link"):
 
 
 class Neighbour(_Element):
-    """The link that a joint names."""
+    """The parent or child link that a joint names."""
 
     link: str = attr()
 
@@ -217,10 +217,10 @@ def read_urdf(path: Path) -> Urdf:
 
 
 def _grouped(text: bytes) -> etree._Element:
-    """The file without what is skipped, each kind of element together: the validator needs it.
+    """Parses a file, drops what is skipped and groups elements by kind, as the validator needs.
 
-    It searches for elements by exchanging them with those that stand in their place, so joints
-    between links, or collisions before a mass, would come out of document order.
+    The validator searches for elements by exchanging them with those that stand in their place, so
+    joints between links, or collisions before a mass, would come out of document order.
     """
     if len(text) > LARGEST:
         raise ValueError(f"has more than {LARGEST / 2**20:g} MiB, as no robot's has")
@@ -249,7 +249,7 @@ def _is_xacro(root: etree._Element) -> bool:
 
 
 def _where(root: etree._Element, place: tuple[int | str, ...]) -> str:
-    """A validator's location by the names that stand in the file."""
+    """Place of a validation error, by the names that stand in the file."""
     names = []
     if len(place) > 1 and place[0] in ("links", "joints") and isinstance(place[1], int):
         tag = str(place[0])[:-1]

@@ -28,9 +28,9 @@ class Fit:
     """How badly bodies fit observations.
 
     Attributes:
-        errors: Of each body over all observations, shape (n,), by the objective.
-        invalid: How many simulations cannot be believed.
-        undecided: How many of the others have no weight.
+        errors: Error of each body over all observations, by the objective, shape (n,).
+        invalid: Number of invalid simulations.
+        undecided: Number of the other simulations that are undecided.
     """
 
     errors: Array
@@ -45,7 +45,7 @@ def fit_bodies(
     physics: Physics,
     objective: Objective,
 ) -> Fit:
-    """How badly bodies fit, each simulated in all interactions."""
+    """Returns how badly bodies fit, each simulated in all interactions."""
     targets = _Targets.of(observations, modalities, objective)
     reader = _BodyReader(bodies, physics, targets.programs)
     return targets.compare(reader, np.full(len(bodies), np.inf))
@@ -62,7 +62,7 @@ def fit_genes(
     limits: Array,
     approximation: ArrayPhysics | None = None,
 ) -> Fit:
-    """How badly models fit; where an error reaches the model's limit, it is at least the limit.
+    """Returns how badly models fit; an error that reaches the model's limit need not be exact.
 
     A model that the problem forbids is as bad as can be, and is not simulated.
 
@@ -72,12 +72,12 @@ def fit_genes(
 
     Args:
         genome: The code between genes and bodies.
-        genes: Of n models, shape (n, genes).
+        genes: Genes of n models, shape (n, genes).
         observations: What the robot observed.
         modalities: Modalities that count.
-        physics: Predicts readings; it alone decides how well they fit.
-        objective: What the errors of single interactions add up to.
-        limits: Error at which a model has lost, shape (n,).
+        physics: Predicts readings; it alone decides how well models fit.
+        objective: Combines the errors of single interactions.
+        limits: Error at which each model has lost, shape (n,).
         approximation: Predicts roughly which interaction a model fits worst, so that this one comes
             first. That saves simulations and changes no verdict.
     """
@@ -116,7 +116,7 @@ class _Reader(Protocol):
 
 @dataclass(frozen=True)
 class _BodyReader:
-    """Bodies one by one, for back-ends that simulate them one by one."""
+    """Reads a population body by body, for back-ends that simulate bodies one by one."""
 
     bodies: Sequence[Morphology]
     physics: Physics
@@ -131,7 +131,7 @@ class _BodyReader:
 
 @dataclass(frozen=True)
 class _ArrayReader:
-    """A whole population as arrays, for a back-end that takes them."""
+    """Reads a whole population as arrays, for a back-end that takes arrays."""
 
     bodies: Bodies
     physics: ArrayPhysics
@@ -147,9 +147,9 @@ class _Targets:
 
     Attributes:
         observed: What the robot observed in each of k interactions.
-        programs: What it did, rad, shape (k, motors).
+        programs: Joint angles that the robot took, rad, shape (k, motors).
         modalities: Modalities that count.
-        objective: What the errors add up to.
+        objective: Combines the errors of single interactions.
     """
 
     observed: Sequence[Observation]
@@ -165,7 +165,7 @@ class _Targets:
         return cls(observations, programs, modalities, objective)
 
     def worst_first(self, read: _Reader, count: int) -> Rows:
-        """The interactions of each model, the one that it fits worst first, shape (n, k)."""
+        """Interactions in the order to try them: those a model fits worst first, shape (n, k)."""
         interactions = np.tile(np.arange(len(self.observed)), count)
         models = np.repeat(np.arange(count), len(self.observed))
         errors = self._errors(read(models, interactions), interactions).reshape(count, -1)
@@ -212,7 +212,7 @@ class _Targets:
 
 
 def _rounds(count: int) -> list[int]:
-    """Where rounds of interactions start and end: the later, the more at once.
+    """Ends of the rounds of interactions, from 0; the later a round, the more interactions.
 
     Most models lose in the first round; those that are left will mostly have to go through all
     interactions, and larger batches are shared better among processes.
@@ -231,7 +231,7 @@ class Modeller:
         physics: Predicts readings.
         modalities: Modalities that count.
         counters: What the run has cost so far.
-        objective: What models are fitted by.
+        objective: Objective by which models are fitted.
         approximation: Predicts roughly what a slower back-end will; see ``fit_genes``.
     """
 
@@ -257,7 +257,7 @@ class Modeller:
         self._steps = counters.steps - physics.steps
 
     def counters(self, wall_seconds: float) -> Counters:
-        """What the run has cost by now."""
+        """Cost of the run by now."""
         return Counters(
             simulations_requested=self._requested,
             simulations_run=self._run + self._physics.simulations,
@@ -276,7 +276,7 @@ class Modeller:
         search.tell(self._errors(population, search.limits, observations))
 
     def evolve(self, search: Search, observations: Sequence[Observation]) -> None:
-        """One generation of children, each competing with a parent."""
+        """Breeds and evaluates one generation of children, each competing with a parent."""
         children = search.ask()
         self._requested += len(children) * len(observations)
         search.tell(self._errors(children, search.limits, observations))

@@ -38,9 +38,10 @@ class PaperMethod:
         store: The run's memory; opened for writing.
         physics: Predicts readings of models.
         listener: Hears what happens.
-        approximation: Predicts them roughly, where ``physics`` is slower.
+        approximation: Predicts readings roughly, where ``physics`` is slower.
         judge: Predicts readings of the best model, and its path margins, for the verdict.
-        open_reference: Makes the back-end that has the last word; ``None``: ``physics`` has it.
+        open_reference: Makes the reference back-end, which ranks the leading models; ``None``:
+            ``physics`` is the reference.
     """
 
     PHYSICS: ClassVar = REFERENCE
@@ -48,10 +49,10 @@ class PaperMethod:
 
     @staticmethod
     def check(config: RunConfig) -> None:
-        """Refuses what only samples can tell, and a physics that is not there.
+        """Refuses settings that need samples of a posterior, and a physics that is not there.
 
         Raises:
-            EstimatorError: The config asks for such a thing.
+            EstimatorError: The config has such a setting.
         """
         physics_class(config.physics or PaperMethod.PHYSICS)
         if config.sure is not None:
@@ -128,17 +129,17 @@ class PaperMethod:
             self._search = search.from_state(checkpoint.state, operators=operators)
 
     def work(self, number: int) -> float:
-        """Simulations after an interaction, before any early verdict."""
+        """Number of simulations after an interaction, if none is saved by an early verdict."""
         first = self._first(number)
         return sum(self._size(one) for one in range(first, self._first(number + 1)))
 
     def done(self, number: int) -> float:
-        """The work of the generations that are on disk."""
+        """Number of simulations, counted as by ``work``, of the generations that are on disk."""
         last = min(self._first(number + 1), self._generations_done)
         return sum(self._size(one) for one in range(self._first(number), last))
 
     def learn(self, number: int, observations: Sequence[Observation]) -> None:
-        """The generations that follow an interaction; those already on disk are not repeated."""
+        """Does the generations that follow an interaction, but for those that are on disk."""
         settings = self._store.settings
         first = self._first(number)
         for generation in range(first, self._first(number + 1)):
@@ -164,14 +165,14 @@ class PaperMethod:
             )
 
     def posterior(self) -> FittedPosterior:
-        """The population, all of whose members count alike."""
+        """The population as a posterior, in which all members are equally likely."""
         search, begun = self._search, self._store.latest_generation() is not None
         samples = Posterior.equally_likely(search.population)
         fitted = FittedPosterior.in_run(self._store, samples, self._store.observations())
         return replace(fitted, best=search.population[search.best]) if begun else fitted
 
     def is_sure(self, number: int) -> bool:
-        """Never: a population does not know how good it is."""
+        """Returns false: a population does not know how good it is."""
         del number
         return False
 
@@ -216,11 +217,11 @@ class PaperMethod:
         )
 
     def _first(self, interaction: int) -> int:
-        """The first generation after an interaction."""
+        """Number of the first generation after an interaction."""
         return interaction * (self._store.settings.generations + 1)
 
     def _size(self, generation: int) -> int:
-        """Simulations of a generation, before any early verdict."""
+        """Number of simulations of a generation, if none is saved by an early verdict."""
         iteration, step = divmod(generation, self._store.settings.generations + 1)
         return self._store.settings.population * (iteration + 1 if step else 1)
 

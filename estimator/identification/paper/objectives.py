@@ -4,9 +4,9 @@ The paper's subjective error of a model in one interaction::
 
     e = v + Σ|touch_t − touch_m| + Σ|tilt_t − tilt_m| (degrees) + 10 |clearance_t − clearance_m| (m)
 
-Over several interactions it is the largest of theirs; a pose of the model that is undecided says
-nothing and is left out. v is the model's speed at the last step; it stays in the error whichever
-modalities are used.
+Over several interactions it is the largest of their errors; a pose of the model that is undecided
+says nothing and is left out. v is the model's speed at the last step; it stays in the error
+whichever modalities are used.
 
 An objective of another package belongs to the entry-point group ``bodyschema.objective``: a class
 that is constructed with the robot's ``Capabilities``.
@@ -31,9 +31,9 @@ from estimator.readings.observation import Observation, PredictedReadings
 from protocol.wire.capabilities import Capabilities
 
 EXCUSED: Final = 1
-"""Interactions in which a body may be undecided: one in five hundred is by chance, so a body that
-is undecided twice is built so. A search also finds some that are undecided once and would fit worse
-otherwise: docs/how-it-works.md tells how often."""
+"""Largest number of interactions in which a body may be undecided: one in five hundred is by
+chance, so a body that is undecided twice is built so. A search also finds some that are undecided
+once and would fit worse otherwise: docs/how-it-works.md tells how often."""
 
 
 def interaction_errors(
@@ -44,14 +44,14 @@ def interaction_errors(
     """Error of each model in one interaction.
 
     Args:
-        readings: Of n models in that interaction.
+        readings: Predicted readings of n models in that interaction.
         observed: What the robot observed.
         modalities: Which sensors count.
 
     Returns:
-        Shape (n,). A missing reading adds nothing. Infinite where the model's reading is invalid,
-        so that it never outranks a valid one. 0 where the model's pose is undecided, so that it
-        adds nothing to a largest error; see ``largest``.
+        Errors, shape (n,). A missing reading adds nothing. Infinite where the model's reading is
+        invalid, so that it never outranks a valid one. 0 where the model's pose is undecided, so
+        that it adds nothing to a largest error; see ``largest``.
 
     Raises:
         EstimatorError: Robot and models have different numbers of touch sensors.
@@ -66,16 +66,17 @@ def interaction_errors(
 
 
 def largest(errors: Array, undecided: Flags) -> Array:
-    """The error over several interactions: the largest of those that say something.
+    """Error over several interactions: the largest over those in which the model is decided.
 
     Args:
-        errors: Of n models in k interactions, as ``interaction_errors`` gives them, shape (k, n).
+        errors: Errors of n models in k interactions, as ``interaction_errors`` gives them, shape
+            (k, n).
         undecided: Whether the model's pose was undecided, shape (k, n).
 
     Returns:
-        Shape (n,). Infinite where nothing is left, and where more than ``EXCUSED`` interactions
-        were undecided: a search would otherwise breed bodies that are balanced in all those poses
-        which they do not explain.
+        Errors, shape (n,). Infinite where nothing is left, and where more than ``EXCUSED``
+        interactions were undecided: a search would otherwise breed bodies that are balanced in all
+        those poses which they do not explain.
     """
     worst: Array = np.max(
         np.where(undecided & np.isfinite(errors), 0.0, errors), axis=0, initial=0.0
@@ -86,9 +87,9 @@ def largest(errors: Array, undecided: Flags) -> Array:
 
 
 class LargestError:
-    """The paper's: the largest error over the interactions. It asks nothing of the robot.
+    """The paper's objective: the largest error over the interactions, for any robot.
 
-    A subclass with a ``total`` of its own has the right ``lower_bound`` where a total of errors
+    A subclass with a ``total`` of its own inherits the right ``lower_bound`` if its total of errors
     that are at least 0 only grows.
     """
 
@@ -98,26 +99,26 @@ class LargestError:
     def terms(
         self, readings: PredictedReadings, observed: Observation, modalities: Sequence[str]
     ) -> Array:
-        """The paper's subjective error."""
+        """The paper's subjective error of each model in one interaction, shape (n,)."""
         return interaction_errors(readings, observed, modalities)
 
     def lower_bound(self, terms: Array) -> Array:
-        """The total so far."""
+        """Total over the interactions so far."""
         return self.total(terms, np.zeros(terms.shape, dtype=bool))
 
     def total(self, terms: Array, undecided: Flags) -> Array:
-        """The largest of those that say something."""
+        """Largest error over the interactions in which the model is decided."""
         return largest(terms, undecided)
 
 
 class RobustMeanError:
-    """The mean over interactions of log(1 + capped error in units of noise), sense by sense.
+    """Mean over interactions of log(1 + capped error in units of noise), summed over the senses.
 
     One pose in which a model lands elsewhere than the robot does cannot veto the model.
     """
 
     _CAP: Final = 20.0  # standard deviations: more is no worse
-    _TOUCH: Final = 0.1  # of a bit that differs, as if it were a standard deviation
+    _TOUCH: Final = 0.1  # what a differing bit is divided by, as if it were a standard deviation
 
     def __init__(self, capabilities: Capabilities) -> None:
         noise = Noise.announced(capabilities)
@@ -130,7 +131,7 @@ class RobustMeanError:
     def terms(
         self, readings: PredictedReadings, observed: Observation, modalities: Sequence[str]
     ) -> Array:
-        """Shape (n,)."""
+        """Sum over the senses for each model in one interaction, shape (n,)."""
         total: Array = np.zeros(len(readings))
         for name, modality in MODALITIES.items():
             if name in modalities:
@@ -141,11 +142,11 @@ class RobustMeanError:
         return errors
 
     def lower_bound(self, terms: Array) -> Array:
-        """The mean, were all others perfect."""
+        """Mean if the model were perfect in all interactions that are still to come."""
         return self._mean(terms)
 
     def total(self, terms: Array, undecided: Flags) -> Array:
-        """The mean; an undecided pose counts as the worst."""
+        """Mean over the interactions; an undecided pose counts as the worst."""
         del undecided
         return self._mean(terms)
 

@@ -1,4 +1,4 @@
-"""Whatever searched, the reference has the last word: the leading models are simulated in it.
+"""Whatever searched, the reference back-end ranks the leading models: it simulates them again.
 
 Of the final population the best models that differ from each other are simulated on every motor
 program of the run. Both errors are kept, and the ranking is the reference's.
@@ -21,10 +21,10 @@ from estimator.readings.observation import Observation
 from estimator.storage.records import Finish
 
 LEADERS: Final = 10
-"""Models that are simulated again; not tuned."""
+"""Largest number of models that are simulated again; not tuned."""
 
 SAME_LENGTH: Final = 0.005
-"""Models whose parts are attached alike and whose lengths differ by less, m, are one model."""
+"""Models whose parts are attached alike and whose lengths differ by less than this, m, are one."""
 
 
 def finish(
@@ -42,8 +42,8 @@ def finish(
     Args:
         genome: The code between genes and bodies.
         population: Genes, shape (n, genes).
-        errors: What the search found, shape (n,).
-        observations: Of every interaction of the run.
+        errors: Errors that the search found, shape (n,).
+        observations: Observations of every interaction of the run.
         modalities: Modalities that the subjective error counts.
         physics: The reference back-end.
         objective: What the search minimised.
@@ -63,7 +63,7 @@ def finish(
 
 
 def leading(genome: Genome, population: Array, errors: Array) -> list[int]:
-    """Indices of the best models, none of which is much like a better one; at most ``LEADERS``."""
+    """Indices of the best models, none of them much like a better one; at most ``LEADERS``."""
     leaders: list[int] = []
     kept: list[Morphology] = []
     for index in np.argsort(errors, kind="stable").tolist():
@@ -77,7 +77,7 @@ def leading(genome: Genome, population: Array, errors: Array) -> list[int]:
 
 
 def pairs_turned(finish: Finish) -> tuple[int, int]:
-    """Of how many pairs of leading models the two back-ends disagree which is better; all pairs."""
+    """Number of pairs of leading models that the two back-ends rank differently, and of all."""
     pairs = list(combinations(zip(finish.searched, finish.simulated, strict=True), 2))
     turned = sum((one[0] < two[0]) != (one[1] < two[1]) for one, two in pairs)
     return turned, len(pairs)

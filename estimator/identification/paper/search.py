@@ -1,4 +1,4 @@
-"""Searches by name, and what a search is.
+"""The interface of a search, and searches by name.
 
 A search of another package belongs to the entry-point group ``bodyschema.search``: a class with the
 methods below.
@@ -24,7 +24,7 @@ class Search(Protocol):
     While the errors of the population are unknown, ``ask`` hands out the population itself.
 
     Attributes:
-        algorithm: Its name, which ``state`` holds too, so that no other goes on with it.
+        algorithm: Name of the algorithm; ``state`` holds it too, so that no other continues it.
     """
 
     algorithm: str
@@ -55,7 +55,7 @@ class Search(Protocol):
 
     @property
     def limits(self) -> Array:
-        """Error at which each genome that was asked for has lost; infinite: it must be exact."""
+        """Error at which each genome that was asked for has lost; infinite: tell the exact one."""
 
     def ask(self) -> Array:
         """Genes to evaluate, shape (n, genes)."""
@@ -91,8 +91,8 @@ class DeterministicCrowding:
     """A population that is optimised while its niches are kept.
 
     Args:
-        size: Members of the population; even, because they mate in pairs.
-        genes: Genes of a member, each in [0, 1].
+        size: Number of members of the population; even, because they mate in pairs.
+        genes: Number of genes of a member, each in [0, 1].
         rng: The search's own source of randomness, as ``numpy.random.default_rng`` makes it.
         operators: Crossover, mutation and distance.
         population: The first population, shape (size, genes); drawn at random when absent.
@@ -159,7 +159,7 @@ class DeterministicCrowding:
 
     @property
     def generation(self) -> int:
-        """Generations of children that were told so far."""
+        """Number of generations of children that were told so far."""
         return self._generation
 
     @property
@@ -169,7 +169,7 @@ class DeterministicCrowding:
 
     @property
     def limits(self) -> Array:
-        """What each genome that was asked for must beat, shape (size,).
+        """Error that each genome that was asked for must beat, shape (size,).
 
         A child whose error turns out to be no smaller than its limit loses whatever the exact
         figure, so its evaluation may stop there and tell any number from the limit upwards.
@@ -202,7 +202,7 @@ class DeterministicCrowding:
         """Takes the errors of what ``ask`` handed out.
 
         Args:
-            errors: Shape (size,). NaN loses, like infinity.
+            errors: Errors, shape (size,). NaN loses, like infinity.
 
         Raises:
             SearchOrderError: Nothing was asked for.
@@ -238,7 +238,7 @@ class DeterministicCrowding:
     def state(self) -> dict[str, Any]:
         """Everything needed to go on exactly as now, as plain values for JSON.
 
-        Between ``ask`` and ``tell`` it is the state before ``ask``, which will be asked again.
+        Between ``ask`` and ``tell`` it is the state before ``ask``, which is to be called again.
         """
         errors = None
         if self._errors is not None:

@@ -1,1 +1,1 @@
-"""The compiled part of the statics back-end: plain arrays and numbers, described in ``links``."""
+"""The compiled part of the statics back-end: plain arrays and numbers, described in ``work``."""

@@ -4,9 +4,9 @@ All joints turn at the same speed, each to its own target, in steps of ``pace``.
 body is brought to rest again.
 
 Most steps change nothing but angles: the body goes on lying flat, or standing on the same three
-contacts. Whether it does is tested for all lanes at once; what does not is picked out and rolls
-alone. Until that first happens ``stride`` steps are taken at once, and then once more one by one. A
-lane whose body is at its targets takes the next of the batch.
+contacts. Whether it does is tested for all lanes at once; a body that does not is picked out and
+rolls alone. Until that first happens ``stride`` steps are taken at once; then the last of them are
+repeated one by one. A lane whose body is at its targets takes the next of the batch.
 
 Gravity may be inclined in the body frame (tangents of angles towards x and y): the centre of mass
 acts as if it were shifted by that share of its height. Where a body lands under an inclined gravity
@@ -85,16 +85,16 @@ _SOURCES: Final = stamp(
     Path(geometry.__file__),
 )
 
-_REFINED: Final = 4  # times that they are placed at most until they hardly move; not tuned
-_MOVED: Final = 1e-4  # rad; less is hardly
-_QUICK: Final = 8.0  # paces by which the body may turn in one and still be followed; not tuned
+_REFINED: Final = 4  # times at most that rims are placed until they hardly move; not tuned
+_MOVED: Final = 1e-4  # rad; where a rim bears has hardly moved by less
+_QUICK: Final = 8.0  # paces by which a body may turn in one step and be followed; not tuned
 
 
 @inlined
 def _rest_alike(work: Work, least_cosine: float) -> int:
     """Which bodies rest as they did before their last step: bits, one for each lane.
 
-    Their poses are brought up to date, and of all bodies where the mass acts.
+    Updates their poses, and of all bodies ``MIDDLE``, ``DEEP`` and ``work.lowest``.
     """
     bodies, points, counts = work.bodies, work.points, work.counts
     before = load(bodies, UP), load(bodies, UP + 1), load(bodies, UP + 2)
@@ -158,7 +158,7 @@ def _contact(points: Array, counts: Integers, which: int) -> Vector:
 
 @inlined
 def _turn_to(work: Work, lane: int, step: int, slew: Slew) -> None:
-    """After how many steps a lane is looked at next."""
+    """Sets the number of steps after which a lane is looked at next."""
     work.counts[NEXT, lane] = step
     work.bodies[STEP, lane] = step
     work.bodies[STEP_COSINE, lane], work.bodies[STEP_SINE, lane] = (
@@ -207,7 +207,7 @@ def _come_to_rest(work: Work, lane: int, least_cosine: float) -> None:
 
 @inlined
 def _bears(work: Work, lane: int, centre: Vector) -> tuple[float, float]:
-    """In which direction a main body is lowest, a unit vector; where it is level, its mass acts."""
+    """Unit vector to where a main body is lowest, or, if it is level, to where the mass acts."""
     x, y = -work.bodies[UP, lane], -work.bodies[UP + 1, lane]
     if x * x + y * y < BALANCED * BALANCED:
         x, y = centre[0], centre[1]
@@ -243,11 +243,11 @@ def _keep_pose(work: Work, lane: int) -> None:
 
 @inlined
 def _upright(work: Work, lane: int, plumb: bool) -> bool:
-    """Whether a body that has reached its targets moves once more, as gravity is plumb again."""
+    """Moves a body at its targets once more as gravity is plumb again; returns whether it did."""
     bodies, centre = work.bodies, centre_of(work, lane)
     inclined = bodies[GRAVITY, lane] != 0 or bodies[GRAVITY + 1, lane] != 0
     if bodies[ROUND, lane] > 0 and bodies[LIES, lane] == 0:
-        # Where gravity inclines a rim rolls on, which is no other place to land: so back it goes.
+        # Under inclined gravity a rim rolls on, which is no other place to land: so it rolls back.
         for axis in range(3):
             bodies[MIDDLE + axis, lane] = centre[axis]
         _come_to_rest(work, lane, 0.0)
@@ -281,17 +281,17 @@ def _make_rest(sources: int) -> Any:
         In the end gravity is plumb again, and the sensors are read; unless ``plumb`` is false: then
         only ``up`` is filled in.
 
-        ``which`` has each row's tree. ``programs``, ``gravity_tilts`` and ``stances`` have one row
-        for all or one for each. A body with a stance is at its targets at once, and from flat only
-        if it does not rest so there.
+        ``which`` has the row of each body in ``trees``. ``programs``, ``gravity_tilts`` and
+        ``stances`` have one row for all or one for each. A body with a stance is put to its targets
+        at once, and starts from flat only if it does not rest so there.
 
         Returns:
-            How many steps that took.
+            Number of steps that this took.
         """
         work = work_space(trees, which, start, end)
         counts = work.counts
         least_cosine = math.cos(_QUICK * slew.pace)
-        steps = 0 * sources  # named here, so that the cache's key knows it
+        steps = 0 * sources  # named here to be a part of the cache's key
         row, occupied, latest = start, 0, -1
         for lane in range(LANES):
             counts[ROW, lane] = -1

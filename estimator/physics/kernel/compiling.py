@@ -22,7 +22,7 @@ _PAUSE: Final = (
 )
 
 
-_njit: Final[Callable[..., Any]] = numba.njit  # its types do not know all of its options
+_njit: Final[Callable[..., Any]] = numba.njit  # its type hints lack some of its options
 _function_cache: Final[Callable[..., Any]] = FunctionCache
 _INNER: Final[dict[str, Any]] = {
     "error_model": "numpy",
@@ -30,11 +30,11 @@ _INNER: Final[dict[str, Any]] = {
     "no_cfunc_wrapper": True,
 }
 _LENT: Final[dict[str, Any]] = {**_INNER, "_nrt": False}
-"""Arrays are lent, not counted: atomic counters were a third of the kernel's time."""
+"""Options without reference counts of arrays: atomic counters were a third of the time."""
 
 
 def compiled(function: _Function) -> _Function:
-    """A function for the kernel, working on arrays that it is given.
+    """Compiles a function for the kernel that works on arrays that it is given.
 
     Arithmetic is IEEE's to the letter, in the order written.
     """
@@ -43,7 +43,7 @@ def compiled(function: _Function) -> _Function:
 
 
 def inlined(function: _Function) -> _Function:
-    """The same, made a part of what calls it: for what is given a whole work space.
+    """Compiles as ``compiled`` does, inlined in callers: for functions given a whole work space.
 
     Arguments are passed by value, and to copy some hundred words would take longer than the work.
     """
@@ -52,26 +52,26 @@ def inlined(function: _Function) -> _Function:
 
 
 def compiled_for_vectors(function: _Function) -> _Function:
-    """A function for the kernel in which a maximum's order is free, to compare several at once.
+    """Compiles a function for the kernel that may compare several numbers at once for a maximum.
 
     Of finite numbers the largest is the largest in any order, and the sign of a zero is not looked
     at. Nothing may be computed in another order or precision than written, so results are the same
-    to the bit wherever the mathematical library is.
+    to the bit wherever the mathematical library is the same.
     """
     machine_code: _Function = _njit(**_LENT, fastmath={"nnan", "nsz"})(function)
     return machine_code
 
 
 def allocating(function: _Function) -> _Function:
-    """A function for the kernel that makes arrays."""
+    """Compiles a function for the kernel that makes arrays."""
     machine_code: _Function = _njit(**_INNER)(function)
     return machine_code
 
 
 def entrance(function: _Function) -> _Function:
-    """A function called from Python: releases the interpreter, and its machine code is kept.
+    """Compiles a function called from Python that releases the interpreter; its code is kept.
 
-    Where there is no place to keep it, or none that can be read, it is compiled without.
+    Where there is no folder to keep machine code in, it is compiled without being kept.
     """
     machine_code = _njit(error_model="numpy", nogil=True)(function)
     with suppress(RuntimeError):  # no directory that can be written
@@ -81,7 +81,7 @@ def entrance(function: _Function) -> _Function:
 
 
 class _Cache:
-    """Numba's, which would end the run where its disk is full or its files are damaged."""
+    """Numba's cache, which alone would end a run if its disk is full or its files are damaged."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self._files = _function_cache(function)
@@ -89,10 +89,10 @@ class _Cache:
         self.flush: Callable[[], None] = self._files.flush
 
     def load_overload(self, signature: object, target: object) -> object:
-        """Machine code that was kept; ``None``: there is none that can be used."""
+        """Returns machine code that was kept, or ``None`` where there is none that can be used."""
         try:
             return self._files.load_overload(signature, target)
-        except Exception:  # whatever comes of bytes that are not numba's
+        except Exception:  # bytes that are not numba's may raise anything
             with suppress(OSError):
                 self.flush()
             return None
@@ -109,7 +109,7 @@ class _Cache:
 
 
 def stamp(folder: Path, *others: Path) -> int:
-    """A number that changes with the kernel's sources: a folder's, and other files compiled in.
+    """Number that changes with the kernel's sources: those in a folder, and other files.
 
     The cache looks only at the file of the function that is called from Python. That function
     closes over this number, which makes it part of the key.

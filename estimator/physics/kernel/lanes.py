@@ -1,6 +1,6 @@
 """Numbers eight abreast, for the kernel: one machine instruction does eight bodies at once.
 
-A ``Lanes`` is a vector of ``LANES`` doubles in LLVM's sense, a ``Mask`` one of as many truths. They
+A ``Lanes`` is a vector of ``LANES`` doubles in LLVM's sense, a ``Mask`` one of as many bits. They
 exist in compiled code only, where ``+ - * /`` and comparisons take two of them, or one and a plain
 number; the machine code is what the processor at hand has: one, two or four instructions for each.
 Each lane is computed by itself, to IEEE's letter, so what is in it never depends on its neighbours.
@@ -130,7 +130,7 @@ def store(_typing: Any, array: Any, row: Any, value: Any) -> Any:
 
 @_intrinsic
 def gather(_typing: Any, array: Any, numbers: Any, which: Any, scale: Any, shift: Any) -> Any:
-    """From each lane's own row of an array: ``gather(array, numbers, which, scale, shift)``.
+    """Values of each lane's own row of an array: ``gather(array, numbers, which, scale, shift)``.
 
     The row is ``scale`` times ``numbers[which]`` of the lane, plus ``shift``.
     """

@@ -4,12 +4,12 @@ A part's frame has its origin where the part begins, and x along it. What it sit
 another part, or the main body, whose frame is number 0; that of part j is number j + 1.
 
 A capsule on a plane is its two end spheres, a box its eight corners, of radius 0. A round main body
-has points on its rims, close together where it bears and some all around; they are placed anew
-where that changes. A sphere inside
-the cone between two others of a straight limb never touches first and has no weight: its radius is
-``NOWHERE``, as is that of every point that a body does not have where its neighbours do.
+has points on its rims, close together where it bears and some all around; when it bears elsewhere
+they are placed anew. A sphere inside the cone between two others of a straight limb never touches
+first and is left out: its radius is ``NOWHERE``, as is that of every point that a body does not
+have where bodies in other lanes do.
 
-What of a part is rigid on it is its group: what one touch sensor measures.
+Parts that are rigid on each other are a group, whose contact one touch sensor measures.
 """
 
 from __future__ import annotations
@@ -72,12 +72,12 @@ def board(trees: Trees, row: int, program: Array, slew: Slew, work: Work, lane: 
     """Puts a body into a lane.
 
     Args:
-        trees: Where the body is.
-        row: Its row there.
+        trees: Bodies, of which this is one.
+        row: Row of the body there.
         program: Angle that each motor is told, rad.
         slew: How joints turn.
         work: Receives the body.
-        lane: Of it.
+        lane: Lane of the body.
     """
     base, bodies, points = trees.base[row], work.bodies, work.points
     mass, last = base[3], 0
@@ -102,7 +102,7 @@ def board(trees: Trees, row: int, program: Array, slew: Slew, work: Work, lane: 
 
 @inlined
 def target_of(trees: Trees, row: int, part: int, program: Array) -> float:
-    """Where the hinge of a part goes, rad."""
+    """Target angle of the hinge of a part, rad."""
     target, motor = 0.0, trees.motor[row, part]
     if motor >= 0:
         target = trees.travel[row, part] * program[motor] + trees.zero[row, part]
@@ -113,7 +113,7 @@ def target_of(trees: Trees, row: int, part: int, program: Array) -> float:
 def _board_part(
     trees: Trees, row: int, part: int, program: Array, slew: Slew, work: Work, lane: int
 ) -> tuple[float, int]:
-    """Puts one part of a body into a lane; returns its mass, kg, and the steps of its hinge."""
+    """Puts one part of a body into a lane; returns its mass, kg, and its hinge's steps."""
     on, where, motor = trees.parent[row, part], trees.mount[row, part], trees.motor[row, part]
     length, radius, box = trees.length[row, part], trees.radius[row, part], trees.box[row, part]
     hinges, first = work.hinges, part * HINGE_ROWS
@@ -156,13 +156,13 @@ def _board_part(
         for point in range(start, start + CORNERS):
             work.points[POINT_ROWS * point + 3, lane] = 0.0
         return mass, steps
-    two = far > 0.0  # spheres
-    # and, from the carrier's far end, onward
+    two = far > 0.0  # two spheres, not one
+    # rigid, and straight on from the carrier's far end
     straight = rigid and mount[0] == 1.0 and east == 1.0 and level == 1.0
     if two and straight and not trees.box[row, on]:
         thick = trees.radius[row, on]
         if trees.length[row, on] >= thick:
-            share = thick / (thick + far)  # of the way from the parent's far end
+            share = thick / (thick + far)  # of the way from the carrier's far sphere to the part's
             two = radius > thick + (radius - thick) * share
     work.points[POINT_ROWS * start + 3, lane] = radius if two else NOWHERE
     work.points[POINT_ROWS * start + 7, lane] = radius
@@ -173,7 +173,7 @@ def _board_part(
 
 @inlined
 def board_again(work: Work, lane: int, other: int) -> None:
-    """Puts the body of another lane into a lane, and its motor program."""
+    """Copies the body of another lane into a lane, with its motor program."""
     for row in range(len(work.hinges)):
         work.hinges[row, lane] = work.hinges[row, other]
     for part in range(len(work.group)):
@@ -188,7 +188,7 @@ def board_again(work: Work, lane: int, other: int) -> None:
 
 @inlined
 def _set_corners(work: Work, lane: int) -> None:
-    """Puts the main body's corners where they are, or its rims anywhere."""
+    """Places the main body's corners, or the points of its rims, in any direction."""
     points, several = work.points, work.main > CORNERS
     if several:
         is_round = work.bodies[ROUND, lane] > 0
@@ -210,9 +210,9 @@ def place_rims(work: Work, lane: int, x: float, y: float) -> None:
 
     Args:
         work: Holds the body.
-        lane: Of it.
-        x: Of the direction, in the main body's frame; a unit vector.
-        y: Of it.
+        lane: Lane of the body.
+        x: The direction's x in the main body's frame; a unit vector.
+        y: The direction's y.
     """
     radius, half = work.bodies[HALF, lane], work.bodies[HALF + 2, lane]
     for point in range(2 * RIM):
@@ -225,7 +225,7 @@ def place_rims(work: Work, lane: int, x: float, y: float) -> None:
 
 @inlined
 def _note_carrier(work: Work, part: int, carrier: int) -> None:
-    """Notes that a part may sit on a frame."""
+    """Notes that a part may sit on a carrier, by the number of its frame."""
     for number in range(work.several[part]):
         if work.carriers[part, number] == carrier:
             return
@@ -235,7 +235,7 @@ def _note_carrier(work: Work, part: int, carrier: int) -> None:
 
 @inlined
 def move(work: Work) -> None:
-    """Turns all joints to where they are after the bodies' steps."""
+    """Turns all joints to where they are after each body's number of steps."""
     hinges, frames, points, bodies = work.hinges, work.frames, work.points, work.bodies
     step, step_cosine = load(bodies, STEP), load(bodies, STEP_COSINE)
     step_sine = load(bodies, STEP_SINE)
@@ -304,7 +304,7 @@ def move(work: Work) -> None:
 def _turned(
     x: Lanes, y: Lanes, z: Lanes, about: Vector, cosine: Lanes, sine: Lanes
 ) -> tuple[Lanes, Lanes, Lanes]:
-    """One coordinate of three axes after a turn about an axis given by them (Rodrigues)."""
+    """One coordinate of three axes after a turn about an axis given in them (Rodrigues)."""
     along = (1.0 - cosine) * (about[0] * x + about[1] * y + about[2] * z)
     return (
         cosine * x + sine * (about[2] * y - about[1] * z) + along * about[0],

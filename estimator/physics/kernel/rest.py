@@ -1,6 +1,6 @@
 """How a body comes to rest.
 
-Let u be world up in the body frame. The body's frame is ``depth`` above its lowest point, the
+Let u be world up in the body frame. The body's origin is ``depth`` above its lowest point, the
 largest of r − u·p over all points p with radius r. Moments are taken in the plane across u, with
 the centre of mass at 0.
 
@@ -41,31 +41,31 @@ def at(points: Array, point: int) -> Vector:
 
 @compiled
 def plus(a: Vector, b: Vector) -> Vector:
-    """Their sum."""
+    """Sum of two vectors."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 @compiled
 def minus(a: Vector, b: Vector) -> Vector:
-    """The way from b to a."""
+    """Difference of two vectors: the way from b to a."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
 @compiled
 def times(scale: float, a: Vector) -> Vector:
-    """So many times a vector."""
+    """Product of a number and a vector."""
     return scale * a[0], scale * a[1], scale * a[2]
 
 
 @compiled
 def dot(a: Vector, b: Vector) -> float:
-    """Their inner product."""
+    """Inner product of two vectors."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @compiled
 def cross(a: Vector, b: Vector) -> Vector:
-    """Their outer product."""
+    """Cross product of two vectors."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
@@ -113,13 +113,13 @@ def touching(
     """Lists the points that touch the ground.
 
     Args:
-        centre: Of mass, in the body frame.
+        centre: Centre of mass, in the body frame.
         up: World up in the body frame.
-        touch: Receives their numbers, in order.
-        flat: Shape (2, …); receives where they are across u, from the centre of mass.
+        touch: Receives the points' numbers, in order.
+        flat: Receives where they are in the plane across u, from the centre of mass; shape (2, …).
 
     Returns:
-        How many there are.
+        Number of points that touch.
     """
     up_x, up_y, up_z = up
     least = depth(points, count, up) - TOUCHING
@@ -145,13 +145,13 @@ def nearest(
     """The point of the touching points' hull that lies nearest to a given one.
 
     Args:
-        flat: Where the points are; the first ``count`` columns.
-        from_x: The given point, usually the centre of mass, 0.
-        from_y: The given point's other coordinate.
+        flat: Where the points are, in the first ``count`` columns.
+        from_x: The given point's x; the centre of mass is at 0.
+        from_y: The given point's y.
 
     Returns:
-        What it lies on: three corners (the given point lies inside), two (an edge) and −1, or one
-        and twice −1; then the way to it, m.
+        What the nearest point lies on: three corners (the given point lies inside), two (an edge)
+        and −1, or one and twice −1; then the way to it, m.
     """
     first, second, third = 0, -1, -1
     x, y = flat[0, 0] - from_x, flat[1, 0] - from_y
@@ -197,7 +197,7 @@ def nearest(
 
 @compiled
 def _beyond(flat: Array, count: int, first: int, second: int) -> int:
-    """A point to the left of the line through two points if others lie to its right; or −1."""
+    """The point farthest left of a line through two; −1: there are not points on both sides."""
     x, y = flat[0, second] - flat[0, first], flat[1, second] - flat[1, first]
     rim = BALANCED * math.sqrt(x * x + y * y)
     farthest, most, least = -1, rim, 0.0
@@ -238,12 +238,12 @@ def roll(
     """Rolls the body to rest.
 
     Args:
-        centre: Of mass, in the body frame.
+        centre: Centre of mass, in the body frame.
         up: World up in the body frame; changed.
         stance: Receives three contacts around the centre of mass, or −1 for those that are
             lacking where it is balanced on an edge or a vertex.
-        touch: Work space, as many as there are points.
-        flat: Work space, twice as many.
+        touch: Work space, one number per point.
+        flat: Work space, two numbers per point.
 
     Returns:
         Whether it came to rest.
@@ -313,14 +313,14 @@ def stands(
     """How a body stands on three spheres; of one body, or of ``LANES`` at once.
 
     Args:
-        foot: Middle of the first sphere.
-        second: Of the second.
-        third: Of the third.
-        second_rise: By how much its radius is larger than the first's.
-        third_rise: Likewise.
-        centre: Of mass.
+        foot: Centre of the first sphere.
+        second: Centre of the second sphere.
+        third: Centre of the third sphere.
+        second_rise: By how much the second radius is larger than the first.
+        third_rise: By how much the third radius is larger than the first.
+        centre: Centre of mass.
         before: Up before the change of shape; 0: not known, the three lie in a turn to the left.
-        least_cosine: Of the angle by which up may turn.
+        least_cosine: Cosine of the largest angle by which up may turn.
 
     Returns:
         Whether the centre of mass is between the three and up turns by no more; up, across the
@@ -351,13 +351,13 @@ def stands(
 def follow(
     points: Array, count: int, centre: Vector, up: Array, stance: Integers, least_cosine: float
 ) -> bool:
-    """Goes on resting on the same three contacts, or nearly.
+    """Follows a body that goes on resting on the same three contacts, or nearly the same.
 
     Args:
-        centre: Of mass, in the body frame.
+        centre: Centre of mass, in the body frame.
         up: World up in the body frame before the change of shape; changed if it succeeds.
         stance: The three contacts; changed if it succeeds.
-        least_cosine: Of the angle by which u may turn.
+        least_cosine: Cosine of the largest angle by which u may turn.
 
     Returns:
         Whether the body rests so; if not, it has to roll.

@@ -1,4 +1,4 @@
-"""What the sensors of a body say that has reached its targets and rests, in one of the lanes."""
+"""What the sensors of a body in a lane read once it has reached its targets and rests."""
 
 from __future__ import annotations
 
@@ -46,11 +46,11 @@ _touches: Final = compiled(definitions.touches)
 _touch_is_doubtful: Final = compiled(definitions.touch_is_doubtful)
 
 SINKS: Final = 1e-5
-"""A rim may sink in by so much beside where it last bore, m, until its points are placed anew."""
+"""How far a rim may sink in beside where it last bore before its points are placed anew, m."""
 
 
 class Limits(NamedTuple):
-    """Of the world; see ``WorldSettings``."""
+    """Limits of the sensors and joints; see ``WorldSettings``."""
 
     cap: float
     touch_gap: float
@@ -59,7 +59,7 @@ class Limits(NamedTuple):
 
 
 class Readings(NamedTuple):
-    """Receives a row for each pair."""
+    """Arrays to be filled in, a row for each body: of ``PredictedReadings``, and world up."""
 
     touch: Flags
     doubtful: Flags
@@ -75,7 +75,7 @@ class Readings(NamedTuple):
 
 @inlined
 def centre_of(work: Work, lane: int) -> Vector:
-    """Where the mass of a body acts under a plumb gravity, m."""
+    """Centre of mass of a body, where its mass acts under a plumb gravity, m."""
     bodies, weight = work.bodies, work.bodies[WEIGHT, lane]
     return (
         bodies[MOMENTS, lane] / weight,
@@ -88,7 +88,7 @@ def centre_of(work: Work, lane: int) -> Vector:
 def _undecided(work: Work, lane: int, centre: Vector, up: Vector) -> bool:
     """Whether a body, which lies at rest, is balanced on the rim of its support.
 
-    Where a round main body bears on its rim, that rolls until its curve holds it.
+    A round main body that bears on its rim never is: it rolls until the rim's curve holds it.
     """
     if work.bodies[ROUND, lane] > 0:
         across = math.sqrt(up[0] * up[0] + up[1] * up[1]) * work.bodies[HALF, lane]
@@ -123,9 +123,9 @@ def read(
     plumb: bool,
     readings: Readings,
 ) -> None:
-    """Fills a row of the readings, unless ``plumb`` is false: then ``up`` alone.
+    """Fills a row of the readings, or, if ``plumb`` is false, ``up`` alone.
 
-    If the body ``stays`` as it was before its last step, it is known how low its parts lie.
+    If the body ``stays`` as it was before its last step, ``work.lowest`` is known already.
     """
     bodies, own = work.bodies, trees.base[body]
     rests = work.counts[RESTS, lane] > 0

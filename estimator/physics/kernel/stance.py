@@ -1,4 +1,4 @@
-"""On what a body rests, as one number: how a body that is nearly the same begins."""
+"""What a body rests on, as one number, from which nearly the same bodies can start."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from estimator.physics.kernel.work import (
 )
 
 GUESSED: Final = -2
-"""In the row ``AT``: whether the body rests so is not known yet."""
+"""Value in the row ``AT``: it is not known yet whether the body rests on its stance."""
 
-_FLAT: Final = 0  # it lies on its main body
-_BITS: Final = 16  # of a contact
-_OF_A_PART: Final = 8  # points
+_FLAT: Final = 0  # stance of a body that lies on its main body
+_BITS: Final = 16  # bits of each contact
+_OF_A_PART: Final = 8  # points of a part, at most
 
 
 @inlined
 def stance_of(work: Work, lane: int) -> int:
-    """Of a body at rest; −1 where no three points tell, as those of a rim, which are placed anew.
+    """Stance of a body at rest; −1 where no three points tell, or a rim's, which are placed anew.
 
-    Its three contacts, those of a turn to the left as seen from above.
+    It is made of its three contacts, in order of a turn to the left as seen from above.
     """
     bodies, counts = work.bodies, work.counts
     if bodies[LIES, lane] > 0.0:
@@ -51,9 +51,9 @@ def stance_of(work: Work, lane: int) -> int:
 
 @inlined
 def take_stance(work: Work, lane: int, stance: int) -> bool:
-    """Has a body that was laid flat rest so, under a plumb gravity; its pose is not known yet.
+    """Puts a body that was laid flat on a stance under plumb gravity; its pose is not known yet.
 
-    False: it has no such points.
+    Returns whether the body has such points.
     """
     bodies, counts = work.bodies, work.counts
     if stance > _FLAT:
@@ -73,7 +73,7 @@ def take_stance(work: Work, lane: int, stance: int) -> bool:
 
 @inlined
 def _contact(work: Work, numbers: int) -> int:
-    """The point that the last of some numbers stands for; −1: there is none."""
+    """The point that the lowest ``_BITS`` bits stand for; −1: there is none."""
     number = numbers & (1 << _BITS) - 1
     part, point = number // _OF_A_PART - 1, number % _OF_A_PART
     if part < 0:
@@ -86,7 +86,7 @@ def _contact(work: Work, numbers: int) -> int:
 
 @inlined
 def _numbered(work: Work, point: int) -> int:
-    """A point by its part, and its place there: others' parts may have other points."""
+    """A point by its part and its place there, as other bodies' parts may have other points."""
     number = point
     for part in range(len(work.first)):
         if work.first[part] <= point < work.end[part]:

@@ -2,7 +2,7 @@
 
 The posterior is sampled with statics. Some of the samples are simulated with a fine time step, and
 each gets a weight (``recheck``): its likelihood by the simulator over that by statics, under the
-same mixture.
+same mixture. The mean weight of a mode's samples is the factor on the mode's probability.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Posterior, systematic
 
 SAMPLES: Final = 16
-"""Samples simulated, shared out among the modes by their probability; of one alone half of them."""
+"""Number of simulated samples, shared out among modes by probability; of a single mode half."""
 
-STEP: Final = 1 / 240  # s
+STEP: Final = 1 / 240  # the fine time step, s
 
-_REST_WINDOW: Final = 0.3  # s
+_REST_WINDOW: Final = 0.3  # s: see ``WorldSettings``
 
 _RIVALS: Final = 6  # modes that are simulated, at most
-_WORTH: Final = 0.005  # probability of a mode that is simulated
-_FEWEST: Final = 3  # samples of a mode
+_WORTH: Final = 0.005  # least probability of a mode that is simulated
+_FEWEST: Final = 3  # least number of samples of a mode
 
 
 def fine(world: WorldSettings) -> WorldSettings:
-    """The world with the fine time step, in which bodies are read when a robot would be."""
+    """The world with the fine time step, where bodies are read once they rest, as a robot is."""
     steps = round(world.steps * world.step / STEP)
     return replace(world, step=STEP, steps=steps, rest_window=_REST_WINDOW)
 
@@ -44,9 +44,9 @@ class Recheck:
     """A posterior that was reweighted by the simulator.
 
     Attributes:
-        posterior: The posterior with its weights.
+        posterior: The reweighted posterior.
         ess: Effective sample size of the simulated samples.
-        simulated: How many samples were simulated.
+        simulated: Number of samples that were simulated.
     """
 
     posterior: Posterior
@@ -60,16 +60,16 @@ def recheck(
     """Reweights a posterior by a simulator.
 
     Args:
-        posterior: Sampled with statics.
-        predictor: Statics.
-        likelihood: Of the observations.
+        posterior: The posterior, sampled with statics.
+        predictor: Computes readings by statics.
+        likelihood: Likelihood of the observations.
         reference: The simulator.
     """
     keys = predictor.unknowns.keys(posterior.values)
     values, scales, owners = [], [], []
     modes = [mode for mode in posterior.modes[:_RIVALS] if mode.probability >= _WORTH]
     modes = modes or list(posterior.modes[:1])
-    # one alone has nothing to be weighed against
+    # a single mode has nothing to be weighed against
     shared_out = SAMPLES if len(modes) > 1 else SAMPLES // 2
     for index, mode in enumerate(modes):
         own = np.array([key == mode.attachments for key in keys])
@@ -125,14 +125,15 @@ _POORLY: Final = 3.0  # nats below a perfect prediction from which an interactio
 def probability_unlisted(outliers: Array, noise: Noise, *, deviating: float, prior: float) -> float:
     """Probability that the robot deviates in a way that is not in the table, or changed on the way.
 
-    Some leave interactions unexplained, which robots of the table hardly do. Others read like such:
-    like robots as stated, or like those with a large deviation of an amount, which are rare, too.
+    Some such robots leave interactions unexplained, which robots of the table hardly do. Others
+    read like robots as stated, or like those with a large deviation of an amount, which are rare,
+    too.
 
     Args:
         outliers: Probability of each interaction that it says nothing about the body, shape (k,).
-        noise: By which these were computed.
+        noise: Noise by which these were computed.
         deviating: Share of the posterior with a large deviation of an amount.
-        prior: Its share before any reading; 0: the table has none.
+        prior: The same share before any reading; 0: the table has no such deviation.
     """
     share = noise.outlier
     # densities of what was observed, to a factor, without the share that the mixture gives outliers
@@ -156,14 +157,18 @@ def outliers_left(
     *,
     reference: Physics,
 ) -> Array:
-    """Probability of each interaction that it says nothing about the body, shape (k,).
+    """Probability of each interaction that it says nothing about the body, by the simulator, too.
 
     Args:
-        outliers: Of each interaction by statics, shape (k,).
-        posterior: Of the bodies that explain the readings.
-        predictor: Computes their readings.
-        likelihood: Of the observations.
-        reference: The simulator, asked where an interaction is more likely an outlier than not.
+        outliers: The same probability by statics, shape (k,).
+        posterior: The posterior over bodies.
+        predictor: Computes the bodies' readings.
+        likelihood: Likelihood of the observations.
+        reference: The simulator, asked about interactions that the best body explains poorly, if
+            any is more likely an outlier than not.
+
+    Returns:
+        Shape (k,).
     """
     if not np.any(outliers > _MORE_LIKELY):
         return outliers
@@ -197,7 +202,7 @@ def _simulated_fits(
 
 
 def _forks(predictor: Predictor, points: Array, likelihood: Likelihood) -> Array:
-    """Where a small inclination of gravity changes the branch a body falls to, shape (n, k)."""
+    """Whether a small inclination of gravity changes the branch a body falls to, shape (n, k)."""
     programs = likelihood.data.programs
     plumb = predictor.read_all(points, programs)
     forks = np.zeros(len(plumb), dtype=bool)

@@ -28,26 +28,26 @@ from estimator.readings.modalities import MODALITIES
 from estimator.storage.posteriors import FitVerdict, UnexplainedInteraction
 
 SURE_PATH: Final = math.radians(1.0)
-"""A body answers for an interaction where its path margin is larger, rad."""
+"""Path margin above which a body must explain an interaction, rad."""
 
 TOO_NOISY: Final = 2.0
 """Factor on a sensor's expected noise that no sound sensor needs."""
 
 POOR: Final = 1.0
-"""Excess of a fit that one right body of six has."""
+"""Excess of a fit (``Fit.excess``) that one right body of six has."""
 
 _SURELY: Final = 0.95  # probability that a factor lies above ``TOO_NOISY``, or that a path is sure
-_BY_CHANCE: Final = 1e-3  # probability of so many wrong bits of a touch sensor
+_BY_CHANCE: Final = 1e-3  # probability below which a touch sensor's wrong bits are no chance
 _STRIKING: Final = 3.0  # standard deviations from which a sensor is named
 
 
 def judge(posterior: Posterior, predictor: Predictor, likelihood: Likelihood) -> FitVerdict:
-    """The verdict on fit.
+    """Judges how well a posterior explains the readings.
 
     Args:
-        posterior: After some interactions.
+        posterior: The posterior after some interactions.
         predictor: Computes readings and path margins.
-        likelihood: Of these.
+        likelihood: Likelihood of what was observed in these interactions.
     """
     best, weights = posterior.modes[0].point[None], posterior.weights
     misfits = likelihood.misfits_of(predictor, posterior.values)
@@ -78,7 +78,7 @@ def judge(posterior: Posterior, predictor: Predictor, likelihood: Likelihood) ->
 
 
 def judge_body(point: Array, predictor: Predictor, likelihood: Likelihood) -> FitVerdict:
-    """The verdict on one body, shape (size,), averaged over its noise factors."""
+    """Judges one body, shape (size,), averaged over its noise factors."""
     fits = likelihood.by_noise_factors(likelihood.misfits_of(predictor, point[None]))[0]
     factors = likelihood.noise_factors.both
     alone = Posterior(
@@ -96,9 +96,9 @@ class Fit:
     """How well one body explains the readings.
 
     Attributes:
-        unexplained: How many interactions it leaves unexplained.
-        excess: Loss of log-likelihood in the other interactions beyond the mean of the robot's own
-            body under the announced noise, in standard deviations of that loss.
+        unexplained: Number of interactions that it leaves unexplained.
+        excess: Loss of log-likelihood in the other interactions beyond the mean loss of the robot's
+            own body under the announced noise, in standard deviations of that loss.
     """
 
     unexplained: int
@@ -135,13 +135,13 @@ def standardised_residuals(
 ) -> dict[str, Array]:
     """Observed minus predicted in units of the noise, by modality, shape (k,) each.
 
-    Touch counts the bits that differ, each as many standard deviations as it is unlikely. Of the
-    two tilts the larger deviation counts. 0 where nothing was read.
+    Each touch bit that differs adds the standard deviations that are as unlikely as a wrong bit. Of
+    the two tilts the larger deviation counts. 0 where nothing was read.
 
     Args:
         point: A body, shape (1, size).
         predictor: Computes readings.
-        likelihood: Of the observations.
+        likelihood: Likelihood of the observations.
     """
     (misfits,) = likelihood.misfits_of(predictor, point)
     return {

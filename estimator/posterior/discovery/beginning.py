@@ -1,8 +1,8 @@
 """How searches begin, and searches of robots of which one thing is otherwise than stated.
 
-What either is so or not, such as exchanged plugs or a dead servo, changes what readings say of all
-bodies. The right one may explain them no better than others unless that is known, so it is no use
-to ask which of the bodies that were found without it explain them with it.
+A deviation that either is so or not, such as exchanged plugs or a dead servo, changes what readings
+say of all bodies. Unless it is known the right body may explain them no better than others, so it
+is no use to ask which of the bodies that were found without the deviation explain them with it.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from estimator.posterior.discovery.population import Population
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.unknowns import Cost, Predictor, Unknowns
 
-_BEST: Final = 4  # points of each search
+_BEST: Final = 4  # best points that are taken from each search
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,8 +31,8 @@ class Beginning:
     Attributes:
         unknowns: The cube, with all that may deviate.
         make_physics: Makes a back-end for each search.
-        levels: Of each population.
-        chains_per_level: On each.
+        levels: Number of levels of each population.
+        chains_per_level: Number of chains on each level.
     """
 
     unknowns: Unknowns
@@ -56,10 +56,10 @@ class Beginning:
         """The best points with each wide component that has no amount, and what these cost.
 
         Args:
-            likelihood: Of all observations.
-            steps: Of a round of the search.
+            likelihood: Likelihood of all observations.
+            steps: Steps of a round of the search.
             rng: Seeds the searches.
-            workers: Do a search each; how many there are changes no result.
+            workers: Executor that makes the searches; its number of workers changes no result.
 
         Returns:
             Points, shape (n, size), and the cost of all searches.
@@ -81,7 +81,7 @@ class Beginning:
         """The best points that one search finds, and its cost.
 
         Args:
-            task: The observations, steps of a round, deviations, and a seed.
+            task: Likelihood of all observations, steps of a round, deviations, and a seed.
         """
         likelihood, steps, deviations, seed = task
         search = self.search(deviations, seed)

@@ -29,9 +29,9 @@ from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
 
 _WATCHED: Final = 3  # coldest levels, whose chains' attachments are kept
-_FEW_STEPS: Final = 2 * EVERY  # where chains hardly have to look for attachments
+_FEW_STEPS: Final = 2 * EVERY  # steps where chains hardly have to look for attachments
 _POLISHED: Final = 200  # sets of attachments whose lengths are optimised in one round
-_POLISHED_BESIDE: Final = 40  # the same where neighbours are tried
+_POLISHED_BESIDE: Final = 40  # the same where many attachments are open
 _LEADERS: Final = 4  # sets of attachments in one sweep
 _SWEPT: Final = (math.inf, 16.0)  # nats that they may lie below the best, in each sweep of a round
 _PROMISING: Final = 60  # other attachments of a leader whose lengths are optimised
@@ -49,7 +49,7 @@ class BestPoints:
     """The best point of each set of attachments, best first.
 
     Attributes:
-        values: Shape (n, size).
+        values: Points of the cube, shape (n, size).
         fits: Log-likelihoods, shape (n,).
     """
 
@@ -58,7 +58,7 @@ class BestPoints:
 
     @classmethod
     def joined(cls, several: Sequence[BestPoints], unknowns: Unknowns) -> BestPoints:
-        """The best of all, by set of attachments."""
+        """The best point of each set of attachments among several collections."""
         values = np.concatenate([one.values for one in several])
         fits = np.concatenate([one.fits for one in several])
         order = best_of_each(unknowns.keys(values), fits)
@@ -69,16 +69,16 @@ class Discovery:
     """The search with one population, in rounds.
 
     Args:
-        population: Its chains are moved.
-        predictor: The population's own.
-        rng: The population's own, apart from its chains'.
+        population: Population whose chains are moved.
+        predictor: Predictor of this population alone.
+        rng: Random generator of this search; the population's chains have another.
         explores: Whether many attachments are open: then only the neighbours of the best bodies
             are tried beside the chains, and no sweeps of single parts are made.
 
     Attributes:
         population: As above, like ``predictor`` and ``rng``.
-        starts: Points with which it begins when it observes, shape (n, size): the best that it
-            found, and points of the posterior with attachments that it found itself, since new
+        starts: Points with which the search begins when it observes, shape (n, size): the best that
+            it found, and points of the posterior with attachments that it found itself, since new
             readings may move the best lengths far.
         converged: Attachments on which all searches agreed after the last interaction, if on any;
             several where sensors hardly discriminate between them. While they explain the readings
@@ -104,7 +104,7 @@ class Discovery:
         """Takes in all observations; the search goes on from its chains and points.
 
         Args:
-            likelihood: Of all interactions.
+            likelihood: Likelihood of all interactions.
         """
         predictor = self.predictor
         self._likelihood = likelihood
@@ -122,14 +122,14 @@ class Discovery:
             self._visited.add(*self._solver.polished(self.starts[best]))
 
     def search(self, steps: int) -> BestPoints:
-        """One round.
+        """Makes one round of the search.
 
         Args:
-            steps: Of the chains; few where the search has converged, or lengths alone are open:
-                then others are tried by themselves.
+            steps: Steps of the chains; at most ten where the search has converged, or lengths alone
+                are open.
 
         Returns:
-            All sets of attachments that were found so far.
+            The best points of all sets of attachments that were found so far.
         """
         population, visited = self.population, self._visited
         few = self._has_converged() or not self.predictor.unknowns.choices.size
@@ -146,12 +146,12 @@ class Discovery:
         return bodies
 
     def best(self) -> BestPoints:
-        """All sets of attachments that were found so far."""
+        """The best points of all sets of attachments that were found so far."""
         both = [self._before.best(), self._visited.best()]
         return BestPoints.joined(both, self.predictor.unknowns)
 
     def _try_others(self, visited: _Visited) -> None:
-        """Tries bodies near the best ones, and recombinations."""
+        """Tries bodies near the best ones, and recombinations of bodies."""
         if self._neighbours:
             visited.climb(self._neighbours)
             if self._founders:
@@ -190,12 +190,12 @@ class Discovery:
     def restart(self, steps: int) -> None:
         """Draws all chains from the prior and has them observe one interaction after the other.
 
-        In random order, since one of them may mislead. Points found before are left out of the
+        The order is random, since any one may mislead. Points found before are left out of the
         search, but stay among its results. Chains that observe all readings at once find the body
         of a hard run a third as often at the same cost.
 
         Args:
-            steps: With each number of interactions but the last.
+            steps: Steps with each number of interactions but the last.
         """
         likelihood, population = self._likelihood, self.population
         order = self.rng.permutation(len(likelihood))
@@ -254,7 +254,10 @@ class _Visited:
             self._polish([values], solver)
 
     def sweep(self, solver: GaussNewton, rng: np.random.Generator, nats: float) -> bool:
-        """Tries other attachments of each part of the best few; False where none is left."""
+        """Tries other attachments of each part of the best few points not tried yet.
+
+        Returns False where none of these is left.
+        """
         bodies = self.best()
         leaders = bodies.values[bodies.fits >= bodies.fits[0] - nats][: 2 * _LEADERS]
         keys = self._unknowns.keys(leaders)
@@ -287,7 +290,7 @@ class _Visited:
                 break
 
     def _polish(self, several: Sequence[Array], solver: GaussNewton) -> None:
-        """Optimises lengths of some of each of several arrays of points."""
+        """Optimises the lengths of some points of each of several arrays."""
         values, sizes = np.concatenate(several), [len(own) for own in several]
         groups = np.repeat(np.arange(len(sizes)), sizes)
         better, fits = solver.polished(values, math.ceil(max(sizes) / _FINISHED), groups=groups)

@@ -1,4 +1,4 @@
-"""Proposals of the sampler, all of them symmetric: as likely there as back.
+"""Proposals of the sampler, all of them symmetric: as likely as their reverse.
 
 The prior is uniform on the unit cube, so a proposal is accepted by the likelihood alone.
 """
@@ -18,8 +18,8 @@ from estimator.posterior.model.unknowns import Columns, Unknowns
 _SMALLEST: Final = 0.001  # scale of random steps, of a length's range; log-uniform from here
 _LARGEST: Final = 0.2  # to here
 _ALL_LENGTHS: Final = 0.5  # share of the random steps that move all lengths
-_SOME: Final = 0.3  # chance of each length to be moved by the others
-_JITTER: Final = 1e-4  # of a length's range, added to steps along differences
+_SOME: Final = 0.3  # chance of each length to be moved by the other random steps
+_JITTER: Final = 1e-4  # noise that is added to steps along differences, of a length's range
 _REHINGED: Final = 0.5  # share of the parts that change places whose hinges are drawn again
 
 
@@ -36,24 +36,24 @@ class Move(IntEnum):
 
 _SHARES: Final = (0.35, 0.25, 0.2, 0.1, 0.1)
 _SHARES_WITH_SWAPS: Final = (0.3, 0.2, 0.2, 0.1, 0.1, 0.1)
-"""Where parts may not share mounts, so that they can only change places."""
+"""Shares of the moves where parts may not share mounts, so that they can only change places."""
 
 
 def propose(
     values: Array, rows: Columns, partners: Columns, unknowns: Unknowns, rng: np.random.Generator
 ) -> Array:
-    """A new point for some of the chains.
+    """Proposes a new point for each of some chains.
 
     Args:
-        values: All chains, shape (n, size).
+        values: Points of all chains, shape (n, size).
         rows: Chains to be moved, shape (m,).
-        partners: For each of them two chains that stand still meanwhile, shape (m, 2); their
+        partners: For each of these, two chains that stand still meanwhile, shape (m, 2); their
             difference is a direction.
         unknowns: The cube.
-        rng: The population's own.
+        rng: Random generator of the population.
 
     Returns:
-        Shape (m, size).
+        The new points, shape (m, size).
     """
     fresh = values[rows]
     shares = _SHARES_WITH_SWAPS if unknowns.places else _SHARES
@@ -106,13 +106,13 @@ def _swap(fresh: Array, chosen: Columns, unknowns: Unknowns, rng: np.random.Gene
 def exchange_parts(
     one: Array, other: Array, unknowns: Unknowns, rng: np.random.Generator
 ) -> tuple[Array, Array]:
-    """Pairs of points with one part of theirs exchanged, to be accepted together.
+    """Pairs of points with one part exchanged between them, to be accepted together.
 
     Args:
-        one: Shape (n, size).
-        other: Points of the cube, shape (n, size).
+        one: First point of each pair, shape (n, size).
+        other: Second point of each pair, shape (n, size).
         unknowns: The cube.
-        rng: The population's own.
+        rng: Random generator of the population.
     """
     first, second = one.copy(), other.copy()
     which = rng.integers(len(unknowns.parts), size=len(one))
@@ -137,7 +137,7 @@ def _random_steps(count: int, lengths: int, rng: np.random.Generator) -> Array:
 
 
 def _factors(count: int, lengths: int, rng: np.random.Generator) -> Array:
-    """Lengths of steps along differences (ter Braak 2006), and now and then a whole one."""
+    """Steps along differences, as shares of these (ter Braak 2006), now and then around a whole."""
     usual = 2.38 / math.sqrt(2 * lengths)
     whole = rng.random((count, 1)) < 0.2
     return np.where(whole, 1.0, usual) * np.exp(rng.uniform(-1.5, 0.2, (count, 1)))
@@ -153,11 +153,12 @@ def other_attachments(
     """Points that differ from a leader in one part's attachment.
 
     Each mount with each hinge and several lengths where the part's parent is known, else random
-    ones. Where no two parts may share a mount, the part whose place is taken gets the other place.
+    attachments. Where no two parts may share a mount, the part whose place is taken gets the place
+    that becomes free.
 
     Args:
-        leader: Shape (size,).
-        columns: The part's: one of ``Unknowns.parts``.
+        leader: The point, shape (size,).
+        columns: Columns of the part, from ``Unknowns.parts``.
         unknowns: The cube.
         rng: Draws lengths, and attachments.
 
@@ -185,8 +186,8 @@ def exchange_places(points: Array, before: Array, unknowns: Unknowns) -> None:
     symmetric there, since the two exchange their genes.
 
     Args:
-        points: Shape (n, size); changed in place.
-        before: What they were.
+        points: Points after a part has moved, shape (n, size); changed in place.
+        before: The same points before, shape (n, size).
         unknowns: The cube.
     """
     for places in unknowns.places:

@@ -28,7 +28,7 @@ from estimator.posterior.model.gauss_newton import GaussNewton, best_of_each
 from estimator.posterior.model.unknowns import Columns, Unknowns
 
 _LENGTHS: Final = 2  # times each choice is tried: with the parts' lengths, and with random ones
-_KEPT: Final = 16  # attachments of joined parts that are kept, the best
+_KEPT: Final = 16  # best attachments of joined parts, which are kept
 _NEWCOMERS: Final = 3  # bodies for each mount that was taken from another part
 _DISPLACED: Final = 2  # attachments of that other part that are kept for each of these bodies
 _POLISHED: Final = 32  # neighbours, and recombined bodies, whose lengths are optimised
@@ -79,7 +79,7 @@ class Neighbours:
     def _rows(self, leaders: Array, columns: Columns, kept: Collection[int]) -> Array:
         """Leaders with all choices of some columns, but for those kept, each at several lengths.
 
-        Where a part takes another's place, that one gets the place of the first.
+        Where a part takes another's place, the other part gets the place of the first.
         """
         unknowns = self._unknowns
         counts = unknowns.counts[columns]
@@ -98,7 +98,7 @@ class Neighbours:
     def _newcomers(
         self, points: Array, leader: Array, columns: Columns
     ) -> Iterator[tuple[Array, int]]:
-        """For each part that lost its mount, the column that says so and the first such points."""
+        """For each part that lost its mount, the first such points and the column of that mount."""
         if self._unknowns.parents.any():
             return
         chosen, before = (self._unknowns.decided(values) for values in (points, leader[None]))
@@ -117,8 +117,9 @@ class Joined:
     """A chain of one, two or three parts with open attachments, each of which carries the next.
 
     Attributes:
-        columns: Of all its parts.
-        kept: Columns that stay: of three parts the mount of the first, and chosen parents.
+        columns: Columns of all its parts.
+        kept: Columns that stay as they are: of three parts the mount of the first, and chosen
+            parents.
         carried: Columns of chosen parents, each with the value that puts a part on the one before.
     """
 
@@ -142,7 +143,7 @@ def subtrees(point: Array, unknowns: Unknowns) -> list[Flags]:
     """Which columns belong to each part or to what it carries, shape (size,) each.
 
     Args:
-        point: Of the cube, shape (size,).
+        point: Point of the cube, shape (size,).
         unknowns: The cube.
     """
     parents = unknowns.bodies(point[None]).parent[0].tolist()
@@ -212,8 +213,8 @@ def ranked(
     other whatever their lengths, and right attachments do not stand out.
 
     Args:
-        points: Shape (n, size).
-        solver: Compares them.
+        points: Points of the cube, shape (n, size).
+        solver: Compares the points.
         unknowns: The cube.
         rng: Draws the points by which the order of interactions is decided.
     """
@@ -236,13 +237,13 @@ def ranked(
 def with_subtrees_of_others(
     body: Array, others: Array, unknowns: Unknowns, solver: GaussNewton
 ) -> tuple[Array, Array]:
-    """The best bodies that differ from one in a subtree of another.
+    """The best bodies that differ from a given one in a subtree taken from another.
 
     Args:
-        body: Shape (size,).
-        others: Shape (n, size).
+        body: The given body, shape (size,).
+        others: Bodies that subtrees are taken from, shape (n, size).
         unknowns: The cube.
-        solver: Compares and polishes them.
+        solver: Compares bodies, and optimises their lengths.
 
     Returns:
         Points with good lengths, and their log-likelihoods.

@@ -26,23 +26,23 @@ HOTTEST: Final = 25.0
 EVERY: Final = 5
 """Steps between two samples."""
 
-_CROSSINGS: Final = 0.25  # per step
-_SCALE_STEP: Final = 0.3  # standard deviation of a step of a factor's logarithm
+_CROSSINGS: Final = 0.25  # probability per step that chains exchange parts
+_SCALE_STEP: Final = 0.3  # standard deviation of a step of a noise factor's logarithm
 
 
 class Population:
-    """Chains of one population; draw from it with ``step`` once it has observed something.
+    """Chains of one population; ``step`` moves them once they have observed something.
 
     Args:
-        predictor: Its own.
-        rng: Its own.
+        predictor: Predictor of this population alone.
+        rng: Random generator of this population alone.
         values: Points of the cube, level by level, shape (levels · chains_per_level, size).
-        scales: Logarithms of the factors on tilt's and clearance's noise, shape (…, 2).
-        levels: How many the points are of, equally many on each: a multiple of 4.
+        scales: Logarithms of the points' factors on tilt's and clearance's noise, shape (…, 2).
+        levels: Number of levels; each has equally many points, a multiple of 4.
 
     Attributes:
         values: As above, like ``scales`` and ``levels``.
-        chains_per_level: Chains on a level.
+        chains_per_level: Number of chains on a level.
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class Population:
         """Takes in all that was observed so far; the chains stay where they are.
 
         Args:
-            likelihood: Of all of it.
+            likelihood: Likelihood of all of it.
             surely: Whether every chain is taken to fall as statics has it, and every proposal to
                 the side to which its chain has fallen. That costs less: for chains that search.
         """
@@ -123,7 +123,7 @@ class Population:
     def posterior_fits(self, levels: int) -> Array:
         """Log-likelihood of the chains of the lowest levels under level 0's noise, shape (n,).
 
-        The noise factors are integrated out, not the chains' own: bodies are compared by it.
+        Noise factors are integrated out instead of the chains' own: bodies are compared by it.
         """
         return self._likelihood.integrated(self._misfits[: levels * self.chains_per_level])
 
@@ -138,7 +138,7 @@ class Population:
 
     @classmethod
     def from_state(cls, state: Mapping[str, Any], predictor: Predictor) -> Self:
-        """The population as it was; it has to observe again."""
+        """Restores the population from its ``state``; it has to observe again."""
         rng = np.random.default_rng()
         rng.bit_generator.state = state["random"]
         values, scales = (np.array(state[name], dtype=float) for name in ("values", "scales"))
@@ -151,7 +151,7 @@ class Population:
         self._fits = self._likelihood.of(self._misfits, self._noise_scales, self.scales)
 
     def _move(self, rows: Columns, still: Columns) -> None:
-        """Proposes for half of the chains."""
+        """Proposes new points for half of the chains, and takes those that are accepted."""
         rng, half = self._rng, self.chains_per_level // 2
         level = rows // self.chains_per_level
         first = rng.integers(half, size=rows.size)

@@ -31,24 +31,24 @@ _NARROW: Final = (1.0, 1.0, 1.0)
 PRIOR: Final = 12.0
 """Precision of the uniform distribution on 0 to 1."""
 
-_STEP: Final = 5e-4  # of a length's range
-_LITTLE: Final = 0.02  # of a parameter's standard deviation
+_STEP: Final = 5e-4  # step of differences, of a length's range
+_LITTLE: Final = 0.02  # the same, of a parameter's standard deviation
 _JUMP: Final = 0.03  # rad or m: a reading that changes more in one such step has jumped
-_FARTHEST: Final = 0.25  # of a length's range, in one step
-_FARTHEST_AWAY: Final = 1.0  # of a parameter's standard deviation
-_MOST: Final = 4.0  # standard deviations
-_SHORTER: Final = 0.3  # of a step, tried where the whole one does not help
+_FARTHEST: Final = 0.25  # largest change in one Gauss-Newton step, of a length's range
+_FARTHEST_AWAY: Final = 1.0  # the same, of a parameter's standard deviation
+_MOST: Final = 4.0  # largest deviation of a parameter, standard deviations
+_SHORTER: Final = 0.3  # share of a step that is tried where the whole one does not help
 
 
 @dataclass(frozen=True, kw_only=True)
 class Slopes:
-    """Misfits of n points, and what information their readings hold about the lengths.
+    """Misfits of n points, and what information their readings hold about what is fitted.
 
     Attributes:
-        misfits: Shape (n, k, MISFITS).
-        precision: Of the lengths, in units of their ranges, shape (n, d, d): the curvature of the
-            log-likelihood, the prior's included.
-        climb: Its gradient, shape (n, d).
+        misfits: Misfits of the points in k interactions, shape (n, k, MISFITS).
+        precision: Precision of what is fitted, in units of ``Free.spreads``, shape (n, d, d): the
+            curvature of the log-likelihood, the prior's included.
+        climb: Gradient of the log-likelihood, the prior's included, shape (n, d).
     """
 
     misfits: Array
@@ -58,12 +58,12 @@ class Slopes:
 
 @dataclass(frozen=True, kw_only=True)
 class Free:
-    """What is fitted of n points: lengths, and parameters that are normal beforehand.
+    """What is fitted of n points: lengths, and parameters that have a normal prior.
 
     Attributes:
-        columns: Of each point, shape (n, d).
-        spreads: A length's range, 1, or a parameter's standard deviation, shape (n, d).
-        normal: Which are parameters, shape (d,).
+        columns: Columns of each point that are fitted, shape (n, d).
+        spreads: Range of a length, which is 1, or standard deviation of a parameter, shape (n, d).
+        normal: Which of the columns are parameters, shape (d,).
     """
 
     columns: Columns
@@ -72,7 +72,7 @@ class Free:
 
     @classmethod
     def lengths(cls, columns: Columns, count: int) -> Free:
-        """Lengths alone, of so many points."""
+        """Lengths alone, of ``count`` points."""
         shape = (count, columns.size)
         return cls(
             columns=np.broadcast_to(columns, shape),
@@ -82,11 +82,11 @@ class Free:
 
     @classmethod
     def with_parameters(cls, unknowns: Unknowns, spreads: Sequence[Mapping[int, float]]) -> Free:
-        """Lengths, and parameters by their rows of the table, as many of each point.
+        """Lengths, and parameters by their rows of the table, equally many of each point.
 
         Args:
-            unknowns: Whose columns these are.
-            spreads: The parameters' standard deviations, of each point.
+            unknowns: Cube whose columns are fitted.
+            spreads: Standard deviations of the parameters by row, for each point.
         """
         lengths = unknowns.continuous
         rows = np.array([list(own) for own in spreads], dtype=np.intp)
@@ -100,22 +100,22 @@ class Free:
         )
 
     def __getitem__(self, rows: Columns) -> Free:
-        """Of some of the points."""
+        """What is fitted of some of the points."""
         return Free(columns=self.columns[rows], spreads=self.spreads[rows], normal=self.normal)
 
     def of(self, values: Array) -> Array:
-        """What points have there, in units of the spreads, shape (n, d)."""
+        """Values of the fitted columns, in units of the spreads, shape (n, d)."""
         return np.take_along_axis(values, self.columns, axis=1) / self.spreads
 
     def within(self, values: Array, own: Array) -> Array:
-        """The points with that there, as far as it is possible."""
+        """The points with these values of the fitted columns (see ``of``), as far as possible."""
         low, high = np.where(self.normal, -_MOST, 0.0), np.where(self.normal, _MOST, 1.0)
         moved = values.copy()
         np.put_along_axis(moved, self.columns, np.clip(own, low, high) * self.spreads, axis=1)
         return moved
 
     def log_prior(self, values: Array) -> Array:
-        """Logarithm of the parameters' density beside its peak, shape (n,)."""
+        """Logarithm of the parameters' prior density relative to its peak, shape (n,)."""
         density: Array = -0.5 * np.sum(self.of(values)[:, self.normal] ** 2, axis=1)
         return density
 
@@ -125,7 +125,7 @@ class GaussNewton:
 
     Args:
         predictor: Computes readings.
-        likelihood: Of the observations.
+        likelihood: Likelihood of the observations.
 
     Attributes:
         predictor: As above, like ``likelihood``.
@@ -141,7 +141,7 @@ class GaussNewton:
     def rough_fits(self, values: Array, interactions: Columns | None = None) -> Array:
         """Log-likelihoods of n points in k of the interactions, by default all, shape (n, k).
 
-        Under ``ROUGH`` times the announced noise, with all bodies falling as statics has it.
+        The noise is ``ROUGH`` times the announced one, and all bodies fall as statics has it.
         """
         bodies = self.predictor.unknowns.bodies(values)
         misfits = self.likelihood.misfits_of_bodies(
@@ -166,11 +166,11 @@ class GaussNewton:
         may lead away from a point that fits already.
 
         Args:
-            values: Shape (n, size).
-            most: So many at most of each group, those that fit best while the noise is wide, best
-                first; by default all, in their order.
+            values: Points to begin with, shape (n, size).
+            most: Largest number of points of each group: those that fit best while the noise is
+                wide, best first; by default all points, in their order.
             free: What is fitted; lengths by default.
-            groups: To which each belongs, shape (n,); by default all to one.
+            groups: Group of each point, shape (n,); by default all are in one.
         """
         led, free = values, self._all(values, free)
         for noise_scale in _WIDE:
@@ -193,7 +193,7 @@ class GaussNewton:
         return points[better], fits[better]
 
     def _narrower(self, values: Array, free: Free, noise_scale: float) -> tuple[Array, Array]:
-        """One step, where it leads to something better; and its log-likelihood under that noise."""
+        """Points after one step, where it is an improvement, and their fits under that noise."""
         values = values.copy()
         slopes = self.slopes(values, noise_scale, free)
         step = np.linalg.solve(slopes.precision, slopes.climb[..., None])[..., 0]
@@ -218,7 +218,7 @@ class GaussNewton:
         return values, best
 
     def slopes(self, values: Array, noise_scale: float = 1.0, free: Free | None = None) -> Slopes:
-        """Precision and gradient of the log-likelihood by differences, shape (n, size) in.
+        """Precision and gradient of the log-likelihood of points, shape (n, size), by differences.
 
         Under wider noise than announced forks are left out, and joints turn in coarse steps, which
         are precise enough there.
@@ -270,7 +270,7 @@ class GaussNewton:
 
         Args:
             values: The best point of each set, shape (n, size).
-            free: What it is integrated over; lengths by default.
+            free: What the likelihood is integrated over; lengths by default.
         """
         fits = self.fits(values) + (free.log_prior(values) if free else 0.0)
         log_prior = self.predictor.unknowns.log_prior(values)
@@ -287,7 +287,7 @@ class GaussNewton:
 
 
 def best_of_each(keys: Sequence[Attachments] | Columns, fits: Array, most: int = 1) -> Columns:
-    """Of points with equal keys the ``most`` that fit best; indices, best first."""
+    """Indices of the ``most`` points that fit best among those of equal keys, best first."""
     counted: dict[Attachments | int, int] = {}
     kept = []
     for row in np.argsort(-fits, kind="stable").tolist():

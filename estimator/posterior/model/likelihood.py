@@ -44,10 +44,10 @@ what momentum may rarely do elsewhere. They lie in no plane of symmetry that bod
 have."""
 
 FORKS: Final = GRAVITY_TILTS[1 : 1 + len(_SIDES)]
-"""Those that decide at a fork."""
+"""Inclinations of gravity that decide at a fork."""
 
 LIKELY: Final = np.array([1.0, *[0.5] * len(_SIDES), *[0.05] * len(_SIDES)])
-"""How likely each of ``GRAVITY_TILTS`` is, beside the first."""
+"""How likely each of ``GRAVITY_TILTS`` is, relative to the first."""
 
 _LOG_LIKELY: Final = np.log(LIKELY)
 _PLAINLY: Final = 3.0  # standard deviations by which readings of different poses differ
@@ -72,7 +72,7 @@ class Likelihood:
     Attributes:
         data: As above, like ``noise``.
         sigmas: Announced standard deviation of each residual, shape (RESIDUALS,).
-        noise_factors: Over which ``integrated`` does so.
+        noise_factors: Noise factors over which ``integrated`` integrates.
     """
 
     def __init__(self, data: SensorData, noise: Noise):
@@ -99,7 +99,7 @@ class Likelihood:
         )
 
     def __len__(self) -> int:
-        """How many interactions there are."""
+        """Number of interactions."""
         return len(self.data)
 
     def __getitem__(self, interactions: Columns | slice) -> Likelihood:
@@ -129,11 +129,12 @@ class Likelihood:
         Args:
             predictor: Computes readings.
             bodies: As ``Unknowns.bodies`` makes them.
-            interactions: Which, shape (k,); by default all.
+            interactions: Indices of the interactions, shape (k,); by default all.
             branches: Numbers of ``GRAVITY_TILTS``, shape (n, k) or one for all, under which bodies
                 are taken to fall; 0: as statics has it.
             coarse_step: Whether joints turn in coarse steps, where ``branches`` are given.
-            stances: There, of bodies that are nearly the same, shape (n, k): see ``ArrayPhysics``.
+            stances: Stances of bodies that are nearly the same, where ``branches`` are given, shape
+                (n, k): see ``ArrayPhysics``.
             sides: Which of ``GRAVITY_TILTS`` are tried, shape (n, k, 9); by default all.
         """
         if interactions is None:
@@ -171,7 +172,7 @@ class Likelihood:
         coarse_step: bool = False,
         stances: Columns | None = None,
     ) -> Array:
-        """Of m of the bodies, each in one interaction under one of ``GRAVITY_TILTS``, by numbers.
+        """The misfits of m bodies, each in one interaction under one of ``GRAVITY_TILTS``.
 
         Shape (m, MISFITS).
         """
@@ -199,7 +200,7 @@ class Likelihood:
 
         Args:
             predictor: Computes readings.
-            values: Shape (n, size).
+            values: Points of the cube, shape (n, size).
             scales: As for ``of``.
         """
         inlier, outlier = self.terms(self.misfits_of(predictor, values), scales=scales)
@@ -280,8 +281,8 @@ class Likelihood:
     def integrated(self, misfits: Array) -> Array:
         """Log-likelihoods with the noise factors integrated out, shape (n,).
 
-        By these bodies are compared: under the announced noise a quiet robot's would differ too
-        little, a noisy one's too much.
+        Bodies are compared by these: under the announced noise log-likelihoods would differ too
+        little on a quiet robot, too much on a noisy one.
 
         Args:
             misfits: Shape (n, k, MISFITS).
@@ -324,7 +325,7 @@ class Likelihood:
         scales: Array | None = None,
         interactions: Columns | None = None,
     ) -> tuple[Array, Array]:
-        """Logarithms of the mixture's two terms, each of shape (n, k)."""
+        """Logarithms of the mixture's terms, of inliers and of outliers, shape (n, k) each."""
         interactions = self._every if interactions is None else np.ascontiguousarray(interactions)
         inlier, beside = np.empty(misfits.shape[:2]), np.empty(misfits.shape[:2])
         _compiled().mixture(

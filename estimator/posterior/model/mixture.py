@@ -20,7 +20,7 @@ from estimator.posterior.model.noise import LOG_PEAK, Noise, log_above, log_shap
 from estimator.posterior.model.sensor_data import BRANCH, COLUMNS, DENSITIES, NO_PREDICTION
 
 _SOURCES: Final = stamp(Path(__file__).parent)
-_TILT: Final = COLUMNS["tilt"].start  # and the one after it
+_TILT: Final = COLUMNS["tilt"].start  # of the first angle; the second is in the next column
 _CLEARANCE: Final = COLUMNS["clearance"].start
 _WRONG: Final = COLUMNS["touch"].start
 _DOUBTFUL: Final = _WRONG + 1
@@ -39,11 +39,12 @@ class Read(NamedTuple):
     """What was read in each of k interactions.
 
     Attributes:
-        tilts: How many angles, shape (k,).
-        clear: Whether clearance was, shape (k,).
+        tilts: Number of angles that were read, shape (k,).
+        clear: Whether clearance was read, shape (k,).
         beyond: Whether the ground lay beyond the sensor's range, shape (k,).
-        bits: How many touch bits, shape (k,).
-        log_anywhere: Logarithm of the density of such readings anywhere, shape (k,).
+        bits: Number of touch bits that were read, shape (k,).
+        log_anywhere: Logarithm of the density of such readings in any pose times the share of
+            outliers, shape (k,).
     """
 
     tilts: Array
@@ -57,16 +58,16 @@ class Level(NamedTuple):
     """Noise on one level of a search and under one pair of noise factors, each with its logarithm.
 
     Attributes:
-        tilt: rad.
+        tilt: Noise of tilt, rad.
         log_tilt: Its logarithm.
-        clearance: m.
+        clearance: Noise of clearance, m.
         log_clearance: Its logarithm.
-        tilt_beside: Where a robot ends beside the pose predicted, rad.
+        tilt_beside: Noise of tilt where a robot ends beside the pose predicted, rad.
         log_tilt_beside: Its logarithm.
-        clearance_beside: m.
+        clearance_beside: Noise of clearance where a robot ends beside the pose predicted, m.
         log_clearance_beside: Its logarithm.
-        log_wrong: Of the probability that a touch bit is wrong.
-        log_right: That it is not.
+        log_wrong: Logarithm of the probability that a touch bit is wrong.
+        log_right: Logarithm of the probability that a touch bit is right.
     """
 
     tilt: float
@@ -105,21 +106,21 @@ def level_of(spread: Noise, noise_scale: float, log_tilt: float, log_clearance: 
 
 @compiled
 def _log_bits(bits: float, wrong: float, doubtful: float, level: Level) -> float:
-    """Of some touch bits, of which some differ and of some the model is not sure."""
+    """Log-probability of touch bits, of which some differ and of some the model is not sure."""
     right = bits - doubtful - wrong
     return right * level.log_right + wrong * level.log_wrong + doubtful * _LOG_EVEN
 
 
 @compiled
 def _log_tilt(one: float, other: float, angles: float, noise: float, log_noise: float) -> float:
-    """Of both angles; the misfit of one that was not read is 0, and it is not counted."""
+    """Log-density of both angles; one that was not read has a misfit of 0 and is not counted."""
     shape = _log_shape(one / noise) + _log_shape(other / noise)
     return shape + angles * (LOG_PEAK - log_noise)
 
 
 @compiled
 def _log_clearance(misfit: float, beyond: bool, noise: float, log_noise: float) -> float:
-    """Of a distance, or of the ground's lying beyond the sensor's range."""
+    """Log-density of a distance, or log-probability of ground beyond the sensor's range."""
     if beyond:
         return _log_above(misfit / noise)
     return _log_shape(misfit / noise) + LOG_PEAK - log_noise
@@ -140,13 +141,13 @@ def log_densities(
 
     Args:
         tilt: Misfits of both angles, rad; 0 where not read.
-        angles: How many were read.
-        clearance: Misfit, m; of the end of the range where the ground lies beyond it, and -inf
-            where the body has it there, too.
-        clear: Whether it was read.
+        angles: Number of angles that were read.
+        clearance: Misfit of clearance, m; that of the end of the range where the ground lies beyond
+            it, and -inf where the body predicts it there, too.
+        clear: Whether clearance was read.
         beyond: Whether the ground lies beyond the range.
-        touch: How many bits differ, and of how many the model is not sure.
-        bits: How many were read.
+        touch: Number of bits that differ, and number of bits of which the model is not sure.
+        bits: Number of touch bits that were read.
         level: Noise.
     """
     near = _log_bits(bits, touch[0], touch[1], level)
@@ -180,12 +181,14 @@ def _make_mixture(sources: int) -> Any:
             misfits: Shape (n, k, MISFITS).
             interactions: Which interactions the columns are, one row for all or one for each.
             noise_scales: Factors on all noise, one for all or one for each.
-            scales: Logarithms of the factors on tilt's and clearance's noise, likewise.
+            scales: Logarithms of the factors on tilt's and clearance's noise, one row for all or
+                one for each.
             read: What was read.
             spread: Sensor noise.
-            log_likely: Of each lean.
-            inlier: Receives that of the pose predicted.
-            beside: Receives that of an outlier beside it; of any where there is no prediction.
+            log_likely: Logarithm of ``LIKELY`` for each inclination of gravity.
+            inlier: Receives the term of the pose predicted.
+            beside: Receives the term of an outlier beside that pose; of one in any pose where
+                there is no prediction.
         """
         log_inlier, log_outlier = math.log1p(-spread.outlier), math.log(spread.outlier)
         log_nearby = math.log(spread.nearby)
@@ -221,7 +224,7 @@ mixture: Final = _make_mixture(_SOURCES)
 
 @compiled
 def _fill_noises(noise: float, beside: float, factors: Array, noises: Array) -> None:
-    """Fills rows: the noise under each factor, its logarithm, and both of what ends beside."""
+    """Fills rows: the noise under each factor and its logarithm, and both beside the prediction."""
     for one in range(len(factors)):
         narrow = noise * math.exp(factors[one])
         wide = math.hypot(narrow, beside)
@@ -229,10 +232,10 @@ def _fill_noises(noise: float, beside: float, factors: Array, noises: Array) -> 
         noises[2, one], noises[3, one] = wide, math.log(wide)
 
 
-# Loops, not arrays' own arithmetic: each expression of arrays takes Numba half a second.
+# Loops, not arrays' own arithmetic: each expression of arrays takes Numba half a second to compile.
 @compiled
 def _multiply(product: Array, by_tilt: Array, by_clearance: Array) -> None:
-    """Multiplies densities of pairs of factors by those of one interaction, beside its least."""
+    """Multiplies densities under pairs of factors by one interaction's, relative to its least."""
     for one in range(product.shape[0]):
         near, nearby = by_tilt[0, one], by_tilt[1, one]
         for other in range(product.shape[1]):
@@ -243,7 +246,7 @@ def _multiply(product: Array, by_tilt: Array, by_clearance: Array) -> None:
 
 @compiled
 def _brought_to_one(product: Array) -> float:
-    """Divides densities by the largest; its logarithm."""
+    """Divides densities by the largest, and returns the logarithm of that."""
     most = 0.0
     for one in range(product.shape[0]):
         for other in range(product.shape[1]):
@@ -283,15 +286,15 @@ def _make_over_factors(sources: int) -> Any:
 
         Args:
             misfits: Shape (n, k, MISFITS).
-            tilt_factors: Logarithms, shape (t,).
-            clearance_factors: Logarithms, shape (c,).
-            weights: Of pairs, adding up to 1, shape (t, c).
+            tilt_factors: Logarithms of the factors on tilt's noise, shape (t,).
+            clearance_factors: Logarithms of the factors on clearance's noise, shape (c,).
+            weights: Weights of pairs of factors, adding up to 1, shape (t, c).
             read: What was read.
             spread: Sensor noise.
-            log_likely: Of each lean.
-            sums: Receives them, shape (n,).
-            terms: Receives those under each pair, shape (n, t, c); without rows: they are not
-                wanted.
+            log_likely: Logarithm of ``LIKELY`` for each inclination of gravity.
+            sums: Receives the log-likelihoods, shape (n,).
+            terms: Receives the log-likelihoods under each pair of factors, shape (n, t, c); without
+                rows: they are not wanted.
         """
         log_inlier, log_outlier = math.log1p(-spread.outlier), math.log(spread.outlier)
         log_elsewhere, log_nearby = math.log1p(-spread.nearby), math.log(spread.nearby)

@@ -1,17 +1,17 @@
 """The noise of sensors: its size, the family of its distribution, and unknown factors on its size.
 
-*The family* (here normal). Everything that the estimator takes from it is in this file: density and
+*The family* (here normal). Everything that depends on the family is in this file: density and
 tail, which ``mixture`` compiles; draws, for predicted readings, and the densities of these under
 many predictions at once; the weight of a residual in a Gauss-Newton step; and what a right body
-loses beside a perfect fit. The distribution is symmetric about 0 and highest there.
+loses relative to a perfect fit. The distribution is symmetric about 0 and highest there.
 
 *Factors* on the noise of tilt and clearance. A sensor is hardly ever better than the robot says of
 it, and may well be worse. So the prior of a factor's logarithm is a normal distribution in two
 pieces: narrow below 0, the announced noise, and wide above. Were less noise as likely as more,
-lengths that happen to fit few readings well would be taken to be known better than they are. They
-are integrated over by the trapezoidal rule on the logarithms: for densities as smooth as these its
-error vanishes as soon as the steps are not much wider than the density itself, which narrows with
-every reading.
+lengths that happen to fit few readings well would be taken to be known better than they are. The
+factors are integrated over by the trapezoidal rule on the logarithms: for densities as smooth as
+these its error vanishes as soon as the steps are not much wider than the density itself, which
+narrows with every reading.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ SCALE_INFORMATION: Final = 2.0
 
 
 def log_shape(residual: float) -> float:
-    """Logarithm of the density beside that at 0; to be compiled, as the next one is."""
+    """Logarithm of the density relative to that at 0; to be compiled, like ``log_above``."""
     return -0.5 * residual * residual
 
 
@@ -60,25 +60,25 @@ def log_above(residual: float) -> float:
 
 
 def log_tail(residuals: Array) -> Array:
-    """``log_above`` of arrays; of residuals beyond ``_FAR``, where it is negligible, of that."""
+    """``log_above`` of arrays; residuals beyond ``_FAR``, where it is negligible, count as that."""
     logs: Array = np.log(ndtr(-np.minimum(residuals, _FAR)))
     return logs
 
 
 def read_factors(values: Array) -> Array:
-    """What is multiplied by ``predicted_factors``, of any shape, in a last dimension of 3."""
+    """Factors of readings, of any shape, for ``predicted_factors``; in a last dimension of 3."""
     return np.stack([values**2, values, np.ones_like(values)], axis=-1)
 
 
 def predicted_factors(values: Array, noise: Array) -> Array:
-    """Log-densities are inner products of these with ``read_factors``: all pairs in one product."""
+    """Factors whose inner products with ``read_factors`` are log-densities: all pairs at once."""
     half = np.broadcast_to(-0.5 / noise**2, values.shape)
     peak = LOG_PEAK - np.log(noise)
     return np.stack([half, -2 * half * values, half * values**2 + peak], axis=-1)
 
 
 def drawn(shape: int | tuple[int, ...], rng: np.random.Generator) -> Array:
-    """Deviations at random, of that shape."""
+    """Random deviations in units of the noise, of that shape."""
     return rng.normal(size=shape)
 
 
@@ -97,10 +97,10 @@ class Noise(NamedTuple):
 
     Attributes:
         tilt: Standard deviation of each tilt, rad.
-        clearance: Standard deviation, m.
+        clearance: Standard deviation of clearance, m.
         touch: Probability that a touch bit is wrong.
-        outlier: Share of the interactions that do not end as the body does.
-        nearby: Share of these that end beside it; the readings of the others say nothing.
+        outlier: Share of the interactions that do not end in the pose predicted.
+        nearby: Share of these that end beside that pose; the readings of the others say nothing.
     """
 
     tilt: float
@@ -111,7 +111,7 @@ class Noise(NamedTuple):
 
     @classmethod
     def announced(cls, capabilities: Capabilities) -> Noise:
-        """What a robot says of its sensors, with what a model itself cannot know.
+        """Noise that a robot announces, together with what a model itself cannot know.
 
         A joint that is not where its servo measures it leans the body by as much at most, and lifts
         it by that times half its size.
@@ -125,20 +125,20 @@ class Noise(NamedTuple):
         )
 
     def widened(self, factors: Array) -> Noise:
-        """With so many times the noise of the modalities ``SCALED``, shape (2,)."""
+        """This noise, with factors, shape (2,), on that of the modalities ``SCALED``."""
         wide = (self.of(name) * factor for name, factor in zip(SCALED, factors, strict=True))
         return self._replace(**dict(zip(SCALED, map(float, wide), strict=True)))
 
     def of(self, modality: str) -> float:
-        """The figure of one modality."""
+        """Standard deviation of one modality; of touch the probability of a wrong bit."""
         figure: float = getattr(self, modality)
         return figure
 
 
-_LESS: Final = 0.15  # standard deviations of the prior, of logarithms below 0
-_MORE: Final = 0.5  # and above
-_REACH: Final = (1.2, 2.0)  # of the grid, below 0 and above
-_STEP: Final = 1.5  # standard deviations of the posterior
+_LESS: Final = 0.15  # standard deviation of the prior of a factor's logarithm, below 0
+_MORE: Final = 0.5  # and above 0
+_REACH: Final = (1.2, 2.0)  # how far the grid reaches below 0, and above
+_STEP: Final = 1.5  # step of the grid, in standard deviations of the posterior
 
 
 def log_prior(scales: Array) -> Array:
@@ -155,14 +155,14 @@ def drawn_scales(shape: int | tuple[int, ...], rng: np.random.Generator) -> Arra
 
 @dataclass(frozen=True, kw_only=True)
 class NoiseFactors:
-    """The nodes of the grid and their weights.
+    """The nodes of the grid of noise factors, and their weights.
 
     Attributes:
         tilt: Logarithms of the factors on tilt's noise, shape (t,).
-        clearance: On clearance's, shape (c,).
-        both: All pairs, tilt by tilt, shape (t · c, 2).
-        log_weights: Of the pairs, the prior's density included, shape (t · c,).
-        weights: Their exponentials, which add up to 1, shape (t, c).
+        clearance: Logarithms of the factors on clearance's noise, shape (c,).
+        both: All pairs of these, tilt by tilt, shape (t · c, 2).
+        log_weights: Logarithms of the pairs' weights, the prior's density included, shape (t · c,).
+        weights: Weights of the pairs, which add up to 1, shape (t, c).
     """
 
     tilt: Array
@@ -173,7 +173,7 @@ class NoiseFactors:
 
     @classmethod
     def known_by(cls, tilts: float, clearances: float) -> Self:
-        """A grid that is fine enough for so many readings of each."""
+        """A grid that is fine enough for so many readings of tilt and of clearance."""
         (tilt, of_tilt), (clearance, of_clearance) = _axis(tilts), _axis(clearances)
         log_weights = np.add.outer(of_tilt, of_clearance)
         return cls(
@@ -186,7 +186,7 @@ class NoiseFactors:
 
 
 def _axis(readings: float) -> tuple[Array, Array]:
-    """Nodes and the logarithms of their weights, which add up to 1."""
+    """Nodes of the grid of one factor, and logarithms of their weights, which add up to 1."""
     step = _STEP / math.sqrt(SCALE_INFORMATION * readings + _LESS**-2)
     below, above = (math.ceil(reach / step) for reach in _REACH)
     nodes: Array = step * np.arange(-below, above + 1, dtype=float)

@@ -25,10 +25,10 @@ from estimator.posterior.model.unknowns import Columns
 from estimator.readings.modalities import MODALITIES
 from estimator.readings.observation import Observation, PredictedReadings
 
-MODEL_TILT: Final = math.radians(0.2)  # what a model of capsules cannot know
-MODEL_CLEARANCE: Final = 0.8e-3
+MODEL_TILT: Final = math.radians(0.2)  # what a model of capsules cannot know of tilt, rad
+MODEL_CLEARANCE: Final = 0.8e-3  # and of clearance, m
 
-_BEYOND: Final = 0.1  # share of the poses anywhere whose clearance lies beyond the range
+_BEYOND: Final = 0.1  # share of arbitrary poses whose clearance lies beyond the range
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,7 +36,8 @@ class ObservedModality:
     """One modality's readings of k interactions.
 
     Attributes:
-        values: Shape (k, values), or (k, 1) for all of what does not count; NaN where missing.
+        values: What was read, shape (k, values), or (k, 1) of a modality that does not count; NaN
+            where missing.
         beyond: Whether what is measured lies beyond the sensor's range, shape (k,).
     """
 
@@ -48,7 +49,7 @@ class ObservedModality:
         chosen = ObservedModality(  # take is several times as fast as an index
             values=self.values.take(interactions, axis=0), beyond=self.beyond.take(interactions)
         )
-        chosen.__dict__["complete"] = self.complete  # not to be looked for again
+        chosen.__dict__["complete"] = self.complete  # not to be computed again
         return chosen
 
     @cached_property
@@ -58,7 +59,7 @@ class ObservedModality:
 
     @cached_property
     def complete(self) -> bool:
-        """Whether none is missing, of these interactions or of those that they were chosen from."""
+        """Whether no value is missing, here or in the interactions that these were chosen from."""
         return bool(self.present.all())
 
     @property
@@ -72,7 +73,7 @@ class Density(ABC):
     """The probability of one modality's readings.
 
     Attributes:
-        name: Of the modality.
+        name: Name of the modality.
         misfits: How many numbers say how far a prediction is from what was observed.
         residuals: How many of the misfits, the first ones, are observed minus predicted on a
             continuous scale. If there are any the robot's noise may be another than announced, by
@@ -118,7 +119,7 @@ class Density(ABC):
 
 
 class TouchDensity(Density):
-    """Bits that are wrong by chance. Misfits: those that differ, and those that are doubtful."""
+    """Bits that are wrong by chance. Misfits: how many differ, and how many are doubtful."""
 
     name = "touch"
     misfits = 2
@@ -136,16 +137,16 @@ class TouchDensity(Density):
     def standardised_residual(
         self, misfits: Array, observed: ObservedModality, noise: float
     ) -> Array:
-        """The bits that differ, each as many standard deviations as it is unlikely."""
+        """Number of bits that differ, times the standard deviations that are as unlikely as one."""
         return misfits[:, 0] * math.sqrt(-2 * math.log(noise))
 
     def log_anywhere(self, count: NDArray[np.int64], beyond: Flags, cap: float) -> Array:
-        """Each bit even."""
+        """Each bit is as likely set as not."""
         return math.log(0.5) * count.astype(float)
 
 
 class TiltDensity(Density):
-    """Normal, each angle by itself. Misfits: observed minus predicted, rad."""
+    """Normal density of each angle by itself. Misfits: observed minus predicted, rad."""
 
     name = "tilt"
     misfits = 2
@@ -153,7 +154,7 @@ class TiltDensity(Density):
     beside = math.radians(3.0)
 
     def misfit(self, observed: ObservedModality, readings: PredictedReadings, into: Array) -> None:
-        """Both angles, rad."""
+        """Observed minus predicted, both angles, rad."""
         np.subtract(observed.values, readings.tilt, out=into)
         if not observed.complete:
             np.copyto(into, 0.0, where=~observed.present)
@@ -161,7 +162,7 @@ class TiltDensity(Density):
     def standardised_residual(
         self, misfits: Array, observed: ObservedModality, noise: float
     ) -> Array:
-        """The larger of the two."""
+        """The larger of both angles' residuals, in units of the noise."""
         both = misfits / noise
         larger: Array = both[np.arange(len(both)), np.argmax(np.abs(both), axis=1)]
         return larger
@@ -172,10 +173,10 @@ class TiltDensity(Density):
 
 
 class ClearanceDensity(Density):
-    """Normal within the sensor's range. Misfit: observed minus predicted, m.
+    """Normal density within the sensor's range. Misfit: observed minus predicted, m.
 
-    Of a reading at the end of the range it is the tail beyond; the misfit is -inf where the model's
-    lies there too.
+    A reading at the end of the range has the probability of the tail beyond; its misfit is -inf
+    where the model predicts that end, too.
     """
 
     name = "clearance"
@@ -184,7 +185,7 @@ class ClearanceDensity(Density):
     beside = 0.01
 
     def observed(self, observations: Sequence[Observation], *, counts: bool) -> ObservedModality:
-        """With the interactions in which the ground lay beyond the range."""
+        """The readings, and in which interactions the ground lay beyond the range."""
         values = super().observed(observations, counts=counts).values
         saturated = np.array([item.clearance_saturated for item in observations], dtype=bool)
         return ObservedModality(values=values, beyond=saturated & ~np.isnan(values[:, 0]))
@@ -197,7 +198,7 @@ class ClearanceDensity(Density):
         into[readings.saturated & observed.beyond, 0] = -np.inf
 
     def residual(self, misfits: Array, observed: ObservedModality) -> Array:
-        """The distance, m; 0 beyond the range too."""
+        """Observed minus predicted, m; 0 where the ground lay beyond the range, too."""
         return np.where(observed.beyond[:, None], 0.0, misfits)
 
     def standardised_residual(
@@ -220,8 +221,8 @@ def _counted(flags: Flags) -> Array:
 DENSITIES: Final[Mapping[str, Density]] = MappingProxyType(
     {density.name: density for density in (TiltDensity(), ClearanceDensity(), TouchDensity())}
 )
-"""In the order in which terms are added up, and in which misfits, residuals and noise factors are
-columns of arrays."""
+"""Densities by modality, in the order in which terms are added up, and in which misfits, residuals
+and noise factors are columns of arrays."""
 
 SCALED: Final = tuple(name for name, density in DENSITIES.items() if density.residuals)
 """Modalities whose noise has an unknown factor, in the order of the factors."""
@@ -229,19 +230,19 @@ SCALED: Final = tuple(name for name, density in DENSITIES.items() if density.res
 
 _ENDS: Final = (0, *accumulate(density.misfits for density in DENSITIES.values()))
 COLUMNS: Final = {name: slice(*ends) for name, ends in zip(DENSITIES, pairwise(_ENDS), strict=True)}
-"""Of each modality among the misfits."""
+"""Columns of each modality among the misfits."""
 
 NO_PREDICTION: Final = _ENDS[-1]
 """Column of the misfits that is 1 where the model predicts nothing; the modalities' come before."""
 
 BRANCH: Final = NO_PREDICTION + 1
-"""Column that is 0 where the model falls as statics has it, else the number in ``GRAVITY_TILTS``
-under which it explains what was observed."""
+"""Column of the misfits that is 0 where the model falls as statics has it, else the number in
+``GRAVITY_TILTS`` under which it explains what was observed."""
 
 STANCE: Final = BRANCH + 1
-"""Column that says on what the body rests: see ``PredictedReadings``."""
+"""Column of the misfits that says on what the body rests: see ``PredictedReadings``."""
 
-MISFITS: Final = STANCE + 1
+MISFITS: Final = STANCE + 1  # number of columns of the misfits
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -285,7 +286,7 @@ class SensorData:
         """The misfits of n readings, each in one of the interactions.
 
         Args:
-            readings: Of n bodies.
+            readings: Predicted readings of n bodies.
             interactions: Which interaction each is of, shape (n,).
 
         Returns:

@@ -57,6 +57,6 @@ def ndtr(values: Array) -> Array:
 
 
 def at_least(hits: Array, trials: Array, chance: float) -> Array:
-    """Probability of so many hits or more in independent trials with one chance each."""
+    """Probability of ``hits`` or more in independent trials, each with that chance of a hit."""
     tail: Array = _scipy().bdtrc(hits - 1, trials, chance)
     return tail

@@ -23,10 +23,10 @@ Columns = NDArray[np.intp]
 Attachments = tuple[int, ...]
 """The choices of one body, in the order of its genes: parent, mount and hinge, part by part."""
 
-_MANY: Final = 24.0  # bits
-_BITS_LEARNT: Final = 6.0  # about attachments, by one interaction that moves few limbs
-_OFF: Final = 2.0  # standard deviations from which a length is another
-_TRIFLE: Final = 0.01  # of a length's range, that these have at least
+_MANY: Final = 24.0  # bits of attachments above which many are open
+_BITS_LEARNT: Final = 6.0  # bits about attachments that one interaction with few moved limbs tells
+_OFF: Final = 2.0  # standard deviations off from which a length is another
+_TRIFLE: Final = 0.01  # least such standard deviation, of a length's range
 
 
 class Unknowns:
@@ -43,19 +43,19 @@ class Unknowns:
 
     Attributes:
         table: As above.
-        genes_size: Dimensions of the cube.
-        size: Columns of a point.
+        genes_size: Number of dimensions of the cube.
+        size: Number of columns of a point.
         continuous: Columns of the lengths.
         choices: Columns of what is chosen from a few values and observable.
         counts: How many values each column chooses from, shape (genes,); 0: any in a range, or
             not observable.
-        parents: Which columns choose what a part sits on, shape (size,).
-        bits: Entropy of the attachments, were all equally likely.
+        parents: Which columns choose what a part sits on, shape (genes,).
+        bits: Entropy of the attachments, bits, were all equally likely.
         many: Whether that is so much that changes of single parts do not lead to the body.
         telling: Interactions from which on readings can tell attachments, each 6 bits at most.
         parts: Columns that belong to one part, by its number, of each part that has any.
-        places: Columns that say where parts sit, of parts that may have each other's mounts and not
-            share them: in each array one row a part, and the same columns for each.
+        places: Columns that say where parts sit, of parts that may have each other's mounts but not
+            share one: an array for each kind of such parts, with one row for each part.
         hinges: Columns of these parts' hinges, part by part.
     """
 
@@ -102,7 +102,7 @@ class Unknowns:
         return self._genome.forbidden(self.cube(values))
 
     def permitted(self, values: Array) -> Array:
-        """The points, with parts on mounts that are taken moved to others."""
+        """The points, with parts whose mounts are taken moved to other mounts."""
         return self._genome.permitted(values)
 
     def bodies(self, values: Array) -> Bodies:
@@ -115,7 +115,7 @@ class Unknowns:
 
     @cached_property
     def _like(self) -> Bodies | None:
-        """A body with the fixed deviations; ``None``: they change what genes decide."""
+        """A body with the fixed deviations; ``None`` if these change what genes decide."""
         table, deviations = self._fixed
         body = self._genome.bodies(np.zeros((1, self.genes_size)))
         changed = applied(table, body, deviations[None])
@@ -127,7 +127,7 @@ class Unknowns:
         return Unknowns(self._genome, fixed=(self.table, deviations)) if self.table else self
 
     def cube(self, values: Array) -> Array:
-        """What n points are in the cube, shape (n, genes)."""
+        """Genes of n points, without their deviations, shape (n, genes)."""
         return values[:, : self.genes_size]
 
     def as_stated(self, genes: Array) -> Array:
@@ -139,11 +139,11 @@ class Unknowns:
         return np.hstack([genes, deviations[None].repeat(len(genes), axis=0)])
 
     def log_narrow(self, values: Array, apart: Columns) -> Array:
-        """Logarithm of the narrow components' density of n points beside its peak, shape (n,).
+        """Log-density of the narrow components of n points relative to its peak, shape (n,).
 
         Args:
             values: The points.
-            apart: A row of the table that does not count, for each, shape (n,); −1: all do.
+            apart: Row of the table that does not count for each point, shape (n,); −1: all count.
         """
         narrow = np.array([row.narrow for row in self.table])
         own = np.where(narrow > 0, values[:, self.genes_size :] / np.where(narrow, narrow, 1), 0.0)
@@ -157,9 +157,9 @@ class Unknowns:
         return np.where([True] * self.genes_size + narrow, values, 0.0)
 
     def mean_deviations(self, values: Array, best: Array) -> Array:
-        """Mean deviations of n points, shape (rows,); what has no narrow component as of the best.
+        """Mean deviations of n points, shape (rows,); without a narrow component, the best point's.
 
-        Means of that would be of none: a jammed servo is at opposite angles on opposite hinges.
+        Means of these would suit no body: a jammed servo is at opposite angles on opposite hinges.
         """
         narrow = [row.narrow > 0 for row in self.table]
         return np.where(narrow, values[:, self.genes_size :].mean(axis=0), best[self.genes_size :])
@@ -188,7 +188,7 @@ class Unknowns:
         return self._genome.decode_all(self.cube(values))
 
     def attachments(self, values: Array) -> NDArray[np.int64]:
-        """What n points choose, shape (n, choices)."""
+        """Values that n points choose, shape (n, choices)."""
         return self.decided(values)[:, self.choices]
 
     def decided(self, values: Array) -> NDArray[np.int64]:
@@ -213,12 +213,12 @@ class Unknowns:
 
 
 class ChangedUnknowns(Unknowns):
-    """The cube of a problem, with a column more for the amount of each change since.
+    """The cube of a problem, with one more column for each change since identification.
 
     Args:
         genome: The code between genes and bodies.
-        table: What was otherwise than stated when the robot was identified.
-        changes: What has changed.
+        table: Parameters that might deviate when the robot was identified.
+        changes: Parameters that have changed since.
     """
 
     def __init__(self, genome: Genome, table: Sequence[Parameter], changes: Sequence[Parameter]):
@@ -246,7 +246,7 @@ class Cost(NamedTuple):
     steps: int
 
     def since(self, before: Cost) -> Cost:
-        """The difference to an earlier one."""
+        """The difference from an earlier cost."""
         return Cost(*(now - then for now, then in zip(self, before, strict=True)))
 
 
@@ -255,7 +255,7 @@ class Predictor:
 
     Args:
         unknowns: The cube.
-        physics: Computes it; its own, so that populations can work side by side.
+        physics: Computes readings; each population has its own, so that they work side by side.
 
     Attributes:
         unknowns: As above.
@@ -290,12 +290,12 @@ class Predictor:
         """Predicted readings of some of the bodies, each in its own program.
 
         Args:
-            bodies: From ``Unknowns.bodies``.
+            bodies: Bodies from ``Unknowns.bodies``.
             rows: Which of them, shape (m,).
-            programs: rad, shape (m, motors).
+            programs: Motor programs, rad, shape (m, motors).
             gravity_tilts: How gravity is inclined on the way; see ``ArrayPhysics``.
-            coarse_step: Coarse steps; see ``ArrayPhysics``.
-            stances: Likewise, shape (m,).
+            coarse_step: Whether joints turn in coarse steps; see ``ArrayPhysics``.
+            stances: Stances of bodies that are nearly the same, shape (m,); see ``ArrayPhysics``.
         """
         chosen = bodies[rows]
         readings = self._physics.read_bodies(
@@ -316,7 +316,7 @@ class Predictor:
 
         Args:
             values: Points, shape (n, size).
-            programs: rad, shape (k, motors).
+            programs: Motor programs, rad, shape (k, motors).
             gravity_tilts: As in ``read``.
         """
         rows, each = np.indices((len(values), len(programs))).reshape(2, -1)
@@ -328,7 +328,7 @@ class Predictor:
         Args:
             reference: The simulator.
             values: Points, shape (n, size).
-            programs: rad, shape (k, motors).
+            programs: Motor programs, rad, shape (k, motors).
         """
         count = len(programs)
         bodies = self.unknowns.bodies(values)

@@ -22,9 +22,9 @@ from estimator.posterior.sampling.tempering import Particles, Target, equilibrat
 
 _ANYWHERE: Final = 100  # points with random lengths, the best of which a fit starts from
 _DRAWN: Final = 1000  # points drawn from the prior of lengths and narrow components
-_STARTS: Final = 4  # of these, from which fits start
+_STARTS: Final = 4  # best of these points, from which fits start
 _OFF: Final = 1.5  # deviation of starting points, in standard deviations
-_PEAKS: Final = 3  # of a hypothesis, at most, around which particles start
+_PEAKS: Final = 3  # peaks of a hypothesis, at most, around which particles start
 _LOWER: Final = 10.0  # nats below the best peak beyond which a peak does not count
 
 
@@ -32,10 +32,10 @@ class Hypothesis(NamedTuple):
     """A set of attachments, and what is open beside its lengths.
 
     Attributes:
-        point: With these attachments, from which fits start, shape (size,).
+        point: Point with these attachments, from which fits start, shape (size,).
         wide: Row of the table whose wide component is open; −1: none is.
         as_stated: Whether there are no deviations, and only lengths are open.
-        log_prior: Logarithm of its prior probability, given the set.
+        log_prior: Logarithm of the hypothesis's prior probability, given the set.
         log_chance: Logarithm of the chance with which the set was drawn, among many.
     """
 
@@ -51,7 +51,7 @@ class Integrals:
 
     Args:
         predictor: Computes readings.
-        likelihood: Of the observations.
+        likelihood: Likelihood of the observations.
     """
 
     def __init__(self, predictor: Predictor, likelihood: Likelihood) -> None:
@@ -75,7 +75,7 @@ class Integrals:
     def with_cost(
         self, task: tuple[Sequence[Hypothesis], int, bool, int]
     ) -> tuple[list[tuple[Hypothesis, Particles]], Cost]:
-        """Particles of hypotheses, these with their best points, and the cost of computing them.
+        """Hypotheses with their best points, particles of each, and the cost of computing them.
 
         Args:
             task: Hypotheses with equally many columns open, the number of particles of each,
@@ -108,7 +108,7 @@ class Integrals:
     def _target(
         self, hypotheses: Sequence[Hypothesis], peaks: Array, free: Free, rng: np.random.Generator
     ) -> Target:
-        """Of hypotheses with peaks of shape (n, p, size)."""
+        """The target of hypotheses with peaks of shape (n, p, size)."""
         count, each, size = peaks.shape
         which = np.repeat(np.arange(count), each)
         slopes = self._solver.slopes(peaks.reshape(-1, size), free=free[which])
@@ -140,8 +140,8 @@ class Integrals:
         """Peaks of the posterior of each hypothesis, shape (n, peaks, size), the best first.
 
         Args:
-            points: One of each hypothesis, shape (n, size), from which fits start.
-            free: What is open.
+            points: One point of each hypothesis, shape (n, size), from which fits start.
+            free: Columns that are open.
             rng: Draws further starts; ``None``: fits start from ``points`` alone.
         """
         starts = [points, *(self._drawn(points, free, rng) if rng else [])]
@@ -156,7 +156,7 @@ class Integrals:
         return np.swapaxes(by_start[order, each], 0, 1)
 
     def _drawn(self, points: Array, free: Free, rng: np.random.Generator) -> list[Array]:
-        """The best of many points drawn from the prior, each of shape (n, size)."""
+        """The best of many points drawn from the prior, as arrays of shape (n, size)."""
         count, each = len(points), np.repeat(np.arange(len(points)), _DRAWN)
         shape = (len(each), free.columns.shape[1])
         own = np.where(free.normal, rng.standard_normal(shape), rng.random(shape))
@@ -171,8 +171,9 @@ class Integrals:
     ) -> tuple[list[tuple[float, int, Array]], Cost]:
         """The best points with each of some wide components, and the cost of finding them.
 
-        Lengths alone are fitted with it. Where a part no longer turns on its hinge under it, each
-        hinge is tried: as stated, the readings speak for one about which it need not turn.
+        Lengths alone are fitted with a component. Where a part no longer turns on its hinge under
+        it, each hinge is tried: as stated, the readings speak for one about which the part need not
+        turn.
 
         Args:
             task: Rows of the table, all of which have amounts or none; −1: no wide component.
@@ -186,7 +187,7 @@ class Integrals:
         rows, starts, seed = task
         before, rng = self._predictor.cost, np.random.default_rng(seed)
         table = self._predictor.unknowns.table
-        sizes = np.array([table[row].wide or 1.0 for row in rows])  # of −1 it is not used
+        sizes = np.array([table[row].wide or 1.0 for row in rows])  # that of −1 is not used
         amounts = not (rows[0] < 0 or table[rows[0]].switch)
         anywhere = np.repeat(starts[-1:], _ANYWHERE, axis=0)
         anywhere[:, self._lengths] = rng.random((_ANYWHERE, self._lengths.size))
@@ -228,7 +229,7 @@ class Integrals:
         return polished, fits + self._predictor.unknowns.log_narrow(polished, which)
 
     def _with_amounts(self, which: Columns) -> Free:
-        """Lengths and the amounts of wide components, which all have one or none."""
+        """Lengths and the amounts of wide components, all of which have an amount or none has."""
         unknowns = self._predictor.unknowns
         amounts = which[0] >= 0 and not unknowns.table[which[0]].switch
         wide = [{row: unknowns.table[row].wide} if amounts else {} for row in which.tolist()]
@@ -265,12 +266,15 @@ class Integrals:
     def _with_wide(
         self, points: Array, rows: Sequence[int], amounts: Array
     ) -> tuple[Array, Columns]:
-        """Each of n points with each of these wide components alone, and which, shape (n · rows,).
+        """Each of n points with each of these wide components alone, and which component it has.
 
         Args:
-            points: Shape (n, size).
-            rows: Of the table; −1: none.
-            amounts: Of each, shape (n, rows).
+            points: Points, shape (n, size).
+            rows: Rows of the table; −1: no wide component.
+            amounts: Amount of each component at each point, shape (n, rows).
+
+        Returns:
+            Points, shape (n · rows, size), and the row of each, shape (n · rows,).
         """
         which = np.tile(np.array(rows, dtype=np.intp), len(points))
         several = np.repeat(points, len(rows), axis=0)

@@ -21,7 +21,7 @@ from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.unknowns import Attachments, Cost, Predictor, Unknowns
 from estimator.posterior.sampling.weighing import WeighedModes
 
-_PARTS: Final = 2  # of the chains, independent of each other
+_PARTS: Final = 2  # parts of the chains, independent of each other
 
 
 def mixed(
@@ -36,20 +36,20 @@ def mixed(
 ) -> tuple[WeighedModes, Array]:
     """The modes with those that chains reach, and the chains' ends as samples.
 
-    Of a mode that only chains have reached, the effective sample size is their number, and the
-    draws are their ends.
+    Of a mode that only chains have reached, the effective sample size is the number of these
+    chains, and the draws are their ends.
 
     Args:
-        modes: The weighed ones.
+        modes: The modes that were weighed.
         scales: Logarithms of their samples' noise factors, shape (n, 2).
         predictor: Computes readings.
-        likelihood: Of the observations.
+        likelihood: Likelihood of the observations.
         rng: Seeds the chains.
-        workers: Move some chains each; how many there are changes no result.
-        steps: Of the chains.
+        workers: Executor that moves the chains; its number of workers changes no result.
+        steps: Number of steps of each chain.
 
     Returns:
-        The modes, and ``scales`` of their samples.
+        The modes, and logarithms of their new samples' noise factors, shape (n, 2).
     """
     seeds = rng.integers(2**32, size=_PARTS).tolist()
     own = (slice(part, None, _PARTS) for part in range(_PARTS))
@@ -78,7 +78,7 @@ def _moved(
 
 
 def _with_others(modes: WeighedModes, fits: Array, unknowns: Unknowns) -> WeighedModes:
-    """The modes, and beside them those of the samples that have none of their attachments."""
+    """The modes, and besides those of samples whose attachments none of the modes has."""
     values, others = modes.values, dict[Attachments, list[int]]()
     weighed = set(unknowns.keys(modes.points))
     for row, key in enumerate(unknowns.keys(values)):

@@ -13,8 +13,8 @@ from estimator.body.morphology import Array
 from estimator.posterior.model.gauss_newton import PRIOR
 from estimator.posterior.model.unknowns import Columns
 
-_AT_LEAST: Final = 0.02  # standard deviation of a length around a peak, of its range
-_LEAST: Final = 1e-10  # variance of particles
+_AT_LEAST: Final = 0.02  # least standard deviation of a length around a peak, of its range
+_LEAST: Final = 1e-10  # least variance of particles
 _LOG_ROOT: Final = 0.5 * math.log(2 * math.pi)
 
 
@@ -23,9 +23,9 @@ class Normals:
     """Normal distributions around p peaks of each of g sets of attachments, in d dimensions.
 
     Attributes:
-        mean: Shape (g, p, d).
-        root: Of the covariance, shape (g, p, d, d).
-        inverse: Of the root.
+        mean: Means, shape (g, p, d).
+        root: Cholesky root of each covariance, shape (g, p, d, d).
+        inverse: Inverse of each root, shape (g, p, d, d).
     """
 
     mean: Array
@@ -37,9 +37,9 @@ class Normals:
         """Normal approximations of the posterior at its peaks, with the readings counting less.
 
         Args:
-            peaks: Of each set, shape (g, p, d).
-            precision: Of lengths and θ there, the prior's included, shape (g, p, d, d).
-            normal: Which are θ, shape (d,); they come last.
+            peaks: Peaks of each set, shape (g, p, d).
+            precision: Precision of lengths and θ there, the prior's included, shape (g, p, d, d).
+            normal: Which dimensions are θ, shape (d,); they come last.
             counts: Share of the readings' information that counts.
         """
         prior = np.diag(np.where(normal, 1.0, PRIOR))
@@ -53,7 +53,10 @@ class Normals:
 
     @classmethod
     def with_covariance_of(cls, x: Array) -> Normals:
-        """With particles' covariance, shape (g, n, d); the fewer, the more it is shrunk."""
+        """Distributions with the mean and covariance of each set's particles, shape (g, n, d).
+
+        The fewer particles, the more its correlations are shrunk.
+        """
         _, count, size = x.shape
         mean, each = x.mean(axis=1, keepdims=True), np.arange(size)
         covariance = np.swapaxes(x - mean, 1, 2) @ (x - mean) / count
@@ -64,22 +67,22 @@ class Normals:
 
     @classmethod
     def of(cls, mean: Array, covariance: Array) -> Normals:
-        """By means of shape (g, p, d) and covariances."""
+        """Distributions with these means, shape (g, p, d), and covariances, shape (g, p, d, d)."""
         root = np.asarray(np.linalg.cholesky(covariance))
         return cls(mean=mean, root=root, inverse=np.asarray(np.linalg.inv(root)))
 
     def coloured(self, normal: Array) -> Array:
-        """Standard normal draws, shape (g, n, d), as draws around each peak, (p, g, n, d)."""
+        """Standard normal draws, shape (g, n, d), made draws around each peak, (p, g, n, d)."""
         points = self.mean[:, :, None] + normal[:, None] @ np.swapaxes(self.root, 2, 3)
         return np.swapaxes(points, 0, 1)
 
     def whitened(self, x: Array) -> Array:
-        """The inverse: points as standard normal draws by each peak, (p, g, n, d)."""
+        """Inverse of ``coloured``: points (g, n, d), made standard normal draws (p, g, n, d)."""
         draws = (x[:, None] - self.mean[:, :, None]) @ np.swapaxes(self.inverse, 2, 3)
         return np.swapaxes(draws, 0, 1)
 
     def log_densities(self, x: Array, groups: Columns | slice = slice(None)) -> Array:
-        """Of points of some sets, shape (groups, n, d), by each peak, shape (p, groups, n)."""
+        """Log-densities (p, groups, n) by each peak, at points (groups, n, d) of some sets."""
         some = Normals(**{name: array[groups] for name, array in vars(self).items()})
         log_root = np.log(np.diagonal(some.root, axis1=2, axis2=3)).sum(axis=2)
         log_densities: Array = log_normal(some.whitened(x)) - log_root.T[..., None]
@@ -87,6 +90,6 @@ class Normals:
 
 
 def log_normal(theta: Array) -> Array:
-    """Logarithm of the standard normal density of what is in the last axis."""
+    """Logarithm of the standard normal density of the vectors in the last axis."""
     density: Array = -0.5 * np.sum(theta**2, axis=-1) - _LOG_ROOT * theta.shape[-1]
     return density

@@ -33,9 +33,9 @@ CONSIDERED: Final = 16.0
 """Nats below the best fit within which sets of attachments are considered."""
 
 ENOUGH_TO_ERR: Final = 5
-"""Interactions from which on one may be left unexplained."""
+"""Number of interactions from which on one may be left unexplained."""
 
-_BUILT: Final = 14.0  # nats beyond ``CONSIDERED`` where no such body explains the readings
+_BUILT: Final = 14.0  # further nats, where no body within ``CONSIDERED`` explains the readings
 _FITTED: Final = 120  # sets of attachments, at most, whose narrow components are fitted then
 _AS_GOOD: Final = 3.0  # nats that a population's fit may lie below the best one of the same set
 _AS_PROBABLE: Final = 3.0  # nats below the leader within which sets are about as probable
@@ -48,10 +48,10 @@ class Agreement:
     """Agreement of the populations: the attachments that each has found, and how well they fit.
 
     Attributes:
-        points: The best of each set of attachments that may matter, best first, shape (n, size).
-        keys: Their attachments.
-        guesses: Of their evidences, shape (n,).
-        found: Of each population the attachments that it has found, with a fit about as good.
+        points: Best point of each set of attachments that may matter, best first, shape (n, size).
+        keys: Attachments of these points.
+        guesses: Guesses of the logarithms of their evidences, shape (n,).
+        found: For each population, the attachments that it has found with a fit about as good.
         fit: How well the leader, the most probable set by those guesses, explains the readings.
         may_err: Whether there are so many readings that one may be left unexplained.
     """
@@ -69,7 +69,7 @@ class Agreement:
 
         Args:
             bodies: The best points of each population.
-            deviations: Of all these bodies from what is stated, shape (rows,).
+            deviations: Deviations of all these bodies from what is stated, shape (rows,).
             solver: Approximates evidences.
         """
         predictor, likelihood = solver.predictor, solver.likelihood
@@ -103,7 +103,7 @@ class Agreement:
         )
 
     def with_fit(self, fit: Fit) -> Self:
-        """With the fit of another body, if that is better."""
+        """This agreement with the fit of another body, if that is better."""
         return replace(self, fit=min(self.fit, fit, key=lambda one: (one.unexplained, one.excess)))
 
     @property
@@ -162,8 +162,8 @@ def attachments_found(
     """Sets of attachments that a population has found with a fit about as good as the best known.
 
     Args:
-        values: Its points, shape (n, size).
-        best_fits: Of the sets that are considered, of any population.
+        values: Points of the population, shape (n, size).
+        best_fits: Best fit that any population has found of each set that is considered.
         solver: Computes fits.
     """
     unknowns = solver.predictor.unknowns
@@ -187,10 +187,11 @@ def explored(
     """The posterior after the interactions so far, with the chains as its samples.
 
     Args:
-        searches: One for each population.
-        workers: Move the chains.
-        steps: Of each round where limbs are known, and of sampling after the last one.
-        rounds: At most, until all readings are explained; before each but the first chains restart.
+        searches: One search for each population.
+        workers: Executor that moves the chains.
+        steps: Steps of each round where limbs are known, and of sampling after the last round.
+        rounds: Largest number of rounds until all readings are explained; chains restart before a
+            further round if some are not.
 
     Returns:
         The searches afterwards, the posterior, and its coverage by the populations.
@@ -222,10 +223,10 @@ def explored(
 def _explore(
     steps: int, rounds: int, search: Discovery
 ) -> tuple[Discovery, tuple[Array, Array, Array]]:
-    """Moves the chains of one population; its samples, their noise factors and their fits.
+    """Moves the chains of one population; returns samples, their noise factors and their fits.
 
-    They restart where the best body leaves something unexplained: an interaction may have led them
-    far from the truth.
+    Chains restart where the best body leaves something unexplained: an interaction may have led
+    them far from the truth.
     """
     population, unknowns = search.population, search.predictor.unknowns
     longer = steps * (_LONGER if unknowns.parents.any() else 1)
@@ -250,12 +251,12 @@ def _explore(
 
 
 def _move_stragglers(population: Population, bodies: BestPoints, rng: np.random.Generator) -> float:
-    """Share of the coldest chains that lag far behind; they are moved to bodies that fit.
+    """Moves those of the coldest chains that lag far behind to bodies that fit; their share.
 
     Args:
-        population: Its coldest chains are moved.
+        population: Population whose coldest chains are moved.
         bodies: The best points, best first.
-        rng: Draws among them.
+        rng: Draws among these points.
     """
     cold = slice(0, population.chains_per_level)
     values, scales = population.values[cold].copy(), population.scales[cold].copy()

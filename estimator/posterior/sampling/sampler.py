@@ -32,8 +32,8 @@ ALGORITHM: Final = "evolutionary Monte Carlo"
 
 _AGREED: Final = 0.8  # coverage by both populations at which they agree
 _EXPLORED: Final = 0.4  # coverage from which attachments are weighed while populations explore
-_MORE: Final = 4  # additional rounds where they do not
-_FEW_ROUNDS: Final = 3  # at most, where many attachments are open and a round is long
+_MORE: Final = 4  # additional rounds where populations do not agree
+_FEW_ROUNDS: Final = 3  # rounds at most, where many attachments are open and a round is long
 _NEGLIGIBLE: Final = 0.05  # share of the posterior that the last round may have added
 _SURE: Final = 0.9  # share of some attachments from which no others are looked for
 
@@ -43,13 +43,14 @@ class Effort:
     """How much a sampler does after each interaction; all are counts.
 
     Attributes:
-        populations: Independent ones.
-        levels: Of each.
-        chains_per_level: On each.
-        steps: Of one round of the search.
-        rounds: Of the search, at most.
-        particles: For the evidence of one set of attachments, at most.
-        samples: Of the posterior; a multiple of 8, since chains go on from them in two parts.
+        populations: Independent populations of chains.
+        levels: Levels of each population.
+        chains_per_level: Chains on each level.
+        steps: Steps of one round of the search.
+        rounds: Largest number of rounds of the search.
+        particles: Largest number of particles for the evidence of one set of attachments.
+        samples: Samples of the posterior; a multiple of 8, since chains go on from them in two
+            parts.
     """
 
     populations: int = 2
@@ -65,14 +66,16 @@ class Sampler:
     """Samples the posterior of one problem, interaction after interaction.
 
     Args:
-        unknowns: What the posterior is over. Deviations from what is stated are open when bodies
-            are weighed. Searches take those of the last posterior as fixed (``mean_deviations``);
-            none where many attachments are open, since a wrong body's are wrong, too.
+        unknowns: The cube that the posterior is over. Deviations from what is stated are open when
+            bodies are weighed. Searches take those of the last posterior as fixed
+            (``mean_deviations``); where many attachments are open none, since a wrong body's
+            deviations are wrong, too.
         make_physics: Makes a back-end for each population.
         effort: How much to do.
-        seeds: One for each population, and one more for the sampler itself.
-        workers: Move the populations' chains; results do not depend on how many there are.
-        physics: Computes readings in this process; by default one more of ``make_physics``.
+        seeds: One seed for each population, and one more for the sampler itself.
+        workers: Executor that moves the populations' chains; its number of workers changes no
+            result.
+        physics: Computes readings in this process; by default a back-end made by ``make_physics``.
 
     Attributes:
         predictor: Predicts readings.
@@ -107,7 +110,7 @@ class Sampler:
         ]
         self._rng = np.random.default_rng(common)
         self._known: set[Attachments] = set() if unknowns.choices.size else {()}
-        self._cleared: set[Attachments] = set()  # of which many rounds have found nothing better
+        self._cleared: set[Attachments] = set()  # than which many rounds have found nothing better
         self._verified: set[Attachments] = set()  # beside which a restart has found little
 
     def state(self) -> dict[str, Any]:
@@ -129,7 +132,7 @@ class Sampler:
         """Goes back to a state, as if what came after it had not been.
 
         Raises:
-            SearchStateError: It is not the state of such a sampler.
+            SearchStateError: The state is not that of such a sampler.
         """
         if state.get("algorithm") != ALGORITHM:
             raise SearchStateError(
@@ -180,7 +183,7 @@ class Sampler:
         ``explored``), unless the populations agree earlier.
 
         Args:
-            likelihood: Of all of them.
+            likelihood: Likelihood of all these interactions.
         """
         known = set(self._known)
         for search in self._searches:
@@ -205,20 +208,20 @@ class Sampler:
     ) -> Agreement:
         """Searches in rounds, until the populations have converged.
 
-        They have when the readings are explained, the populations agree, and the last round has
-        added next to nothing to the posterior. The more interactions, the more rounds are allowed:
-        few readings leave many bodies, and the next reading tells more than another round.
+        They have converged when the readings are explained, the populations agree, and the last
+        round has added next to nothing to the posterior. The more interactions, the more rounds are
+        allowed: few readings leave many bodies, and the next reading tells more than another round.
         Where populations that should agree do not, or the readings are explained poorly, all
         chains restart: one pose that ended on another branch may have led them far from the truth.
-        A population that has found the best body rests until the others have found it. Once that
-        has been done at length for one body, it is not done for it again.
+        A population that has found the best body rests until the others have found it. Once chains
+        have restarted many times for one poorly fitting body, they no longer do for it.
         Before attachments converge one population restarts, until they have been probable once
         where readings can tell: what all have kept so far may not be all that there is.
 
         Args:
-            likelihood: Of all observations.
+            likelihood: Likelihood of all observations.
             known: Attachments that were found before.
-            searched: Whether the searches have just explored: that was a round.
+            searched: Whether the searches have just explored, which was a round.
         """
         effort, late = self._effort, len(likelihood) >= self._telling
         solver = GaussNewton(self.predictor, likelihood)
@@ -372,7 +375,7 @@ def renormalised(posterior: Posterior, predictor: Predictor, likelihood: Likelih
         posterior: Equally likely samples, and modes, under ``likelihood``, whose densities add up
             to more than 1 there.
         predictor: Computes readings.
-        likelihood: Of all observations.
+        likelihood: Likelihood of all observations.
 
     Returns:
         Equally likely samples, and modes, the most probable first.

@@ -22,7 +22,7 @@ So few moves are enough for the evidence, but particles with common ancestors st
 that become samples of the posterior are moved for longer (``equilibrated``).
 
 How carefully a robot was built is unknown: the spreads that care decides have a factor in common,
-whose logarithm is one more θ. The others are in units of the spreads times that factor, so that
+whose logarithm is one more θ. The other θ are in units of the spreads times that factor, so that
 their prior density stays the same when it changes.
 """
 
@@ -48,13 +48,13 @@ from estimator.posterior.sampling.normals import Normals, log_normal
 _KEPT: Final = 0.6  # effective sample size after each step towards the posterior, of all particles
 _NEAR: Final = 0.9  # weight of the normal distributions around peaks in the start distribution
 _COUNTS: Final = 0.5  # share of the readings' information in their precision
-_MOVES: Final = 3  # after each step towards the posterior
+_MOVES: Final = 3  # moves after each step towards the posterior
 _EQUILIBRATING: Final = 2  # moves of samples in the end, for each dimension
 _SHORTEST: Final = 0.2  # shortest Crank-Nicolson step; the longest is 1, an independent draw
 _BISECTIONS: Final = 30
 _NOWHERE: Final = -1e9  # log-likelihood where lengths are out of their ranges
 _TO_ALL_SIDES: Final = 8  # one in so many proposals may fall to any side
-_MOST_STEPS: Final = 60  # towards the posterior
+_MOST_STEPS: Final = 60  # largest number of steps towards the posterior
 _ONE_MORE: Final = ((0, 0), (0, 0), (0, 1))
 
 
@@ -87,12 +87,12 @@ class Target:
     """The posteriors of g sets of attachments, each of which is integrated over.
 
     Attributes:
-        peaks: Points of each that explain the readings well, the best first, shape (g, p, size).
-        free: Columns of each that are integrated over, lengths before θ.
-        precision: Of these at the peaks, shape (g, p, d, d).
-        by_care: Which of them have spreads that care decides, shape (g, d).
+        peaks: Points of each set that explain the readings well, best first, shape (g, p, size).
+        free: Columns of each set that are integrated over, lengths before θ.
+        precision: Precision of these columns at the peaks, shape (g, p, d, d).
+        by_care: Which of these columns have spreads that care decides, shape (g, d).
         predictor: Computes readings.
-        likelihood: Of the observations.
+        likelihood: Likelihood of the observations.
         rng: Draws the particles.
     """
 
@@ -105,7 +105,10 @@ class Target:
     rng: np.random.Generator
 
     def in_own_units(self) -> tuple[Array, Array, Flags]:
-        """Peaks, the precision there, and which dimensions are θ; with care's factor, if open."""
+        """Peaks, precision there, and which dimensions are θ; with care's factor, if that is open.
+
+        In units of ranges and spreads.
+        """
         own = np.take_along_axis(self.peaks, self.free.columns[:, None], axis=2)
         own, precision, normal = own / self.free.spreads[:, None], self.precision, self.free.normal
         if self.by_care.any():
@@ -119,8 +122,8 @@ def tempered(target: Target, particles: int) -> list[Particles]:
     """Evidence and particles of several sets of attachments.
 
     Args:
-        target: Their posteriors.
-        particles: For each.
+        target: Posteriors of the sets.
+        particles: Number of particles of each set.
     """
     return _Run(target, particles).finished()
 
@@ -132,7 +135,7 @@ def equilibrated(target: Target, own: Array) -> Array:
 
     Args:
         target: The posterior of that set.
-        own: Some of its particles, shape (n, d).
+        own: Lengths and θ of some of its particles (``Particles.own``), shape (n, d).
     """
     return _Run(target, len(own), own[None]).equilibrated()
 
@@ -211,8 +214,8 @@ class _Run:
     def _fits_at(self, x: Array, groups: Columns, one_in: int = _TO_ALL_SIDES) -> Array:
         """Log-likelihoods, shape (g, n).
 
-        Bodies may fall to the sides to which others of their set have fallen, and one in so many to
-        all.
+        Bodies may fall to the sides to which others of their set have fallen, and one of every
+        ``one_in`` to all.
         """
         lengths = x[..., : self._lengths]
         inside = np.all((lengths >= 0) & (lengths <= 1), axis=2)
@@ -232,7 +235,7 @@ class _Run:
         return log_normal(x[..., self._lengths :])
 
     def _values(self, groups: Columns, x: Array) -> Array:
-        """Points of groups, shape (n,), with lengths and θ of shape (n, d); shape (n, size)."""
+        """Points, shape (n, size), of groups, shape (n,), by lengths and θ, shape (n, d)."""
         values: Array = self._target.peaks[groups, 0].copy()
         spreads = self._target.free.spreads[groups]
         if x.shape[1] > spreads.shape[1]:
@@ -270,7 +273,7 @@ class _Run:
                 array[group] = array[group, rows]
 
     def _move(self, groups: Columns, around: Normals) -> None:
-        """Proposes for the particles of some sets, and accepts by Metropolis-Hastings.
+        """Proposes moves of the particles of some sets, and accepts by Metropolis-Hastings.
 
         Args:
             groups: Sets whose particles are moved.
@@ -298,7 +301,7 @@ class _Run:
 
 
 def _share(ratios: Array, powers: Array) -> Array:
-    """Effective sample size of weights, the ratios to these powers, as a share; shape (g,)."""
+    """Effective sample size, as a share, of weights: ratios to these powers; shape (g,)."""
     logs = powers[:, None] * ratios
     weights = np.exp(logs - logs.max(axis=1, keepdims=True))
     shares: Array = weights.sum(axis=1) ** 2 / np.sum(weights**2, axis=1) / ratios.shape[1]

@@ -32,7 +32,7 @@ from estimator.posterior.sampling.tempering import Particles
 _MOST: Final = 64  # sets of attachments that are weighed; drawn at random if there are more
 _AT_ONCE: Final = 32  # sets weighed before it is decided whether more are needed
 _TOGETHER: Final = 2048  # readings times particles of the hypotheses in one task
-_ROWS: Final = 12  # of the table, whose wide components are fitted in one task
+_ROWS: Final = 12  # rows of the table whose wide components are fitted in one task
 _WEIGHED: Final = 10.0  # nats that a guess may lie below the best for a hypothesis to be weighed
 _PROBABLE: Final = 6.5  # the same where a wide component makes no other body
 _FEWEST: Final = 48  # particles of one hypothesis, at least
@@ -46,7 +46,7 @@ _WIDE: Final = 12  # wide components of a set that are weighed, at most
 _OTHERS: Final = 24  # sets not screened that are weighed with the leading wide component
 _WORTH: Final = 5.0  # nats below the best weight within which rough weights are made finer
 _EQUILIBRATED: Final = 16  # samples of one hypothesis from which on they are equilibrated
-_IN_ONE_TASK: Final = 128  # samples in one task
+_IN_ONE_TASK: Final = 128  # samples that are equilibrated in one task
 _RARE: Final = 4  # points of a wide component of which there would be fewer samples
 _DRAWN: Final = 32  # points of a set, with which the next search begins
 _DRAWN_OF: Final = 32  # sets at most, of which such points are kept
@@ -65,11 +65,12 @@ class WeighedModes:
 
     Attributes:
         points: The best point of each of n sets, shape (n, size).
-        shares: Of the posterior, shape (n,); a set drawn at random among several has theirs, too.
+        shares: Share of the posterior that each set has, shape (n,); a set drawn at random among
+            several has theirs, too.
         ess: Effective sample size of each, shape (n,).
         values: Equally likely points of the posterior, shape (samples, size).
         rare: Points with wide components that are hardly among ``values``, shape (r, size).
-        rare_shares: Of the posterior, that these stand for, shape (r,).
+        rare_shares: Shares of the posterior that these points stand for, shape (r,).
         causes: Wide components by their share of the posterior, the most probable first.
         as_stated: Points of the best set without any deviations, shape (m, size); ``None``: not
             computed, or no deviations are open.
@@ -87,7 +88,7 @@ class WeighedModes:
     draws: Sequence[Array]
 
     def drawn_of(self, rows: Sequence[int]) -> Array:
-        """Some particles of the most probable of the sets of these rows, shape (n, size)."""
+        """Points, from ``draws``, of the most probable sets among these rows, shape (n, size)."""
         likely = sorted(rows, key=lambda row: -self.shares[row])[:_DRAWN_OF]
         return np.concatenate([self.points[:0], *(self.draws[row] for row in likely)])
 
@@ -97,10 +98,11 @@ class Weigher:
 
     Args:
         predictor: Computes readings, also under deviations.
-        likelihood: Of the observations.
+        likelihood: Likelihood of the observations.
         rng: Seeds the tasks, and draws sets and samples.
-        workers: Do a task for some hypotheses each; how many there are changes no result.
-        particles: Of one hypothesis, at most.
+        workers: Executor of tasks for some hypotheses each; its number of workers changes no
+            result.
+        particles: Largest number of particles of one hypothesis.
     """
 
     def __init__(
@@ -123,7 +125,7 @@ class Weigher:
 
         Args:
             points: The best point of each set, shape (n, size).
-            guesses: Of the sets' evidences, shape (n,).
+            guesses: Guesses of the logarithms of the sets' evidences, shape (n,).
         """
         rows, log_chances = drawn(guesses, self._rng)
         points = self._predictor.unknowns.as_built(points[rows])
@@ -163,9 +165,9 @@ class Weigher:
     def _weigh_again(self) -> None:
         """Replaces weights of the best sets by finer ones, and adds those of wide components.
 
-        Where many sets are close to the best only wide components are added, and only where no set
-        explains them without one, where readings can tell attachments: else that says how well
-        was searched.
+        Where many sets are close to the best only wide components are added, and only where
+        readings can tell attachments and no set explains them without one: else a poor fit says
+        only how well was searched.
         """
         weights = self._weights
         order = sorted(range(len(weights)), key=lambda row: -weights[row].log)
@@ -223,7 +225,7 @@ class Weigher:
         return others
 
     def _key(self, one: Hypothesis) -> Attachments:
-        """Its set of attachments."""
+        """Set of attachments of a hypothesis."""
         return self._predictor.unknowns.keys(one.point[None])[0]
 
     def _strays(self, weights: Sequence[_Weight]) -> bool:
@@ -233,10 +235,10 @@ class Weigher:
         return float(self._likelihood.best().sum()) - fit - MEAN_LOSS * float(read) >= _STRAYS
 
     def _screened(self, close: Sequence[int], *, strays: bool) -> list[Hypothesis]:
-        """What is worth weighing of the wide components that the best sets may have, best last.
+        """Hypotheses worth weighing, of the best sets with a wide component, best last.
 
-        What is improbable is if the body would be another, which a movement may test, and where the
-        best fit strays or a wide component leads: there guesses may be too low by several nats.
+        Improbable ones are, too, if they make another body, which a movement may test, and where
+        the best fit strays or a wide component leads: there guesses may be several nats too low.
         """
         weights, rows = self._weights, [close[0], 0]  # the best, also as first guessed
         if strays:
@@ -284,7 +286,7 @@ class Weigher:
         """Weights of hypotheses, with their points replaced by better ones.
 
         Hypotheses without deviations, which have fewer dimensions, have half as many particles.
-        ``several_peaks``: whether particles start around more than one.
+        ``several_peaks``: whether particles start around more than one peak.
         """
         groups: dict[int, list[int]] = {}
         for number, one in enumerate(hypotheses):
@@ -348,7 +350,7 @@ class Weigher:
         )
 
     def _equilibrated(self, drawn: Sequence[tuple[_Weight, int]]) -> list[Array]:
-        """So many points of each, shape (count, size), equilibrated where they are many."""
+        """So many points of each hypothesis, shape (count, size), equilibrated where many."""
         values, tasks, places = [], [], []
         for number, (one, count) in enumerate(drawn):
             rows = np.resize(self._rng.permutation(len(one.particles.own)), count)

@@ -1,4 +1,4 @@
-"""A body as links and joints: what every format says, each in its own way.
+"""A body as links and joints, from which every format is written.
 
 Frames are those of ``estimator.body.morphology``: a link's origin lies on its joint's axis and x
 runs along the link, away from its parent. Units are m, rad, kg, N·m.
@@ -19,7 +19,7 @@ from protocol.text import printable
 from protocol.wire.capabilities import Joint as RobotJoint
 
 _GRAVITY: Final = 9.81
-_AMPLE: Final = 2.0  # times the torque that holds the whole body at its full reach
+_AMPLE: Final = 2.0  # effort, relative to the torque that holds the whole body at its full reach
 _SHORTEST: Final = 1e-6  # m; a capsule whose centres are closer is a sphere
 
 Vector = tuple[float, float, float]
@@ -37,15 +37,15 @@ class Limits:
 
 @dataclass(frozen=True, kw_only=True)
 class Joint:
-    """How a link hangs on its parent.
+    """The joint by which a link hangs on its parent.
 
     Attributes:
-        name: The robot's own where it has this joint.
+        name: Name of the joint; the robot's own where it has this joint.
         parent: Name of the link that carries it.
-        xyz: Place in the parent's frame.
-        rpy: Orientation there: roll, pitch and yaw about the parent's fixed axes.
-        axis: Of a positive rotation, in the link's frame.
-        limits: ``None``: the joint is fixed.
+        xyz: Position in the parent's frame, m.
+        rpy: Orientation in the parent's frame: roll, pitch and yaw about its fixed axes, rad.
+        axis: Axis of a positive rotation, in the link's frame.
+        limits: What the joint can do; ``None``: it is fixed.
     """
 
     name: str
@@ -61,14 +61,15 @@ class Link:
     """One part and the joint that it hangs on.
 
     Attributes:
-        name: Its own.
-        joint: To its parent.
-        shape: What it is.
-        near: Position of the near sphere's centre, or of the near face, on x.
-        far: Position of the far sphere's centre, or of the far face, on x.
-        radius: Of a box half its width.
-        mass: kg.
-        inertia: About the centre of mass, which lies halfway, along x, y and z, kg·m².
+        name: Name of the link, unique in the body.
+        joint: Joint between the link and its parent.
+        shape: Shape of the link: a capsule or a box.
+        near: Position of the near sphere's centre, or of the near face, on x, m.
+        far: Position of the far sphere's centre, or of the far face, on x, m.
+        radius: Radius, or half the width of a box, m.
+        mass: Mass, kg.
+        inertia: Moments of inertia along x, y and z about the centre of mass, which lies halfway
+            between near and far, kg·m².
         sensor: Index of the touch sensor that it carries, or ``None``.
     """
 
@@ -84,36 +85,36 @@ class Link:
 
     @property
     def middle(self) -> float:
-        """Position of the centre of mass on x."""
+        """Position of the centre of mass on x, m."""
         return (self.near + self.far) / 2
 
     @property
     def is_sphere(self) -> bool:
-        """Whether it is a capsule whose two ends are one."""
+        """Whether it is a capsule so short that its two spheres are one."""
         return self.shape == "capsule" and self.far - self.near < _SHORTEST
 
     @property
     def box(self) -> Vector:
-        """Extent of a box along x, y and z."""
+        """Extent of a box along x, y and z, m."""
         return self.far - self.near, 2 * self.radius, 2 * self.radius
 
 
 @dataclass(frozen=True, kw_only=True)
 class Description:
-    """A body.
+    """A body as every format describes it.
 
     Attributes:
-        robot: Its name.
-        base: Name of the main body, in the middle of its frame: a box, or an upright cylinder.
-        size: Of the main body along x, y and z.
-        round: Whether it is a cylinder.
-        mass: Of the main body, kg.
-        inertia: Of the main body about its centre of mass, kg·m².
-        centre: Of its mass, from its middle.
-        height: Of its middle over the ground where the body stands planar.
-        accelerometer: How it is turned on the main body; see ``Base``.
-        links: Parents before children; driven ones in the order of the robot's joints as far as
-            that allows.
+        robot: Name of the robot.
+        base: Name of the main body: a box or an upright cylinder, in the middle of its frame.
+        size: Extent of the main body along x, y and z, m.
+        round: Whether the main body is a cylinder.
+        mass: Mass of the main body, kg.
+        inertia: Moments of inertia of the main body about its centre of mass, kg·m².
+        centre: Centre of mass of the main body, from its middle, m.
+        height: Height of the main body's middle above the ground with all joints at 0, m.
+        accelerometer: How the accelerometer is turned on the main body, rad; see ``Base``.
+        links: The links, parents before children; driven ones in the order of the robot's joints
+            as far as that allows.
     """
 
     robot: str
@@ -138,15 +139,15 @@ def describe(
 ) -> Description:
     """Describes a body in the robot's own names.
 
-    A joint that the problem keeps at 0 is a joint nevertheless, if anybody knows which it is. A
-    model's servos are strong enough by assumption, so efforts are ample.
+    A joint that the problem keeps at 0 is still described as a joint, if it is known which joint it
+    is. A model's servos are strong enough by assumption, so efforts are ample.
 
     Args:
         body: The body.
         robot: The robot's name.
         parts: Name of each part.
-        carried: Which of the joints carries each part; ``None``: it is rigid on its parent.
-        joints: The robot's.
+        carried: Index of the joint that carries each part; ``None``: it is rigid on its parent.
+        joints: The robot's joints.
     """
     joint_names = _different(
         joints[number].name if number is not None else f"{name}_fixed"
@@ -199,7 +200,7 @@ def describe(
 
 
 def _in_order(parts: Sequence[Part], carried: Sequence[int | None]) -> list[int]:
-    """Rows with parents before children, otherwise by their joints; fixed ones first."""
+    """Indices of parts, parents before children, otherwise by their joints; fixed ones first."""
     waiting, order = set(range(len(parts))), list[int]()
     while waiting:
         free = [row for row in waiting if parts[row].parent not in waiting]
@@ -209,7 +210,7 @@ def _in_order(parts: Sequence[Part], carried: Sequence[int | None]) -> list[int]
 
 
 def _different(names: Iterable[str]) -> list[str]:
-    """Names without spaces, each with a number where it was taken already."""
+    """Names without spaces; one that occurred before gets a number."""
     given: list[str] = []
     for name in names:
         plain = re.sub(r"\s+", "_", printable(name))
@@ -221,7 +222,7 @@ def _different(names: Iterable[str]) -> list[str]:
 
 
 def _inertia(part: Part, mass: float) -> Vector:
-    """About its middle, along x, y and z."""
+    """Moments of inertia of a part about its middle, along x, y and z, kg·m²."""
     if part.shape == "box":
         return box_inertia(part.size, mass)
     straight, radius = part.far - part.near, part.radius
@@ -234,7 +235,7 @@ def _inertia(part: Part, mass: float) -> Vector:
 
 
 def _angles(turn: Array) -> Vector:
-    """Roll, pitch and yaw about fixed axes."""
+    """Roll, pitch and yaw of a rotation matrix about fixed axes, rad."""
     pitch = math.atan2(-turn[2, 0], math.hypot(turn[0, 0], turn[1, 0]))
     return _vector([math.atan2(turn[2, 1], turn[2, 2]), pitch, math.atan2(turn[1, 0], turn[0, 0])])
 

@@ -20,7 +20,7 @@ from estimator.report.export.ros2 import ros2_package
 from protocol.wire.capabilities import Capabilities
 
 _UPRIGHT: Final = "0 1.5707963267948966 0"  # turns a cylinder's axis from z to x
-_STEP: Final = 1 / 480  # s, of MuJoCo
+_STEP: Final = 1 / 480  # MuJoCo's time step, s
 _YIELD: Final = 0.02  # rad off its target, at which a servo gives its full torque; not tuned
 _ROTOR: Final = 3.0  # steps that a servo needs to react, without damping; not tuned
 _SOFTNESS: Final = 3.0  # time constant of a contact, in steps; MuJoCo's least is 2
@@ -72,7 +72,7 @@ def urdf(body: Description) -> str:
 
 
 def _said(body: Description) -> Iterator[str]:
-    """What every file says of the body, in sentences."""
+    """Sentences about the body that URDF and MJCF files hold as comments."""
     parts = sum(link.mass for link in body.links)
     yield (
         f"Masses: the main body's {body.mass:.4g} kg are the robot's word; the other "
@@ -112,7 +112,7 @@ def _add_shape(element: Element, link: Link) -> None:
 
 
 def _make_visible(link: Element, material: str) -> None:
-    """Shows of a link what may touch something."""
+    """Adds to a link a visible copy of each of its collision shapes."""
     for number, collision in enumerate(link.findall("collision"), start=1):
         visual = deepcopy(collision)
         visual.tag = "visual"
@@ -222,7 +222,7 @@ def _add_mass(element: Element, mass: float, inertia: Vector, centre: Vector) ->
 
 
 def _shape(link: Link, larger: float = 0.0) -> dict[str, str]:
-    """A link's shape, its surface so much farther out, m."""
+    """A link's shape as attributes of MJCF, its surface farther out by ``larger``, m."""
     radius = link.radius + larger
     if link.shape == "box":
         half = _numbers(extent / 2 + larger for extent in link.box)
@@ -250,7 +250,7 @@ def _add_servos(root: Element, joints: Iterable[Joint]) -> None:
 
 
 def _stiffness(limits: Limits) -> float:
-    """Of a servo, N·m/rad."""
+    """Stiffness of a servo, N·m/rad."""
     return limits.effort / _YIELD
 
 
@@ -263,12 +263,12 @@ def _numbers(values: Iterable[float]) -> str:
 
 
 def as_json(body: Description) -> str:
-    """The fields of ``Description``."""
+    """The body as JSON: the fields of ``Description``."""
     return json.dumps(asdict(body), indent=2) + "\n"
 
 
 class BodyFormat(StrEnum):
-    """What a body can be written as."""
+    """Formats that a body can be written in."""
 
     URDF = "urdf"
     MJCF = "mjcf"
@@ -277,7 +277,7 @@ class BodyFormat(StrEnum):
 
 
 Exported: TypeAlias = str | Mapping[str, str]
-"""One text, or several by their paths."""
+"""Text of a single file, or texts of several files by their paths."""
 
 BODY_FORMATS: Final[Mapping[BodyFormat, Callable[[Description], Exported]]] = MappingProxyType(
     {

@@ -1,6 +1,7 @@
-"""A description package for ROS 2: the body's URDF, and what shows it in RViz, a slider a joint.
+"""A description package for ROS 2: the body's URDF, and files that show it in RViz.
 
-It is built as any other, ``colcon build --packages-select NAME``. Names are as REP 144 wants them.
+Each joint has a slider there. The package is built as any other, ``colcon build --packages-select
+NAME``; its name is as REP 144 wants it.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from xml.sax.saxutils import escape
 
 from estimator.report.export.description import Description
 
-_NO_NAME: Final = "robot"  # of which nothing is left that a package may be called
+_NO_NAME: Final = "robot"  # if a robot's name has nothing that a package's name may have
 
 _PACKAGE: Final = """\
 <?xml version="1.0"?>
@@ -123,7 +124,7 @@ def ros2_package(body: Description, urdf: str) -> dict[str, str]:
 
     Args:
         body: The body.
-        urdf: The same as URDF.
+        urdf: The same body as URDF.
     """
     package = f"{_package_name(body.robot)}_description"
     base = body.base.replace("\\", "\\\\").replace('"', '\\"')
@@ -138,7 +139,7 @@ def ros2_package(body: Description, urdf: str) -> dict[str, str]:
 
 
 def _package_name(robot: str) -> str:
-    """Small letters, digits and single underscores, a letter first (REP 144)."""
+    """A robot's name in small letters, digits and single underscores, a letter first (REP 144)."""
     words = re.findall(r"[a-z0-9]+", robot.lower())
     name = "_".join(words).lstrip("0123456789_")
     return name or _NO_NAME

@@ -1,1 +1,1 @@
-"""The live page: a run in a browser while it goes on, read from its directory and never written."""
+"""The live page: a run in a browser while it goes on; its directory is read and never written."""

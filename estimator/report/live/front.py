@@ -1,4 +1,4 @@
-"""What stands between a live page and the network: who is served, and what may reach viser.
+"""The server between a live page and the network: who is served, and what may reach viser.
 
 viser serves a websocket whatever page asks for it (its Origin), keeps messages of up to 50 MiB and
 prints a traceback for each that it cannot read. So viser listens on a loopback address drawn at
@@ -41,24 +41,24 @@ from protocol.system.process import Closable
 
 LARGEST: Final = 4096  # bytes of a message from a browser; that a box was ticked takes about 100
 CONNECTIONS: Final = 32  # at a time, of all visitors; a browser opens two or three
-_FILE_WITHIN: Final = 10.0  # s
+_FILE_WITHIN: Final = 10.0  # s, in which viser answers a request for a file
 
 _log: Final = logging.getLogger(__name__)
 
 
 def private_loopback() -> str:
-    """An address of this computer that cannot be guessed: all of 127/8 is (RFC 1122, 3.2.1.3)."""
+    """A loopback address that cannot be guessed: all of 127/8 is loopback (RFC 1122, 3.2.1.3)."""
     return ".".join(["127", *(str(1 + secrets.randbelow(254)) for _ in range(3))])
 
 
 class Front(Closable):
-    """Serves a page of viser's to those who may see it; a context manager.
+    """Serves a page of viser to those who may see it; a context manager.
 
     Args:
-        listening: The socket on which it is served; closed together with this.
+        listening: Socket on which the page is served; closed together with the front.
         viser: Host and port of viser.
-        version: Of viser; another version's page is refused.
-        names: By which the page may be asked for, beside IP addresses.
+        version: Version of viser; the page of another version is refused.
+        names: Host names by which the page may be asked for, beside IP addresses.
     """
 
     def __init__(
@@ -101,11 +101,11 @@ class Front(Closable):
             logger=_log,
         ):
             await self._end.wait()
-            for visit in tuple(self._visits):  # one who does not answer would hold up the end
+            for visit in tuple(self._visits):  # one that does not answer would delay the end
                 visit.transport.abort()
 
     async def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
-        """The answer to a request, or ``None``: a websocket is opened."""
+        """Returns the answer to a request, or ``None`` where a websocket is to be opened."""
         hosts, origins = (request.headers.get_all(name) for name in ("Host", "Origin"))
         if len(hosts) != 1 or not self._is_here(hosts[0]):
             sentence = f"Ask for this page by an IP address, or as {', '.join(self._names)}.\n"
@@ -117,7 +117,7 @@ class Front(Closable):
         return None
 
     def _is_here(self, host: str) -> bool:
-        """Whether a Host header has a name of ours or an IP address, which means but itself."""
+        """Whether a Host header has a name of ours, or an IP address, which DNS cannot redirect."""
         try:
             name = urlsplit(f"//{host}").hostname or ""
         except ValueError:
@@ -125,7 +125,7 @@ class Front(Closable):
         return name in self._names or _is_address(name)
 
     def _file(self, request: Request) -> Response:
-        """What viser answers to a request for a file."""
+        """Returns what viser answers to a request for a file."""
         encodings = ", ".join(request.headers.get_all("Accept-Encoding"))
         with closing(http.client.HTTPConnection(*self._viser, timeout=_FILE_WITHIN)) as viser:
             path = quote(request.path, safe="/%?=&", errors="replace")
@@ -175,10 +175,10 @@ def _is_address(name: str) -> bool:
 
 
 def _counted_connections(visits: set[ServerConnection]) -> type[ServerConnection]:
-    """Connections, kept in a set while they last and closed at once where there are too many."""
+    """Class of connections, kept in a set while they last, closed at once if there are too many."""
 
     class Visit(ServerConnection):
-        """One of them."""
+        """The connection of a visitor."""
 
         def connection_made(self, transport: asyncio.BaseTransport) -> None:
             super().connection_made(transport)
@@ -213,7 +213,7 @@ def _box_ticked(message: Data) -> bytes | None:
 
 
 def _is_our_fault(record: logging.LogRecord) -> bool:
-    """Whether what passes messages on failed; what a visitor did wrong is nobody's news."""
+    """Whether a record tells of a failure of our own, not of something that a visitor did wrong."""
     error = record.exc_info[1] if record.exc_info else None
     ours = record.getMessage() == "connection handler failed"  # as websockets says it
     return ours and not isinstance(error, WebSocketException | OSError)

@@ -33,23 +33,23 @@ _MESHES: Final = {
     "cylinder": trimesh.creation.cylinder(radius=1.0, height=1.0, sections=16),
     "sphere": trimesh.creation.icosphere(subdivisions=2),
 }
-_GHOSTS: Final = 0.12  # opacity
-_NOWHERE: Final = -10.0  # m above the ground: where there is nothing to be seen
+_GHOSTS: Final = 0.12  # opacity of the bodies that stand for the posterior
+_NOWHERE: Final = -10.0  # m above the ground: where meshes are out of sight
 
 
 class LivePage:
     """A page that shows how a run stands.
 
     Args:
-        directory: The run, as its page names it.
+        directory: The run directory, as the page names it.
         host: Interface to serve on.
         port: Port; 0: any.
 
     Attributes:
-        uri: Where the page is.
+        uri: Address of the page.
 
     Raises:
-        EstimatorError: The address cannot be had.
+        EstimatorError: The address cannot be used.
     """
 
     def __init__(self, directory: Path, host: str, port: int) -> None:
@@ -83,7 +83,7 @@ class LivePage:
         )
 
     def close(self) -> None:
-        """Ends the server; whoever looks sees that the connection is gone."""
+        """Ends the server; an open page then shows that the connection is lost."""
         self._front.close()
         with redirect_stdout(io.StringIO()):
             self._server.stop()
@@ -107,7 +107,7 @@ class LivePage:
         self._text.content = sentence_alone(sentence)
 
     def flicker(self) -> None:
-        """Shows another body of the posterior; when the run rests, the best one."""
+        """Shows the posterior's next body; the best one if the run rests or flickering is off."""
         steady = self._steady or not self._flickers.value
         body = self._best if steady else next(self._bodies_in_turn)
         self._ghosts.visible = self._all.value
@@ -116,7 +116,7 @@ class LivePage:
         self._shown = body
         main = body[0]
         x, _, z = _extents(main)
-        x = x if main.kind == "cylinder" else x / 2  # its radius
+        x = x if main.kind == "cylinder" else x / 2  # a cylinder's is its radius
         ahead = main.turn @ np.array([x, 0.0, z / 2])
         with self._server.atomic():
             self._body.show([body])
@@ -151,7 +151,7 @@ class _Bodies:
 
     @property
     def visible(self) -> bool:
-        """Whether they are to be seen."""
+        """Whether the bodies are shown."""
         return all(batch.visible for batch in self._batches.values())
 
     @visible.setter
@@ -183,7 +183,7 @@ def _listening(host: str, port: int) -> socket.socket:
         ) from error
 
 
-_FLICKER: Final = 0.3  # s
+_FLICKER: Final = 0.3  # s, for which a body is shown
 
 _SAID: Final = {
     RunState.GOES_ON: "The run goes on.",
@@ -193,18 +193,18 @@ _SAID: Final = {
 
 
 def watch(directory: Path, host: str, port: int, say: Callable[[str], None]) -> NoReturn:
-    """Shows a run on a page, and goes on doing so.
+    """Shows a run on a page until it is interrupted.
 
     Args:
         directory: The run directory.
         host: Interface that the page is served on.
-        port: Its port; 0: any.
-        say: Called with where the page is, and with what becomes of the run.
+        port: Port of the page; 0: any.
+        say: Called with sentences: where the page is, and what becomes of the run.
 
     Raises:
         EstimatorError: There is no run, it is damaged from the beginning, or the address cannot be
-            had.
-        KeyboardInterrupt: Somebody ended it.
+            used.
+        KeyboardInterrupt: A person ended it.
     """
     follower = RunFollower(directory)
     view = follower.news()
@@ -244,8 +244,8 @@ class Instances:
 
     Attributes:
         wxyzs: Orientations as quaternions, shape (n, 4).
-        positions: Of their middles, m, shape (n, 3).
-        scales: Along their own axes, shape (n, 3).
+        positions: Positions of the middles, m, shape (n, 3).
+        scales: Scale factors along the solids' own axes, shape (n, 3).
         colours: Red, green and blue, 0 to 255, proportional to light, shape (n, 3).
     """
 
@@ -256,12 +256,12 @@ class Instances:
 
 
 def posed(base: Base, body: Morphology | None, pose: Observation | None) -> list[Solid]:
-    """A body as the robot last lay; flat on its belly before the first interaction.
+    """A body placed as the robot last lay; flat on its belly before the first interaction.
 
     Args:
         base: The main body.
-        body: With its legs; ``None``: nothing is known of them.
-        pose: What the robot measured. A tilt that was not read counts as level.
+        body: The body with its legs; ``None``: nothing is known of them.
+        pose: Last readings of the robot. A tilt that was not read counts as level.
     """
     whole = body or Morphology(base=base, parts=(), density=1.0)
     angles = np.zeros(whole.motors) if pose is None else np.array(pose.angles)
@@ -269,7 +269,7 @@ def posed(base: Base, body: Morphology | None, pose: Observation | None) -> list
 
 
 def instances(bodies: Iterable[Sequence[Solid]], kind: Kind) -> Instances:
-    """All solids of one kind, of some bodies."""
+    """All solids of one kind in some bodies, as copies of a mesh."""
     solids = [solid for body in bodies for solid in body if solid.kind == kind]
     turns = np.array([solid.turn for solid in solids]).reshape(-1, 3, 3)
     return Instances(
@@ -299,5 +299,5 @@ def _colour(solid: Solid) -> Iterable[int]:
 
 
 def _linear(colours: Integers) -> Colours:
-    """Colours as light, which is what a scene is computed with; sRGB's own curve, nearly."""
+    """Colours as linear light, with which a scene is computed; nearly sRGB's own curve."""
     return np.rint(255 * (colours / 255) ** 2.2).astype(np.uint8)

@@ -17,7 +17,7 @@ _TEMPLATE = "live_panel.html"
 
 
 def panel(view: RunView, directory: Path) -> str:
-    """The panel as HTML."""
+    """Returns the panel of a run as HTML."""
     movements = list(_movements(view))[::-1]
     return render(
         _TEMPLATE,
@@ -30,7 +30,7 @@ def panel(view: RunView, directory: Path) -> str:
 
 
 def sentence_alone(sentence: str) -> str:
-    """The panel with a sentence in place of all numbers."""
+    """Returns the panel with a sentence in place of all numbers."""
     return render(_TEMPLATE, sentence=sentence)
 
 

@@ -21,7 +21,7 @@ from estimator.storage.records import InteractionRecord
 from estimator.storage.store import LOCK, RunStore
 
 SHOWN: Final = 24
-"""Bodies that stand for all samples of a posterior, or for a population."""
+"""Number of bodies that stand for all samples of a posterior, or for a population."""
 
 
 class RunState(Enum):
@@ -37,8 +37,8 @@ class Progress:
     """How far a run has come.
 
     Attributes:
-        share: Of the work, 0 to 1.
-        sentence: What it is at.
+        share: Share of the work that is done, 0 to 1.
+        sentence: What the run is doing.
     """
 
     share: float
@@ -50,15 +50,15 @@ class RunView:
     """How a run stands.
 
     Attributes:
-        result: In numbers.
+        result: The run in numbers.
         base: The main body, which is known.
         best: The best body; ``None`` before the first interaction.
         bodies: Bodies that stand for the posterior, each as often as it is probable.
         pose: What the robot measured last.
-        interactions: What it did, and why.
-        wanted: How many interactions there are to be.
-        progress: How far it has come.
-        state: Whether it goes on.
+        interactions: What the robot did, and why.
+        wanted: Number of interactions that the run is to have.
+        progress: How far the run has come.
+        state: Whether the run goes on.
     """
 
     result: Result
@@ -73,7 +73,7 @@ class RunView:
 
     @classmethod
     def of(cls, store: RunStore, *, written_to: bool) -> RunView:
-        """Reads it from a run.
+        """Reads how a run stands.
 
         Args:
             store: The run.
@@ -100,7 +100,7 @@ class RunView:
 
 def _shown(fitted: FittedPosterior) -> tuple[Morphology, ...]:
     """Bodies that stand for the posterior, or the population, in no order."""
-    is_population = fitted.summary is None  # of which each is shown once
+    is_population = fitted.summary is None  # each member is shown once
     bodies = fitted.bodies(min(SHOWN, len(fitted)) if is_population else SHOWN)
     return tuple(bodies[row] for row in np.random.default_rng(0).permutation(len(bodies)))
 
@@ -133,9 +133,9 @@ def _progress(store: RunStore, chosen: int, performed: int, finished: bool) -> P
     return Progress(share=share, sentence=sentence)
 
 
-_AT_LEAST: Final = 0.5  # s between two readings
-_IDLE: Final = 20  # times as long as a reading takes: it has no more than 5 % of a core
-_SILENT: Final = 3.0  # s without news, after which it is asked whether anybody still writes
+_AT_LEAST: Final = 0.5  # s between two readings of the run
+_IDLE: Final = 20  # pause relative to the time that a reading takes: at most 5 % of a core
+_SILENT: Final = 3.0  # s between two looks, without news, whether anybody still writes
 
 
 class RunFollower:
@@ -177,7 +177,7 @@ class RunFollower:
         return view
 
     def _stamp(self) -> tuple[int, int]:
-        """What changes with every transaction."""
+        """Time and size of the database's file, which change with every transaction."""
         now = file_status(self._directory)
         if now is None:
             raise RunDirectoryError(

@@ -1,6 +1,6 @@
-"""``report.html``: a page that needs nothing but itself.
+"""The page ``report.html``: a single file that loads nothing else.
 
 ``viewer.js`` draws bodies with three.js: ``three.min.js`` is three 0.187.0 (MIT, see
-``three.LICENSE``) from npm, of which ``make three`` bundles what ``three.js`` names with esbuild
-0.28.2.
+``three.LICENSE``) from npm; ``make three`` bundles the parts of it that ``three.js`` names, with
+esbuild 0.28.2.
 """

@@ -1,4 +1,4 @@
-"""The page of a run: all that ``show`` prints, and the body to be turned and posed."""
+"""The page of a run: all that ``show`` prints, and bodies that can be turned and posed."""
 
 from __future__ import annotations
 
@@ -46,11 +46,11 @@ class PageSources:
 
     Attributes:
         result: The run in numbers.
-        bodies: Its bodies.
-        plots: Its plots.
-        picture: The bodies as a PNG; ``None`` where there are none.
-        score: The run against the truth, if it was scored as it stands.
-        validation: Its prediction errors, if any were measured.
+        bodies: Bodies that the page shows.
+        plots: Plots of the run.
+        picture: Picture of the bodies, a PNG; ``None`` where there are no bodies.
+        score: Score of the run against the true body, if it was scored in its present state.
+        validation: Prediction errors of the run, if any were measured.
     """
 
     result: Result
@@ -64,12 +64,13 @@ class PageSources:
     def of(
         cls, store: RunStore, result: Result, without_truth: Sequence[RunPlot] | None = None
     ) -> Self:
-        """Collects them.
+        """Collects what the page of a run is made of.
 
         Args:
             store: The run.
-            result: What ``summarise`` says of it.
-            without_truth: Its plots, if they are drawn already; a run that was scored has others.
+            result: The run in numbers, as ``summarise`` returns it.
+            without_truth: Plots of the run without true lengths, if they are drawn already; a run
+                that was scored gets plots with these lengths instead.
         """
         legs = [leg.joint for leg in result.legs]
         score = score_of(store.directory, result)
@@ -95,7 +96,7 @@ def _picture(bodies: ShownBodies, legs: Sequence[str]) -> bytes | None:
 
 
 def run_page(store: RunStore, sources: PageSources) -> str:
-    """The page as HTML."""
+    """Returns the page of a run as HTML."""
     result, posterior = sources.result, sources.result.posterior
     seen, driven = store.observations(), sorted(store.problem.motors.driven)
     shown = sources.bodies
@@ -141,7 +142,7 @@ def _drawing(figure: Figure, caption: str) -> dict[str, str | Markup]:
 
 
 def _verdict(result: Result) -> dict[str, Any]:
-    """Whether any body fits: yes, no, or not known yet."""
+    """Template values that say whether any body fits: yes, no, or not known yet."""
     judged = result.judged
     if judged is not None:
         advice = () if judged.explained else WHAT_TO_CHECK
@@ -219,7 +220,7 @@ def _validation(validation: Validation | None) -> list[tuple[str, list[tuple[str
 
 
 def _data(store: RunStore, shown: ShownBodies, seen: Sequence[Observation]) -> dict[str, Any]:
-    """What the page's script draws."""
+    """Data that the page's script draws."""
     driven = sorted(store.problem.motors.driven)
     return {
         "joints": [
@@ -263,9 +264,9 @@ def commands(settings: RunSettings, directory: Path, recorded: int) -> tuple[str
     """Command lines that make a run again: with its robot, and from its recorded readings.
 
     Args:
-        settings: What the run was asked to do.
-        directory: Where it is.
-        recorded: How many interactions it has had so far.
+        settings: Settings of the run.
+        directory: The run directory.
+        recorded: Number of interactions that the run has had so far.
     """
     again = settings.model_copy(update={"interactions": recorded})
     return (

@@ -22,11 +22,11 @@ _FILES: Final = resources.files("estimator.report.page")
 
 
 def render(template: str, **values: object) -> str:
-    """A page.
+    """Returns a page as HTML.
 
     Args:
-        template: Its template, a file of this package.
-        **values: What the template names.
+        template: Name of the template, a file of this package.
+        **values: Values of the variables in the template.
     """
     return _environment().get_template(template).render(**values)
 
@@ -52,18 +52,18 @@ def _environment() -> Environment:
 
 
 def own(name: str) -> Markup:
-    """A file of this package as it is: a style sheet or a script."""
-    return Markup(_text(name))  # ours, and no reader's
+    """Returns a file of this package unescaped: a style sheet or a script."""
+    return Markup(_text(name))  # safe: no text from outside
 
 
 def script_hash(name: str) -> str:
-    """What allows a page to run a script of this package, as its security policy takes it."""
+    """Hash of a script of this package, by which a page's security policy allows it to run."""
     digest = hashlib.sha256(_text(name).encode("utf-8")).digest()
     return f"'sha256-{base64.b64encode(digest).decode('ascii')}'"
 
 
 def picture(png: bytes) -> str:
-    """A PNG as the address of itself."""
+    """Returns a PNG as a data URL."""
     return f"data:image/png;base64,{base64.b64encode(png).decode('ascii')}"
 
 
@@ -72,5 +72,5 @@ def _text(name: str) -> str:
 
 
 def _visible(value: Any) -> Any:
-    """Text as its reader can see it; what is not printable could turn or hide the rest."""
+    """Escapes what is not printable in text, since it could reverse or hide the rest."""
     return printable(value, keep="\n") if type(value) is str else value

@@ -205,12 +205,12 @@ MOST: Final = 64
 """Requests that a client may have under way."""
 
 _MOST_OF_A_KEY: Final = 8  # reads, without control
-_FLOOD: Final = 200  # reads: three times what may be under way
+_FLOOD: Final = 200  # number of reads: three times what may be under way
 _TOO_QUICK: Final = "It reads too quickly for that."
 
 
 def _read_all(client: TrialClient, reads: Sequence[Map]) -> list[Map]:
-    """All replies to reads that were sent, in the order in which they came."""
+    """Waits for all replies to reads that were sent, and returns them as they came."""
     waiting = {read["id"] for read in reads}
     replies: list[Map] = []
     while waiting:

@@ -56,7 +56,7 @@ def _by_vectors(clause: str, title: str) -> None:
 
 
 def _answered(client: TrialClient, vector: Map, *, with_id: bool) -> None:
-    """The answer to a vector has its code; and, where that is the question, its id."""
+    """Expects that the answer to a vector has its code and, where ``with_id``, its id."""
     ids = {vector["id"]} if with_id else {vector["id"], None, 0}
     answer = client.ask_raw(bytes.fromhex(vector["hex"]), *ids)
     if answer is None and with_id:
@@ -85,7 +85,7 @@ def _with_extra(request: Map, key: bytes, value: bytes) -> bytes:
 
 
 def _refused_for(client: TrialClient, frame: bytes, request: Map, what: str) -> None:
-    """A frame that is fine but for one thing is malformed; its id may be told or not."""
+    """Expects that a frame with one flaw is malformed; the error may carry its id or none."""
     client.expect_raw(frame, ("malformed",), (None, request["id"]), what)
 
 
@@ -185,7 +185,7 @@ def integer_for_float(robot: RobotUnderTest) -> None:
 
 
 def _parsed(client: TrialClient, request: Map, packer: Callable[[Any], bytes], what: str) -> None:
-    """A ``perform`` that nobody could carry out is refused, but not for its form."""
+    """Expects that an impossible ``perform`` is refused, but not for its form."""
     codes = ("not_controller", "unauthorised")
     client.expect_raw(packer(request), codes, (request["id"],), f"{what}, a valid frame")
 

@@ -34,7 +34,7 @@ def _performed(
 
 
 def observed(client: TrialClient, targets: Mapping[str, float]) -> Map:
-    """The observation of a motion."""
+    """Performs a motion and returns its observation."""
     request = client.request("perform", targets=targets)
     client.connection.send(request)
     _, end = client.wait_for(request["id"])
@@ -43,7 +43,7 @@ def observed(client: TrialClient, targets: Mapping[str, float]) -> Map:
 
 
 def _rest(robot: RobotUnderTest, client: TrialClient) -> None:
-    """Back to zero."""
+    """Moves the robot back to its zero pose."""
     _performed(robot, client, 0.0)
 
 

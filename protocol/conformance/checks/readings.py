@@ -20,7 +20,7 @@ from protocol.wire.capabilities import Capabilities
 from protocol.wire.codec import decode
 from protocol.wire.messages import parse_telemetry
 
-_LOOKS: Final = 3  # at the rate: this computer may have had something else to do
+_LOOKS: Final = 3  # attempts at the rate: this computer may have had something else to do
 
 
 def _reads(robot: RobotUnderTest, count: int = 1) -> tuple[Capabilities, list[Map]]:

@@ -16,9 +16,10 @@ from robot.errors import DeviceDataError
 from robot.host.clock import Clock
 
 STUCK_AFTER: Final = 20
-"""Scans with exactly the same code after which an input is stuck; settling alone takes more.
+"""Number of scans with exactly the same code that make an input stuck; settling alone takes more.
 
-An accelerometer's noise is some 5 codes at ±5 V, an amplified gauge's more, a converter's alone 1.
+The noise of an accelerometer is some 5 codes at ±5 V, of an amplified gauge more, of a converter
+alone 1.
 """
 
 _CODES: Final = 65536
@@ -26,13 +27,14 @@ _SAME_MOMENT: Final = 0.5e-3  # s; half the shortest period at which sensors are
 
 
 class AnalogueBoard(Protocol):
-    """A data acquisition board; it may have ``link``, as a ``SensorDriver``."""
+    """A data acquisition board; like a ``SensorDriver`` it may have a ``link``."""
 
     def probe(self) -> None:
-        """Opens the link, anew after a fault; makes sure that it is there, and as it should be.
+        """Opens the link, anew after a fault; makes sure that the board is as it should be.
 
         Raises:
-            DeviceError: It is not, or cannot be opened.
+            DeviceError: The board is missing or is not as it should be, or the link cannot be
+                opened.
         """
 
     def scan(self, low: int, high: int) -> list[float]:
@@ -43,7 +45,7 @@ class AnalogueBoard(Protocol):
         """
 
     def close(self) -> None:
-        """Gives it back, if it is open; ``probe`` may follow."""
+        """Closes the link, if it is open; ``probe`` may follow."""
 
 
 class AnalogueInputs:
@@ -51,7 +53,7 @@ class AnalogueInputs:
 
     Args:
         board: The board's driver.
-        name: What the board is called in sentences.
+        name: Name of the board, for messages.
         rails: The volts at the ends of the input range.
         dithers: Whether a live input hardly ever gives the same code twice running, so that one
             that does is stuck.
@@ -90,7 +92,7 @@ class AnalogueInputs:
         self._repeats |= dict.fromkeys(names, 0)
 
     def scan(self) -> Mapping[int, float]:
-        """Converts all connected channels; volts by channel.
+        """Converts all connected channels; returns volts by channel.
 
         Raises:
             DeviceError: The board failed.
@@ -105,7 +107,7 @@ class AnalogueInputs:
         return self._volts
 
     def same_moment(self) -> Mapping[int, float]:
-        """The scan that another sensor has just made, or else a new one.
+        """Returns volts by channel, of the scan that another sensor has just made, or of a new one.
 
         Raises:
             DeviceError: The board failed.
@@ -114,7 +116,7 @@ class AnalogueInputs:
         return self._volts if just_made else self.scan()
 
     def check(self, channels: Iterable[int]) -> None:
-        """Whether the last scan of the resting robot can be believed.
+        """Checks that the last scan of the resting robot can be believed.
 
         Raises:
             DeviceDataError: A channel is at an end of its range, or stuck.

@@ -35,7 +35,7 @@ def others_like(path: str) -> list[str]:
 
 
 def group_of(path: str, usual: str) -> str:
-    """The group that may use a device file; ``usual`` where that is root's, or nobody knows."""
+    """Name of the group that may use a device file; ``usual`` where that is root, or unknown."""
     try:
         name = grp.getgrgid(os.stat(path).st_gid).gr_name
     except (OSError, KeyError):
@@ -161,7 +161,7 @@ class OwnLine(serial.Serial):
     """
 
     def open(self) -> None:
-        """Opens it."""
+        """Opens the line, and keeps others from opening it."""
         super().open()
         try:
             fcntl.ioctl(self.fileno(), termios.TIOCEXCL)
@@ -170,7 +170,7 @@ class OwnLine(serial.Serial):
             raise
 
     def close(self) -> None:
-        """Closes it; whoever else has it open must not be left with a line that is shut."""
+        """Closes the line; others may open it again, even where one still has it open."""
         if self.is_open:
             with suppress(OSError):  # hung up
                 fcntl.ioctl(self.fileno(), termios.TIOCNXCL)
@@ -178,7 +178,7 @@ class OwnLine(serial.Serial):
 
 
 def readers(port: str) -> str:
-    """How to find who else reads a line, and to end it: the end of a sentence of advice."""
+    """Advice on how to find and end other readers of a line: the end of a sentence."""
     terminal = os.path.basename(os.path.realpath(port))
     console = f"; systemctl stop serial-getty@{terminal}" if terminal.startswith("tty") else ""
     return f"that no other program reads the line (fuser -v {port}{console})."

@@ -36,11 +36,11 @@ _OUTPUT: Final = 1 << 3
 _BIAS: Final = {"up": 1 << 8, "down": 1 << 9, "none": 1 << 10}
 
 PULLS: Final = tuple(_BIAS)
-"""What holds an input that nothing drives: a resistor of the chip's to the supply, or to ground."""
+"""What holds an input that nothing drives: the chip's resistor to supply or to ground, or none."""
 
 _CHIP: Final = struct.Struct("=32s 32s I")  # name, label, number of lines
 _LINE: Final = struct.Struct("=32s 32s I 188x")  # name, consumer, offset
-# Offsets, consumer; flags, number of attributes and these; number of lines, file descriptor.
+# Offsets, consumer; flags, number of attributes, attributes; number of lines, file descriptor.
 _REQUEST: Final = struct.Struct("=64I 32s Q I 20x 240s I 24x i")
 _VALUES: Final = struct.Struct("=QQ")  # bits, and which of them count
 _LEVEL: Final = struct.Struct("=I4xQQ")  # of an attribute: kind, levels, lines
@@ -53,7 +53,7 @@ class GPIODevices(Protocol):
     """The device files of GPIO chips; each method but ``chips`` may raise ``OSError``."""
 
     def chips(self) -> list[str]:
-        """The paths of those that there are."""
+        """Paths of the chips that there are."""
 
     def open(self, path: str) -> int:
         """Opens a chip; returns a file descriptor."""
@@ -69,7 +69,7 @@ class LinuxGPIO:
     """The GPIO chips of this computer."""
 
     def chips(self) -> list[str]:
-        """The paths of those that there are."""
+        """Paths of the chips that there are."""
         return sorted(glob("/dev/gpiochip*"), key=lambda path: (len(path), path))
 
     def open(self, path: str) -> int:
@@ -91,7 +91,7 @@ class LinePlace:
 
     Attributes:
         chip: The chip's device file, or its label, as ``gpiodetect`` shows it.
-        line: Its number on the chip, or its name there, as ``gpioinfo`` shows it.
+        line: The line's number on the chip, or its name there, as ``gpioinfo`` shows it.
     """
 
     chip: str
@@ -99,7 +99,7 @@ class LinePlace:
 
     @classmethod
     def read(cls, table: Section, prefix: str = "") -> LinePlace:
-        """The keys ``chip`` and ``line``, perhaps with a prefix.
+        """Reads the keys ``chip`` and ``line``, whose names begin with the prefix.
 
         Raises:
             ConfigError: Names file, key and reason.
@@ -117,13 +117,13 @@ class GPIOLine:
     """A line, ours from when it is opened until it is closed; see ``input_line``, ``output_line``.
 
     Args:
-        devices: The chips.
-        place: Where it is.
-        flags: As in ``linux/gpio.h``.
-        attribute: A packed attribute, or nothing.
+        devices: GPIO chips.
+        place: Where the line is.
+        flags: Flags of the line, as in ``linux/gpio.h``.
+        attribute: Packed attribute of the line; empty for none.
 
     Raises:
-        DeviceMissingError: There is no such chip or line, it is in use, or not ours to use.
+        DeviceMissingError: There is no such chip or line, it is in use, or the user may not use it.
     """
 
     def __init__(
@@ -149,25 +149,25 @@ class GPIOLine:
         self._line: int = _REQUEST.unpack(request)[-1]
 
     def get(self) -> bool:
-        """Whether it is active.
+        """Whether the line is active.
 
         Raises:
-            DeviceMissingError: It cannot be read any more.
+            DeviceMissingError: The line cannot be read any more.
         """
         values = bytearray(_VALUES.pack(0, 1))
         self._ask(_GET_VALUES, values, "read")
         return bool(_VALUES.unpack(values)[0] & 1)
 
     def set(self, high: bool) -> None:
-        """Drives an output.
+        """Drives an output high or low.
 
         Raises:
-            DeviceMissingError: It cannot be driven any more.
+            DeviceMissingError: The line cannot be driven any more.
         """
         self._ask(_SET_VALUES, bytearray(_VALUES.pack(high, 1)), "driven")
 
     def close(self) -> None:
-        """Gives it back; its level is then up to the kernel, and to what pulls it up or down."""
+        """Gives the line back; the kernel, and what pulls it up or down, then decide its level."""
         self._devices.close(self._line)
 
     def _ask(self, request: int, values: bytearray, what: str) -> None:
@@ -181,7 +181,7 @@ class GPIOLine:
 
 
 def output_line(devices: GPIODevices, place: LinePlace, high: bool) -> GPIOLine:
-    """A line that is driven, at first ``high`` or low, from the moment that it is opened.
+    """Opens a line as an output, driven ``high`` or low from the moment that it is opened.
 
     Raises:
         DeviceMissingError: As ``GPIOLine``.
@@ -192,13 +192,13 @@ def output_line(devices: GPIODevices, place: LinePlace, high: bool) -> GPIOLine:
 def input_line(
     devices: GPIODevices, place: LinePlace, *, pull: str, active_low: bool, debounce: float
 ) -> GPIOLine:
-    """A line that is read.
+    """Opens a line as an input.
 
     A chip that has no resistors ignores ``pull``, and the kernel does not say so.
 
     Args:
-        devices: The chips.
-        place: Where it is.
+        devices: GPIO chips.
+        place: Where the line is.
         pull: One of ``PULLS``.
         active_low: Whether a low level is active.
         debounce: How long a level must last to count, s; 0 for not at all.
@@ -230,7 +230,7 @@ def _path_of(devices: GPIODevices, place: LinePlace) -> str:
 
 
 def _labels(devices: GPIODevices, path: str) -> Iterator[str]:
-    """The label of a chip, if it can be had."""
+    """Yields the label of a chip, if it can be read."""
     try:
         chip = devices.open(path)
         try:
@@ -243,7 +243,7 @@ def _labels(devices: GPIODevices, path: str) -> Iterator[str]:
 
 @contextmanager
 def _opened(devices: GPIODevices, path: str) -> Iterator[tuple[int, int]]:
-    """A chip, with the number of its lines."""
+    """Opens a chip for a ``with`` block; gives its file descriptor and its number of lines."""
     chip = None
     try:
         chip = devices.open(path)
@@ -305,7 +305,7 @@ def _offset_of(devices: GPIODevices, chip: int, lines: int, place: LinePlace) ->
 def _refused(
     devices: GPIODevices, chip: int, offset: int, place: LinePlace, error: OSError
 ) -> DeviceMissingError:
-    """The error of a line that a chip does not give."""
+    """The error for a line that cannot be opened."""
     match error.errno:
         case errno.EBUSY:
             try:

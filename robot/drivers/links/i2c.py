@@ -1,8 +1,8 @@
 """Access to an I²C bus, the seam below the drivers of the devices on it.
 
-Where motors run, an acknowledge is lost now and then. What may be done twice is done up to three
-times, here for all devices, and counted; what may not is done again only where the device says
-that it did nothing.
+Where motors run, an acknowledge is lost now and then. A transfer that may be made twice is made up
+to three times, here for all devices, and its repeats are counted; one that may not is made again
+only where the device says that it did nothing.
 
 Source: Linux' ``Documentation/i2c/fault-codes.rst`` for the errors of a transfer.
 """
@@ -22,7 +22,7 @@ from robot.drivers.links.device_files import group_of, others_like
 from robot.errors import DeviceMissingError, DeviceTimeoutError
 
 ATTEMPTS: Final = 3
-"""How often a transfer that nobody acknowledges is made."""
+"""Number of times that a transfer is made while nobody acknowledges it."""
 
 _I2C_TIMEOUT: Final = 0x0702  # ioctl of linux/i2c-dev.h; its unit is 10 ms
 _NAMES: Final = Path("/sys/class/i2c-dev")
@@ -49,7 +49,7 @@ def open_i2c(path: str) -> SMBus:
     """Opens a bus such as ``/dev/i2c-1``; a transfer hangs for at most about 100 ms.
 
     Raises:
-        DeviceMissingError: There is no such bus, it is not ours to use, or it cannot do combined
+        DeviceMissingError: There is no such bus, the user may not use it, or it cannot do combined
             transfers.
     """
     bus = SMBus()
@@ -69,7 +69,7 @@ def open_i2c(path: str) -> SMBus:
 
 
 def no_such_bus(path: str, error: OSError) -> DeviceMissingError:
-    """Why a bus cannot be opened, and what to do about it."""
+    """The error that says why a bus cannot be opened, and what to do about it."""
     match error.errno:
         case errno.ENOENT | errno.ENXIO | errno.ENODEV:
             found = ", ".join(map(_described, others_like(path)))
@@ -93,7 +93,7 @@ def no_such_bus(path: str, error: OSError) -> DeviceMissingError:
 
 
 def _described(path: str) -> str:
-    """A bus with what the kernel calls its adapter, which tells a Pi's pins from its displays."""
+    """Path of a bus with its adapter's name, which tells a Pi's pins from its displays."""
     try:
         name = (_NAMES / Path(path).name / "name").read_text(encoding="ascii").strip()
     except (OSError, ValueError):
@@ -102,15 +102,15 @@ def _described(path: str) -> str:
 
 
 class I2CLink:
-    """One bus under its name; not open yet.
+    """One I²C bus by its device file; not open yet.
 
     Args:
         open_bus: Opens a bus, given its device file.
-        path: The device file.
+        path: Device file of the bus.
 
     Attributes:
-        transfers: Made so far, without those that were made again.
-        repeats: Transfers that had to be made again, because nobody acknowledged.
+        transfers: Number of transfers so far, without repeats.
+        repeats: Number of times that a transfer was made again, because nobody acknowledged.
     """
 
     def __init__(self, open_bus: Callable[[str], I2CBus], path: str):
@@ -122,7 +122,7 @@ class I2CLink:
 
     @classmethod
     def to(cls, bus: I2CBus | I2CLink) -> I2CLink:
-        """A link as it is; or one to a bus that its owner opened, which cannot be opened anew."""
+        """Returns a link as it is; or a link to a bus that its owner opened, never opened anew."""
         if isinstance(bus, I2CLink):
             return bus
         link = cls(lambda path: bus, "of its owner")
@@ -134,7 +134,7 @@ class I2CLink:
         """Opens the bus; anew if it is open: an adapter that was plugged in again is another.
 
         Raises:
-            DeviceMissingError: It cannot be opened.
+            DeviceMissingError: The bus cannot be opened.
         """
         if self._open_bus is not None:
             self.close()
@@ -171,9 +171,9 @@ class I2CLink:
         """Carries out messages as one transfer, up to ``ATTEMPTS`` times.
 
         Args:
-            messages: What to carry out.
-            device: What the device is called in sentences.
-            done: Whether the device did, after all, what it did not acknowledge.
+            messages: Messages of the transfer.
+            device: Name of the device, for messages to people.
+            done: Tells whether the device did, after all, what it did not acknowledge.
 
         Raises:
             DeviceMissingError: Nobody acknowledges, or there is no bus any more.
@@ -215,8 +215,8 @@ class I2CRegisters:
 
     Args:
         link: The bus, which its owner opens and closes.
-        address: The device's.
-        name: What the device is called in sentences.
+        address: Address of the device.
+        name: Name of the device, for messages.
         wide: Whether a register's number has 16 bits, highest byte first, instead of 8.
     """
 
@@ -227,7 +227,7 @@ class I2CRegisters:
         self._width = 2 if wide else 1
 
     def read(self, register: int, count: int = 1) -> bytes:
-        """So many bytes from a register on, which reading must not change.
+        """Reads ``count`` bytes from a register on; reading must not change them.
 
         Raises:
             DeviceMissingError: Nobody acknowledges, or the adapter is gone.
@@ -239,17 +239,17 @@ class I2CRegisters:
         """Writes bytes from a register on; errors as those of ``read``.
 
         Args:
-            register: The first.
-            values: The bytes.
-            done: For what must not be done twice, such as the start of a measurement: whether the
-                device did it although its acknowledge was lost.
+            register: First register.
+            values: Bytes to write.
+            done: For a write that must not be made twice, such as the start of a measurement: tells
+                whether the device took it although its acknowledge was lost.
         """
         self._link.transfer([self._message(register, *values)], self._device, done)
 
     def write_and_read(
         self, writes: Iterable[Sequence[int]], register: int, count: int = 1
     ) -> bytes:
-        """Some writes, each a register and its bytes, and a read, all in one transfer."""
+        """Makes writes, each a register and its bytes, and then a read, all in one transfer."""
         data = i2c_msg.read(self._address, count)
         messages = [self._message(*write) for write in writes]
         messages += [self._message(register), data]

@@ -43,14 +43,14 @@ class SerialLine:
 
     @property
     def port(self) -> str:
-        """Its device file."""
+        """Device file of the line."""
         return str(self._port.port)
 
     def open(self) -> None:
         """Opens the port.
 
         Raises:
-            DeviceMissingError: It cannot be opened.
+            DeviceMissingError: The port cannot be opened.
         """
         self._port = self._open_port()
         self._byte_time = _BITS_PER_BYTE / self._port.baudrate
@@ -63,15 +63,15 @@ class SerialLine:
             self._port.close()
 
     def seconds_for(self, count: int) -> float:
-        """How long so many bytes take, s."""
+        """Time that ``count`` bytes take on the line, s."""
         return count * self._byte_time
 
     def write(self, data: bytes, *, gap: float = 0.0) -> None:
-        """Sends bytes, and waits them out.
+        """Sends bytes, and waits as long as the line takes to carry them.
 
         Args:
-            data: The bytes.
-            gap: Pause after them, s.
+            data: Bytes to send.
+            gap: Pause after the bytes, s.
 
         Raises:
             DeviceTimeoutError: The port took no more bytes.
@@ -88,7 +88,7 @@ class SerialLine:
         self._clock.sleep(self.seconds_for(len(data)) + gap)
 
     def clear(self) -> None:
-        """Forgets what came in.
+        """Discards the bytes that came in.
 
         Raises:
             DeviceMissingError: The line failed.
@@ -97,7 +97,7 @@ class SerialLine:
             self._port.reset_input_buffer()
 
     def read(self, count: int) -> bytes:
-        """So many bytes, fewer where they did not come in time: then the wait has cost its time.
+        """Reads ``count`` bytes; fewer after a time-out, whose whole wait the clock is charged.
 
         Raises:
             DeviceMissingError: The line failed.
@@ -110,14 +110,14 @@ class SerialLine:
         return found
 
     def read_until(self, end: bytes, at_most: int) -> bytes:
-        """The bytes up to an end, or as many as at most; others where the end did not come in time.
+        """Reads up to and including ``end``, or ``at_most`` bytes; fewer after a time-out.
 
         Raises:
             DeviceMissingError: The line failed.
         """
         with self._link("reading from it"):
             found: bytes = self._port.read_until(end, at_most)
-            if not found.endswith(end):  # as above
+            if not found.endswith(end):  # as in ``read``
                 found += self._port.read(min(self._port.in_waiting, at_most - len(found)))
         self._charge(found, in_time=found.endswith(end) or len(found) >= at_most)
         return found

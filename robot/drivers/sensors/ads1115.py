@@ -4,14 +4,14 @@ It takes the place of a data acquisition board: a force-sensitive resistor or a 
 resistor, from the supply to an input and on to ground, is a sensor with the driver ``analogue`` or
 ``switch``. Inputs are numbered 0 to 3 on the first chip, 4 to 7 on the second, and so on.
 
-Each conversion is started by itself (single shot), so none is ever an old one, and the settings are
-read back before its result, so that a reset is noticed. The converter is so quiet that its last bit
-often stands still: that an input is stuck cannot be told from its codes.
+Each conversion is started by itself (single shot), so no result is ever an old one, and the
+settings are read back before the result, so that a reset is noticed. The converter is so quiet that
+its last bit often stands still: that an input is stuck cannot be told from its codes.
 
 Source: TI ADS1113/4/5 data sheet, SBAS444 (registers and reset values of 9.6; that a conversion
 under way ends with the settings that it began with, 9.4). The chip has no identity; what tells it
-from others is its two threshold registers, which are not used here: they hold what they held after
-a reset, or take it, all 16 bits, where another program used them.
+from others is its two threshold registers, which are not used here: they hold their reset values,
+or take them again, all 16 bits, where another program used them.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _CONFIG: Final = 1
 _THRESHOLDS: Final = (2, 3)
 _THRESHOLDS_AT_RESET: Final = (0x8000, 0x7FFF)
 
-_START: Final = 0x8000  # written; read, it says that no conversion is under way
+_START: Final = 0x8000  # written: start; read: no conversion is under way
 _INPUT_0: Final = 0x4000  # against ground; the other inputs follow in steps of 0x1000
 _SINGLE_SHOT: Final = 0x0100
 _860_PER_SECOND: Final = 0x00E0
@@ -73,12 +73,12 @@ class ADS1115Settings:
 
     @property
     def claims(self) -> tuple[str, ...]:
-        """The chips' addresses."""
+        """The chips' addresses, each with its bus."""
         return tuple(f"0x{address:x} on I²C bus {self.bus}" for address in self.addresses)
 
     @classmethod
     def read(cls, table: Section) -> ADS1115Settings:
-        """``bus``, ``address`` and ``input_range``."""
+        """Reads the keys ``bus``, ``address`` and ``input_range``."""
         return cls(
             bus=table.integer("bus", 0, 255, 1),
             addresses=table.integers(
@@ -88,7 +88,7 @@ class ADS1115Settings:
         )
 
     def open(self, buses: Buses) -> ADS1115:
-        """The chips; ``probe`` opens the bus."""
+        """Driver of the chips; its ``probe`` opens the bus."""
         return ADS1115(buses.i2c(self.bus), settings=self, clock=buses.clock)
 
     def __str__(self) -> str:
@@ -100,8 +100,8 @@ class ADS1115:
     """The inputs of one robot; call ``probe`` before the first scan.
 
     Args:
-        bus: The I²C bus, which the driver opens and closes; or one that is open.
-        settings: Where the chips are.
+        bus: The I²C bus, which the driver opens and closes; or a bus that is open.
+        settings: Where the chips are, and their input range.
         clock: Paces the conversions.
     """
 
@@ -161,7 +161,7 @@ class ADS1115:
     def _convert(self, number: int) -> float:
         index, channel = divmod(number, INPUTS_PER_CHIP)
         wanted = self._config(channel)
-        # Twice does no harm: the chip takes no start while it converts.
+        # Writing this twice does no harm: the chip takes no start while it converts.
         self._chips[index].write(_CONFIG, *(wanted | _START).to_bytes(2, "big"))
         self._clock.sleep(_CONVERSION_TIME)
         self._await_end(index, wanted, _DEADLINE)

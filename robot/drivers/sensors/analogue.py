@@ -2,7 +2,7 @@
 
 An accelerometer gives a voltage for each axis, a strain gauge one for its load. A switch gives two:
 a resistor to the supply, or to ground, makes one voltage while it is open and another while it is
-closed. With a second resistor across the switch neither of them is that of a wire that has come
+closed. With a second resistor across the switch, neither voltage is that of a wire that has come
 off, which is then noticed.
 """
 
@@ -19,7 +19,7 @@ from robot.toml_sections import Section
 
 
 class OnInputs:
-    """Base of a sensor on some inputs of a board, which others open, find and close."""
+    """Base class of a sensor on some inputs of a board, which is opened and closed elsewhere."""
 
     def __init__(self, inputs: AnalogueInputs, channels: tuple[int, ...]):
         self._inputs = inputs
@@ -33,7 +33,7 @@ class OnInputs:
         self._inputs.check(self._channels)
 
     def close(self) -> None:
-        """Does nothing: the board is closed by itself."""
+        """Does nothing: the board is closed elsewhere."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +46,7 @@ class AnalogueAxes(CalibratedAxes):
 
     @classmethod
     def read(cls, table: Section) -> AnalogueAxes:
-        """``channels``, ``zero_v`` and ``volts_per_g``."""
+        """Reads the keys ``channels``, ``zero_v`` and ``volts_per_g``."""
         channels = table.numbers("channels", 3, 0, 31)
         if any(channel != int(channel) for channel in channels) or len(set(channels)) < 3:
             given = ", ".join(f"{channel:g}" for channel in channels)
@@ -62,12 +62,12 @@ class AnalogueAxes(CalibratedAxes):
         return AnalogueAccelerometer(self, buses.analogue)
 
     def axis(self, index: int) -> str:
-        """The input of an axis, for a sentence."""
+        """Name of the input of an axis, for a sentence."""
         return f"channel {self.channels[index]}"
 
     @property
     def key(self) -> str:
-        """The key with the inputs."""
+        """Key of ``robot.toml`` that names the inputs."""
         return "accelerometer.channels"
 
     def __str__(self) -> str:
@@ -75,7 +75,7 @@ class AnalogueAxes(CalibratedAxes):
 
 
 class AnalogueAccelerometer(OnInputs):
-    """Three analogue inputs."""
+    """An accelerometer on three analogue inputs."""
 
     name = AnalogueAxes.name
 
@@ -84,23 +84,23 @@ class AnalogueAccelerometer(OnInputs):
         self._axes = axes
 
     def raw(self) -> tuple[float, float, float]:
-        """Scans the inputs; V."""
+        """Voltages of the axes x, y and z in a new scan, V."""
         volts = self._inputs.scan()
         x, y, z = (volts[channel] for channel in self._axes.channels)
         return x, y, z
 
     def acceleration(self) -> tuple[float, float, float]:
-        """Scans the inputs; g."""
+        """Acceleration along x, y and z in a new scan, g."""
         return self._axes.acceleration(self.raw())
 
 
 @dataclass(frozen=True, kw_only=True)
 class StrainGauge:
-    """An amplified strain gauge.
+    """Settings of an amplified strain gauge.
 
     Attributes:
         channel: Analogue input.
-        tare: Volts of the free foot.
+        tare: Volts while the foot is free.
         volts_per_newton: Sensitivity; its sign is the direction of mounting.
     """
 
@@ -111,12 +111,12 @@ class StrainGauge:
 
     @property
     def channels(self) -> tuple[int, ...]:
-        """Its one input."""
+        """The one input of the gauge."""
         return (self.channel,)
 
     @classmethod
     def read(cls, table: Section) -> StrainGauge:
-        """``channel``, ``tare_v`` and ``volts_per_newton``."""
+        """Reads the keys ``channel``, ``tare_v`` and ``volts_per_newton``."""
         tare, gain = read_bridge(table)
         return cls(channel=table.integer("channel", 0, 31), tare=tare, volts_per_newton=gain)
 
@@ -127,7 +127,7 @@ class StrainGauge:
         return AnalogueGauge(self, buses.analogue)
 
     def force(self, volts: float) -> float:
-        """Load on the foot, N."""
+        """Load on the foot that a voltage stands for, N."""
         return (volts - self.tare) / self.volts_per_newton
 
     def __str__(self) -> str:
@@ -135,7 +135,7 @@ class StrainGauge:
 
 
 class AnalogueGauge(OnInputs):
-    """One analogue input."""
+    """A strain gauge on one analogue input."""
 
     name = StrainGauge.name
 
@@ -149,15 +149,15 @@ class AnalogueGauge(OnInputs):
 
 
 def read_bridge(table: Section) -> tuple[float, float]:
-    """``tare_v`` and ``volts_per_newton``."""
+    """Reads the keys ``tare_v`` and ``volts_per_newton``."""
     gain = table.magnitude("volts_per_newton", 1e-4, 50)
     return table.number("tare_v", -10, 10), gain
 
 
 LEAST_CHANGE: Final = 0.3
-"""Volts between free and pressed, at least: well above the noise of any input."""
+"""Least difference of free and pressed, V: well above the noise of any input."""
 
-# Shares of the way from free to pressed.
+# Shares of the way from the free to the pressed voltage.
 _ON: Final = 0.6
 _OFF: Final = 0.4
 _BEYOND: Final = 0.3  # before free or after pressed: a wire has come off
@@ -165,7 +165,7 @@ _BEYOND: Final = 0.3  # before free or after pressed: a wire has come off
 
 @dataclass(frozen=True, kw_only=True)
 class SwitchSettings:
-    """The input, and its volts with the foot pressed and free."""
+    """Input of a switch, and its volts with the foot pressed and free."""
 
     name: ClassVar[str] = "switch"
     channel: int
@@ -174,12 +174,12 @@ class SwitchSettings:
 
     @property
     def channels(self) -> tuple[int, ...]:
-        """Its one input."""
+        """The one input of the switch."""
         return (self.channel,)
 
     @classmethod
     def read(cls, table: Section) -> SwitchSettings:
-        """``channel``, ``pressed_v`` and ``free_v``."""
+        """Reads the keys ``channel``, ``pressed_v`` and ``free_v``."""
         pressed, free = table.number("pressed_v", -10, 10), table.number("free_v", -10, 10)
         if abs(pressed - free) < LEAST_CHANGE:
             raise table.refuse(
@@ -200,12 +200,12 @@ class SwitchSettings:
 
 
 class Switch(OnInputs):
-    """One switch.
+    """One switch on an analogue input.
 
     Args:
-        settings: Its input and volts.
-        inputs: The board's.
-        called: The part that it is on.
+        settings: Input of the switch, and its volts.
+        inputs: Inputs of the board.
+        called: Name of the part that the switch is on.
     """
 
     name = SwitchSettings.name
@@ -219,17 +219,18 @@ class Switch(OnInputs):
         self._pressed = False
 
     def load(self) -> bool:
-        """Whether it is pressed, at the moment at which the other analogue sensors were read."""
+        """Whether it is pressed, at the moment when the other analogue sensors were read."""
         self._volts = self._inputs.same_moment()[self._settings.channel]
         share = self._share()
         self._pressed = share > (_OFF if self._pressed else _ON)
         return self._pressed
 
     def check(self) -> None:
-        """Whether the latest reading is one of a switch.
+        """Checks that the latest reading can be one of the switch.
 
         Raises:
-            DeviceDataError: It is far from both voltages, stuck, or at an end of the range.
+            DeviceDataError: The voltage is far outside pressed and free, stuck, or at an end of the
+                range.
         """
         super().check()
         if not -_BEYOND <= self._share() <= 1 + _BEYOND:

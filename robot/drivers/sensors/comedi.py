@@ -85,14 +85,14 @@ class ComediSettings:
 
     @classmethod
     def read(cls, table: Section) -> ComediSettings:
-        """``device`` and ``input_range``."""
+        """Reads the keys ``device`` and ``input_range``."""
         return cls(
             device=table.text("device", "/dev/comedi0"),
             input_range=table.choice("input_range", tuple(RANGES), "±5V"),
         )
 
     def open(self, buses: Buses) -> ComediInput:
-        """Loads the library; ``probe`` opens the board."""
+        """Loads the library and returns the driver, whose ``probe`` opens the board."""
         del buses
         return ComediInput(self.device, range_=self.input_range)
 
@@ -175,7 +175,7 @@ class ComediInput:
             Volts of each channel, in order.
 
         Raises:
-            CommandError: No such channels.
+            CommandError: There are no such channels.
             DeviceError: The board is gone, hangs, or is not open.
         """
         if self._device is None:  # comedilib would follow the null pointer
@@ -195,7 +195,7 @@ class ComediInput:
             self._device = None
 
     def _ranges(self) -> list[tuple[float, float]]:
-        """Ends of each range in volts, by the board's own numbering; NaN for another unit."""
+        """Ends of each range in volts, in the board's own order; NaN for another unit."""
         count = self._library.comedi_get_n_ranges(self._device, self._inputs, 0)
         ranges = []
         for number in range(count):

@@ -21,11 +21,11 @@ from robot.uncertainty import Uncertainty
 class SensorDriver(Protocol):
     """A sensor; call ``start`` first.
 
-    It may have ``details()``, what the doctor tells beside its readings, and ``link``, its
-    ``I2CLink``, of which the doctor tells how many transfers had to be repeated.
+    It may have ``details()``, which returns what the doctor tells beside the readings, and
+    ``link``, its ``I2CLink``, whose repeated transfers the doctor counts.
 
     Attributes:
-        name: As ``SensorSettings.name``.
+        name: Name of the device, as ``SensorSettings.name``.
     """
 
     name: str
@@ -37,11 +37,11 @@ class SensorDriver(Protocol):
         another program left: all settings are written, or read back.
 
         Raises:
-            DeviceError: It cannot be opened, or the device is not what it should be.
+            DeviceError: The link cannot be opened, or the device is not what it should be.
         """
 
     def check(self) -> None:
-        """Whether the latest readings of the resting robot can be believed.
+        """Checks that the latest readings of the resting robot can be believed.
 
         Raises:
             DeviceDataError: They cannot: the device answers, and is stuck or disconnected.
@@ -52,7 +52,7 @@ class SensorDriver(Protocol):
 
 
 class Accelerometer(SensorDriver, Protocol):
-    """Three axes: x forward, y left, z up."""
+    """An accelerometer with three axes: x forward, y left, z up."""
 
     def acceleration(self) -> tuple[float, float, float]:
         """One sample, g; at rest it is (0, 0, 1) on level ground.
@@ -79,7 +79,7 @@ class DistanceSensor(SensorDriver, Protocol):
     """A sensor of the distance below the belly."""
 
     def distance(self) -> float | None:
-        """One sample: from the sensor to what is in front of it, m; ``None`` beyond its sight.
+        """One sample: distance to what is in front of the sensor, m; ``None`` beyond its reach.
 
         Raises:
             DeviceError: The device failed.
@@ -88,25 +88,25 @@ class DistanceSensor(SensorDriver, Protocol):
 
 
 class SensorSettings(Protocol):
-    """The keys in ``robot.toml`` of one kind of sensor driver; what the registry names.
+    """The keys in ``robot.toml`` of one kind of sensor driver; the class that the registry names.
 
     A frozen dataclass: its ``repr`` is part of the configuration's hash. ``str`` says where the
     device is, for the log. It may have ``claims``, strings that name the places on a bus where no
     other device can be, such as ``0x29 on I²C bus 1``.
 
     Attributes:
-        name: What the device is called in sentences, such as ``VL6180X``.
+        name: Name of the device, for messages, such as ``VL6180X``.
     """
 
     name: ClassVar[str]
 
     @property
     def channels(self) -> tuple[int, ...]:
-        """The inputs of the ``[daq]`` board that it occupies; none for a sensor on another bus."""
+        """Inputs of the ``[daq]`` board that the sensor occupies; none if it is on another bus."""
 
     @classmethod
     def read(cls, table: Section) -> SensorSettings:
-        """Reads the driver's own keys; those that all drivers of the table share are not its own.
+        """Reads the driver's own keys, without those that all drivers of the table share.
 
         Raises:
             ConfigError: Names file, key and reason.
@@ -116,11 +116,11 @@ class SensorSettings(Protocol):
         """The driver of an accelerometer, a touch or a distance sensor, by its table.
 
         Args:
-            buses: What leads there. Where ``channels`` names any, it has analogue inputs.
-            called: What ``robot.toml`` calls the sensor: a touch sensor's name, or the table.
+            buses: Buses of the computer; with analogue inputs where ``channels`` names any.
+            called: Name of the sensor in ``robot.toml``: a touch sensor's own, or the table's.
 
         Raises:
-            DeviceMissingError: It cannot be opened; the sentence says why.
+            DeviceMissingError: The device cannot be opened; the sentence says why.
         """
 
 
@@ -128,17 +128,17 @@ class DistanceSettings(SensorSettings, Protocol):
     """The settings of a distance sensor.
 
     Attributes:
-        reach: The furthest that it tells, m.
+        reach: Largest distance that the sensor can give, m.
     """
 
     reach: ClassVar[float]
 
 
 class BoardSettings(Protocol):
-    """The ``[daq]`` table of one kind of data acquisition board; what the registry names.
+    """The ``[daq]`` table of one kind of acquisition board; the class that the registry names.
 
     Attributes:
-        name: What the board is called in sentences, such as ``DMM-32``.
+        name: Name of the board, for messages, such as ``DMM-32``.
         dithers: Whether a live input hardly ever gives the same code twice running.
     """
 
@@ -161,15 +161,15 @@ class BoardSettings(Protocol):
         """The board's driver, whose ``probe`` opens the link.
 
         Raises:
-            DeviceMissingError: It cannot be used; the sentence says why.
+            DeviceMissingError: The board cannot be used; the sentence says why.
         """
 
 
 def attach_board(buses: Buses, settings: BoardSettings) -> Buses:
-    """The buses with the inputs of a board, opened and found.
+    """Opens and probes a board; returns the buses with its inputs.
 
     Raises:
-        DeviceError: It cannot be opened, or is not what it should be.
+        DeviceError: The board cannot be opened, or is not what it should be.
     """
     board: AnalogueBoard = open_driver(settings, buses)
     try:
@@ -188,10 +188,10 @@ def attach_board(buses: Buses, settings: BoardSettings) -> Buses:
 
 
 AXIS_KEYS: Final = MappingProxyType({"V": ("zero_v", "volts_per_g"), "g": ("zero_g", "g_per_g")})
-"""By unit, the keys of what an axis reads at 0 g, and of what it reads more at 1 g."""
+"""Keys of an axis's reading at 0 g, and of its increase from there to 1 g, by unit."""
 
-# By unit, beyond these somebody erred: ± what an axis may read at 0 g, and the least and most more
-# that it may read at 1 g.
+# Limits by unit, beyond which somebody erred: of an axis's reading at 0 g (±), and of its increase
+# from there to 1 g (least, most).
 _ZEROS: Final = MappingProxyType({"V": 10.0, "g": 0.5})
 _GAINS: Final = MappingProxyType({"V": (0.02, 5.0), "g": (0.5, 2.0)})
 
@@ -201,10 +201,10 @@ class CalibratedAxes(ABC):
     """Settings of an accelerometer that ``robotd calibrate`` can calibrate; its driver has ``raw``.
 
     Attributes:
-        unit: What ``raw`` gives: ``V`` or ``g``.
-        zero: What it gives at 0 g along x (forward), y (left), z (up).
-        per_g: How much more it gives at 1 g; negative where an axis points the other way.
-        uncertainty: Of what is level for the main body, and of what is felt of gravity.
+        unit: Unit of what ``raw`` gives: ``V`` or ``g``.
+        zero: Reading at 0 g along x (forward), y (left), z (up).
+        per_g: Increase of the reading from 0 to 1 g; negative where an axis points the other way.
+        uncertainty: Uncertainty of what is level for the main body, and of the measured gravity.
     """
 
     unit: ClassVar[str]
@@ -220,16 +220,16 @@ class CalibratedAxes(ABC):
 
     @abstractmethod
     def axis(self, index: int) -> str:
-        """Where the axis x, y or z comes from, for a sentence."""
+        """Source of the axis x, y or z, by its index, for a sentence."""
 
     @property
     @abstractmethod
     def key(self) -> str:
-        """The key of ``robot.toml`` that says so."""
+        """Key of ``robot.toml`` that says where each axis comes from."""
 
 
 def read_axes(table: Section, unit: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """What the axes read at 0 g and per g, in their unit."""
+    """Reads the axes' readings at 0 g, and their increases per g, in ``unit``."""
     zero, gain = AXIS_KEYS[unit]
     gains = table.magnitudes(gain, 3, *_GAINS[unit])
     return table.numbers(zero, 3, -_ZEROS[unit], _ZEROS[unit]), gains

@@ -45,7 +45,7 @@ _OVERFLOW: Final = 0x10  # register 7
 _FLOATING: Final = 0xFF  # what a bus reads where no board answers
 
 _CONVERSION_TIME: Final = 4e-6  # s
-_GRACE: Final = 5e-3  # beyond the nominal time of any wait
+_GRACE: Final = 5e-3  # s beyond the nominal time of any wait
 _MAX_POLLS: Final = 20_000  # ends a wait even if the clock stands still; a port access takes 1 µs
 _SCAN_INTERVAL: Final = 20e-6  # between the channels: the longest, so that the input settles best
 _SCAN_20_US: Final = 0x00
@@ -112,14 +112,14 @@ class DMM32Settings:
 
     @classmethod
     def read(cls, table: Section) -> DMM32Settings:
-        """``base`` and ``input_range``."""
+        """Reads the keys ``base`` and ``input_range``."""
         return cls(
             base=table.one_of("base", BASES, 0x300, written="{:#x}"),
             input_range=table.choice("input_range", tuple(RANGES), "±5V"),
         )
 
     def open(self, buses: Buses) -> DMM32:
-        """The board; ``probe`` opens its ports."""
+        """Driver of the board; its ``probe`` opens the ports."""
         return DMM32(buses.open_ports, base=self.base, clock=buses.clock, range_=self.input_range)
 
     def __str__(self) -> str:
@@ -161,7 +161,7 @@ class DMM32:
         self._io = self._open_ports(self._base)
 
     def probe(self) -> None:
-        """Opens the ports, anew if need be, resets the analogue side, looks whether it is there.
+        """Opens the ports, anew if need be, resets the analogue side, and identifies the board.
 
         Raises:
             DeviceMissingError: The ports cannot be opened; nothing, or something else, answers.
@@ -207,7 +207,7 @@ class DMM32:
             Volts of each channel, in order.
 
         Raises:
-            CommandError: No such channels.
+            CommandError: There are no such channels.
             DeviceError: The board is gone, hangs or lost a sample.
         """
         if not 0 <= low <= high < len(CHANNELS):
@@ -256,7 +256,7 @@ class DMM32:
         return [volts(int.from_bytes(two, "little", signed=True)) for two in data]
 
     def _await(self, offset: int, flag: int, nominal: float, what: str) -> int:
-        """Polls until a flag falls and returns the register; never longer than the deadline."""
+        """Polls a register until a flag in it falls, or the deadline; returns its value."""
         deadline = self._clock.now() + nominal + _GRACE
         read, port, now = self._io.read, self._base + offset, self._clock.now
         value = _FLOATING

@@ -13,12 +13,12 @@ from robot.toml_sections import Section
 
 @dataclass(frozen=True, kw_only=True)
 class GPIOSwitchSettings:
-    """The line, and what it is while the switch is pressed.
+    """Line of a switch, and its level while the switch is pressed.
 
     Attributes:
         place: Where the line is.
-        pull: What holds it while the switch is open, as in ``PULLS``.
-        active_low: Whether it is low while the switch is pressed.
+        pull: What holds the line while the switch is open, one of ``PULLS``.
+        active_low: Whether the line is low while the switch is pressed.
         debounce: How long a level must last to count, s: the kernel leaves out what is shorter.
     """
 
@@ -31,7 +31,7 @@ class GPIOSwitchSettings:
 
     @classmethod
     def read(cls, table: Section) -> GPIOSwitchSettings:
-        """``chip``, ``line``, ``pressed``, ``pull`` and ``debounce_ms``."""
+        """Reads the keys ``chip``, ``line``, ``pressed``, ``pull`` and ``debounce_ms``."""
         pressed = table.choice("pressed", ("low", "high"), "low")
         usual, never = ("up", "down") if pressed == "low" else ("down", "up")
         pull = table.choice("pull", PULLS, usual)
@@ -50,11 +50,11 @@ class GPIOSwitchSettings:
 
     @property
     def claims(self) -> tuple[str, ...]:
-        """The line."""
+        """The line that the switch occupies."""
         return (f"GPIO {self.place}",)
 
     def open(self, buses: Buses, called: str) -> GPIOSwitch:
-        """The switch; ``start`` opens its line."""
+        """Driver of the switch; its ``start`` opens the line."""
         del called
         return GPIOSwitch(self, buses.gpio)
 
@@ -66,7 +66,7 @@ class GPIOSwitch:
     """One switch. An open line looks like an open switch: nobody can tell that a wire came off.
 
     Args:
-        settings: Its line.
+        settings: Line of the switch.
         devices: The computer's GPIO chips.
     """
 
@@ -78,10 +78,10 @@ class GPIOSwitch:
         self._line: GPIOLine | None = None
 
     def start(self) -> None:
-        """Takes the line, anew after a fault.
+        """Opens the line, anew after a fault.
 
         Raises:
-            DeviceMissingError: There is no such line, it is in use, or not ours to use.
+            DeviceMissingError: There is no such line, it is in use, or the user may not use it.
         """
         self.close()
         held = self._settings
@@ -94,7 +94,7 @@ class GPIOSwitch:
         )
 
     def load(self) -> bool:
-        """Whether it is pressed.
+        """Whether the switch is pressed.
 
         Raises:
             DeviceMissingError: The line cannot be read any more.

@@ -5,9 +5,9 @@ It reads g, and is wrong by up to 0.05 g, which is 3° of tilt: ``robotd calibra
 board points where.
 
 A chip that was reset sleeps, and one that sleeps repeats its last sample for ever: so its power
-registers are read with every sample. What another program left in it ends with the reset at every
-start; what it changes later shows in the settings, which are read back with every sample of an
-observation.
+registers are read with every sample. What another program left in the chip ends with the reset at
+every start; what such a program changes later shows in the settings, which are read back with every
+sample of an observation.
 
 Source: InvenSense MPU-6000/6050 product specification 3.4 (sensitivity, self-test limits of ±14 %)
 and register map 4.2 (reset values of 3, factory trim of 4.4, temperature of 4.18); the identities
@@ -58,7 +58,7 @@ _RELATIVES: Final = MappingProxyType(
 )
 _RESET: Final = 0x80
 _AWAKE: Final = 0x01  # on the gyroscope's clock
-_ASLEEP: Final = 0x40  # as it leaves its reset
+_ASLEEP: Final = 0x40  # as a reset leaves the chip
 _FILTER_44_HZ: Final = 0x03
 _TWO_G: Final = 0x00
 _EIGHT_G: Final = 0x10  # the range of the self-test
@@ -68,11 +68,11 @@ _RESETTING: Final = 0.1  # s
 _SETTLING: Final = 0.05  # s; ten times the filter's delay
 _TEST_SAMPLES: Final = 10  # not tuned
 _SAMPLE_PERIOD: Final = 2e-3  # s; the chip takes a sample every millisecond
-_TOLERANCE: Final = 0.14  # of the factory trim
+_TOLERANCE: Final = 0.14  # share of the factory trim
 _FULL_SCALE: Final = 32767
 _CODES_PER_G: Final = 16384
-_FROZEN_AFTER: Final = 20  # samples with exactly the same code; its noise is some 40 codes
-_TEMPERATURES: Final = (-40.0, 85.0)  # °C in which it may be used
+_FROZEN_AFTER: Final = 20  # samples with exactly the same code; the noise is some 40 codes
+_TEMPERATURES: Final = (-40.0, 85.0)  # °C in which the chip may be used
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,12 +90,12 @@ class MPU6050Settings(CalibratedAxes):
 
     @property
     def claims(self) -> tuple[str, ...]:
-        """Its address."""
+        """Address and bus of the chip."""
         return (f"0x{self.address:x} on I²C bus {self.bus}",)
 
     @classmethod
     def read(cls, table: Section) -> MPU6050Settings:
-        """``bus``, ``address``, ``forward``, ``left``, ``up``, ``zero_g`` and ``g_per_g``."""
+        """Reads ``bus``, ``address``, ``forward``, ``left``, ``up``, ``zero_g``, ``g_per_g``."""
         usual = zip(("forward", "left", "up"), DIRECTIONS, strict=False)
         mounting = tuple(table.choice(key, DIRECTIONS, axis) for key, axis in usual)
         if not _right_handed(mounting):
@@ -116,7 +116,7 @@ class MPU6050Settings(CalibratedAxes):
         )
 
     def open(self, buses: Buses, called: str) -> MPU6050:
-        """The chip; its ``start`` opens the bus."""
+        """Driver of the chip; its ``start`` opens the bus."""
         del called
         return MPU6050(buses.i2c(self.bus), settings=self, clock=buses.clock)
 
@@ -126,7 +126,7 @@ class MPU6050Settings(CalibratedAxes):
 
     @property
     def key(self) -> str:
-        """Where it is said which axis is which."""
+        """Keys of ``robot.toml`` that say which axis is which."""
         return "accelerometer.forward, left and up"
 
     def __str__(self) -> str:
@@ -137,8 +137,8 @@ class MPU6050:
     """One chip; call ``start`` before the first sample.
 
     Args:
-        bus: The I²C bus, which the driver opens and closes; or one that is open.
-        settings: Where it is, and its calibration.
+        bus: The I²C bus, which the driver opens and closes; or a bus that is open.
+        settings: Where the chip is, and its calibration.
         clock: Paces the self-test.
     """
 
@@ -161,8 +161,8 @@ class MPU6050:
         The chip must lie still.
 
         Raises:
-            DeviceError: Nothing, or something else, answers, it takes no reset, or fails its
-                self-test.
+            DeviceError: Nothing, or something else, answers, or the chip takes no reset or fails
+                its self-test.
         """
         self.link.open()
         self._identify()
@@ -214,11 +214,11 @@ class MPU6050:
         return self._settings.acceleration(self.raw())
 
     def check(self) -> None:
-        """Whether all axes are alive, and measure as they were set up.
+        """Checks that all axes are alive, and measure as they were set up.
 
         Raises:
-            DeviceDataError: One gave exactly the same again and again, or another program changed
-                the range, the filter, the rate or the offsets.
+            DeviceDataError: An axis gave exactly the same again and again, or another program
+                changed the range, the filter, the rate or the offsets.
         """
         self._check_settings()
         for axis, count in zip("xyz", self._repeats, strict=True):
@@ -328,7 +328,7 @@ def _along(axes: tuple[int, ...], direction: str) -> float:
 
 
 def _right_handed(mounting: tuple[str, ...]) -> bool:
-    """Whether three axes are different ones, and turned into place rather than mirrored."""
+    """Whether three axes are different and right-handed: turned into place, not mirrored."""
     order = ["xyz".index(direction[-1]) for direction in mounting]
     if len(set(order)) < 3:
         return False

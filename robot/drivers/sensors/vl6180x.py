@@ -5,9 +5,10 @@ all that the controller of a Raspberry Pi can do.
 
 The chip keeps its supply, and so what another program left in it, when the computer starts again.
 All that a range depends on is therefore written at every start, and the scale and limits of a
-measurement are read back before each. One thing cannot be: the part-to-part offset, which the chip
-loads from its own memory at a reset and which programs divide when they scale the range. So it is
-copied, when it is known to be right, into a register of the light sensor, which is not used.
+measurement are read back before each. One value is not known beforehand: the part-to-part offset,
+which the chip loads from its own memory at a reset and which programs divide when they scale the
+range. So it is copied, when it is known to be right, into a register of the light sensor, which is
+not used.
 
 Source: ST application note AN4545 (mandatory and recommended settings, single-shot sequence) and
 the VL6180X data sheet (status and error codes, result registers, reset values). How long a
@@ -76,7 +77,7 @@ _RECOMMENDED: Final = (
 _MEASURING: Final = (
     (0x01C, 0x31),  # longest convergence, ms
     (0x01E, 0x00), (0x01F, 0x00),  # crosstalk compensation: none
-    (0x021, 0x14),  # and from how many mm on
+    (0x021, 0x14),  # crosstalk compensation from how many mm on
     (0x022, 0x00), (0x023, 0x00),  # early convergence estimate
     (0x025, 0x00), (0x026, 0x00), (0x027, 0x00),  # range ignore: height and threshold
     (0x02C, 0xA0),  # ambient level multiplier
@@ -107,7 +108,7 @@ _ERRORS: Final = MappingProxyType(
 
 @dataclass(frozen=True, kw_only=True)
 class VL6180XSettings:
-    """Where the sensor sits."""
+    """I²C bus and address of the sensor."""
 
     name: ClassVar[str] = "VL6180X"
     channels: ClassVar[tuple[int, ...]] = ()
@@ -117,18 +118,18 @@ class VL6180XSettings:
 
     @classmethod
     def read(cls, table: Section) -> VL6180XSettings:
-        """``bus`` and ``address``."""
+        """Reads the keys ``bus`` and ``address``."""
         return cls(
             bus=table.integer("bus", 0, 255), address=table.integer("address", 0x08, 0x77, 0x29)
         )
 
     @property
     def claims(self) -> tuple[str, ...]:
-        """Its address."""
+        """Address and bus of the sensor."""
         return (f"0x{self.address:x} on I²C bus {self.bus}",)
 
     def open(self, buses: Buses, called: str) -> VL6180X:
-        """The sensor; its ``start`` opens the bus."""
+        """Driver of the sensor; its ``start`` opens the bus."""
         del called
         return VL6180X(buses.i2c(self.bus), address=self.address, clock=buses.clock)
 
@@ -140,8 +141,8 @@ class VL6180X:
     """One sensor; call ``start`` before the first measurement.
 
     Args:
-        bus: The I²C bus, which the driver opens and closes; or one that is open.
-        address: 0x29 after every power-up.
+        bus: The I²C bus, which the driver opens and closes; or a bus that is open.
+        address: Address of the sensor: 0x29 after every power-up.
         clock: Paces the polls.
     """
 
@@ -195,7 +196,7 @@ class VL6180X:
         """
         self._await_ready()
         self._check_settings()
-        # Of the last measurement, maybe an abandoned one.
+        # The interrupt of the last measurement, maybe an abandoned one.
         self._registers.write(_INTERRUPT_CLEAR, 0x07)
         self._registers.write(_RANGE_START, 0x01, done=lambda: not self._ready())
         self._clock.sleep(_FIRST_LOOK)
@@ -218,12 +219,12 @@ class VL6180X:
         )
 
     def distance(self) -> float | None:
-        """Measures once, as ``range_mm``; m."""
+        """Distance in m, measured once as by ``range_mm``, with its errors."""
         millimetres = self.range_mm()
         return None if millimetres is None else millimetres / 1000.0
 
     def check(self) -> None:
-        """Does nothing: each measurement is looked at when it is made."""
+        """Does nothing: each measurement is checked when it is made."""
 
     def close(self) -> None:
         """Closes the bus."""
@@ -269,7 +270,7 @@ class VL6180X:
         return offset
 
     def _check_settings(self) -> None:
-        """Whether the scale and the limits of a measurement are still those of ``start``."""
+        """Checks that scale and limits of a measurement are still those that ``start`` set."""
         scaler = int.from_bytes(self._registers.read(_SCALER, 2), "big")
         block = dict(zip(_BLOCK, self._registers.read(_BLOCK[0], len(_BLOCK)), strict=True))
         wrong = [register for register, value in self._wanted.items() if block[register] != value]

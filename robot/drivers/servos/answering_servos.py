@@ -2,8 +2,8 @@
 
 A family brings its packets and its table of registers (``Chain``). Its servos hold a goal, and
 their torque goes off by itself, after a reset or an overload; so each is read before it is sent
-a goal, and a *mark* in its volatile memory, which a reset wipes out, tells whether it is as it was
-set up. An output is the servo's own number (ID) on the bus.
+a goal, and a *mark* in its volatile memory, which a reset wipes out, tells whether the servo is
+still as it was set up. An output is the servo's own number (ID) on the bus.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from robot.drivers.servos.servo_chain import Chain, Registers
 from robot.errors import CommandError, DeviceDataError
 from robot.toml_sections import Section
 
-_SENDINGS: Final = 4  # of a packet that nobody acknowledges, until it is given up
+_SENDINGS: Final = 4  # times that a packet that nobody acknowledges is sent, until it is given up
 _SUPPLY: Final = (
     "Check the servos' supply under load and the plug of this one, then clear the fault."
 )
@@ -29,9 +29,9 @@ class AnsweringServoSettings:
     """The serial line to servos; each family is a subclass.
 
     Attributes:
-        bauds: Those that the servos know.
-        usual_baud: Of a table that names none.
-        chain: What speaks to them.
+        bauds: Baud rates that the servos know.
+        usual_baud: Baud rate for a table that names none.
+        chain: Class of the line, which speaks the family's protocol.
     """
 
     name: ClassVar[str]
@@ -46,12 +46,12 @@ class AnsweringServoSettings:
 
     @property
     def per_update(self) -> int:
-        """All of them."""
+        """Number of all outputs: one transmission commands them all."""
         return len(self.outputs)
 
     @classmethod
     def read(cls, table: Section) -> Self:
-        """``port`` and ``baud``."""
+        """Reads the keys ``port`` and ``baud``."""
         return cls(port=table.text("port"), baud=table.one_of("baud", cls.bauds, cls.usual_baud))
 
     def open(self, buses: Buses) -> AnsweringServos:
@@ -64,26 +64,26 @@ class AnsweringServoSettings:
 
 
 class AnsweringServos:
-    """The servos of one line. It is not thread-safe.
+    """The servos of one line; not thread-safe.
 
     Args:
-        chain: The line, which this object closes.
-        outputs: The numbers that servos can have.
-        counts: The goals that they can be sent.
+        chain: Line to the servos, which this object closes.
+        outputs: Numbers that servos can have.
+        counts: Goals that servos can be sent.
     """
 
     def __init__(self, chain: Chain, *, outputs: range, counts: range):
         self._chain = chain
         self._known = outputs
         self._counts = counts
-        self._held: dict[int, int] = {}  # what servos that were set up should hold, 0 limp
-        self._before: dict[int, int] = {}  # and before the last goal, which may have been lost
+        self._held: dict[int, int] = {}  # goals that servos that were set up should hold, 0 limp
+        self._before: dict[int, int] = {}  # goals before the last ones, which may have been lost
         self._lost = 0
         self.name = chain.name
 
     @property
     def repeats(self) -> int:
-        """Packets that had to be sent again, because they or what answers them, did not come."""
+        """Number of packets sent again, because they or their answers did not arrive."""
         return self._chain.repeats + self._lost
 
     @property
@@ -92,10 +92,10 @@ class AnsweringServos:
         return self._chain.bytes_written
 
     def set_counts(self, counts: Mapping[int, int]) -> None:
-        """Sends goals, to servos that are as they were left; a limp one is held where it is first.
+        """Sends goals to servos, if they are as they were left; first holds limp ones in place.
 
         Raises:
-            CommandError: An output or count out of range, or its servo was not read since the
+            CommandError: An output or count is out of range, or its servo was not read since the
                 driver began, forgot or noticed a reset; nothing was sent.
             DeviceDataError: A servo is not as it was left; nothing was sent.
             DeviceError: The line failed.
@@ -134,7 +134,7 @@ class AnsweringServos:
         """Switches the torque of some servos off, also of one that failed.
 
         Raises:
-            CommandError: An output out of range; nothing was sent.
+            CommandError: An output is out of range; nothing was sent.
             DeviceError: The line failed, or torque stayed on.
         """
         released = list(outputs)
@@ -153,10 +153,10 @@ class AnsweringServos:
             )
 
     def read_counts(self, outputs: Sequence[int]) -> dict[int, int]:
-        """The servos' goals, 0 where torque is off, setting up servos that are not.
+        """Goals of servos, 0 where torque is off; first sets up those that were forgotten or new.
 
         Raises:
-            CommandError: An output out of range.
+            CommandError: An output is out of range.
             DeviceError: A servo does not answer or is not fit for use; or the line failed.
         """
         check_outputs(outputs, self._known)
@@ -170,23 +170,23 @@ class AnsweringServos:
         return {output: self._held[output] for output in outputs}
 
     def read_states(self, outputs: Sequence[int]) -> dict[int, ServoState]:
-        """What servos say of themselves, whatever that is.
+        """States that servos report of themselves, faults included.
 
         Raises:
-            CommandError: An output out of range.
+            CommandError: An output is out of range.
             DeviceError: A servo does not answer, or the line failed.
         """
         check_outputs(outputs, self._known)
         return {output: found.state for output, found in self._chain.read(outputs).items()}
 
     def verify(self, expected: Mapping[int, int]) -> list[int]:
-        """Compares the servos with what they should have; a goal that was lost is sent again.
+        """Compares the servos with the goals they should have; sends a goal again that was lost.
 
         Returns:
             The outputs that differ, ascending.
 
         Raises:
-            CommandError: An output out of range.
+            CommandError: An output is out of range.
             DeviceDataError: A servo restarted, switched its torque off or reports a fault.
             DeviceError: A servo does not answer, or the line failed.
         """
@@ -205,7 +205,7 @@ class AnsweringServos:
         )
 
     def forget(self) -> None:
-        """The next ``read_counts`` sets each servo up, whatever happened to it."""
+        """Makes the next ``read_counts`` set each servo up, whatever happened to it."""
         self._held.clear()
         self._before.clear()
 
@@ -213,13 +213,13 @@ class AnsweringServos:
         """Closes the line and opens it anew.
 
         Raises:
-            DeviceMissingError: It cannot be opened.
+            DeviceMissingError: The line cannot be opened.
         """
         self.forget()
         self._chain.reopen()
 
     def seconds_for(self, changed: int) -> float:
-        """How long ``set_counts`` takes for so many outputs, s."""
+        """Time that ``set_counts`` takes for ``changed`` outputs, s."""
         return self._chain.seconds_for(max(changed, len(self._held)))
 
     def close(self) -> None:
@@ -227,7 +227,7 @@ class AnsweringServos:
         self._chain.close()
 
     def _sound(self, outputs: Sequence[int]) -> dict[int, Registers]:
-        """Registers of servos that should be as they were left; forgets one that is not."""
+        """Registers of servos that should be as they were left; if one is not, forgets all."""
         found = self._chain.read(outputs)
         for output, registers in found.items():
             self._refuse_faulty(output, registers)
@@ -264,7 +264,7 @@ class AnsweringServos:
         raise self._untaken([n for n, registers in found.items() if not registers.state.driven])
 
     def _resent(self, found: Mapping[int, Registers]) -> dict[int, Registers]:
-        """Registers of servos, of which those got their goals again that still have the last ones.
+        """Registers of servos, after sending goals again to those that still have their last ones.
 
         Nobody acknowledges a goal. One that was lost unnoticed would make two steps one.
         """

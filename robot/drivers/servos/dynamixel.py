@@ -4,14 +4,16 @@ A count is a position of the servo's encoder, 4096 to a turn. Everything that de
 moves on its own lies in its EEPROM, which is never written here: a servo that is not in position
 mode, or whose torque goes on by itself, is refused with what to change in DYNAMIXEL Wizard.
 
-What is written, besides goals and torque, is volatile: no acceleration, and a profile velocity a
-little above the fastest that joints are moved at. So whoever commands a goal far away, that joint
-does not fly there. A reset sets it to 0, and by that a servo that restarted is known.
+What is written, besides goals and torque, is volatile: no profile acceleration, and a profile
+velocity a little above the fastest at which joints are moved, so that a joint whose goal is far
+away does not fly there. A reset sets the velocity to 0, and by that a servo that restarted is
+known.
 
 A servo that switched its torque off, because it is overloaded or hot, needs a reboot before it
 takes torque again. It is rebooted when it is set up, limp as it is, and refused if it complains
-again. One that complains with its torque on is not: it would let go of what it holds. Of a supply
-that dipped it goes on complaining for good; what its supply gives now is then believed instead.
+again. One that complains with its torque on is not rebooted: it would let go of what it holds.
+After a dip of its supply a servo goes on complaining for good; its present voltage is then believed
+instead.
 
 Source: ROBOTIS e-Manual, XL430-W250, XL330-M288 and DYNAMIXEL Protocol 2.0.
 """
@@ -49,7 +51,7 @@ COUNTS: Final = range(1, 4096)
 OUTPUTS: Final = range(1, 253)
 """The IDs that a servo can have, and that joints name."""
 TOP_SPEED: Final = 55
-"""The profile velocity: 75°/s."""
+"""Profile velocity, in the servo's unit: 75°/s."""
 
 MODELS: Final = MappingProxyType(
     {
@@ -64,7 +66,7 @@ MODELS: Final = MappingProxyType(
         **{1240: "XC330-M288", 1270: "XW430-T333", 1310: "XW540-H260"},
     }
 )
-"""The models with this control table, by their numbers."""
+"""Names of the models with this control table, by their numbers."""
 
 _SAY_NO_CURRENT: Final = frozenset((30, 1060, 1070, 1080, 1090, 1160))
 _CURRENT_UNITS: Final = MappingProxyType(  # A; of the models that are not here 2.69 mA
@@ -86,7 +88,7 @@ _MODES: Final = MappingProxyType(
 _POSITION_MODE: Final = 3
 _WIZARD: Final = "in DYNAMIXEL Wizard; nothing is written into an EEPROM here."
 
-# Addresses of the control table. In one reading there may be no gap.
+# Addresses of the control table. One reading must not span a gap.
 _IDENTITY: Final = 0  # to 11: model (2), 7 ID, 8 baud, 9 return delay, 10 drive mode, 11 mode
 _DRIVE_LIMITS: Final = 32  # the highest voltage, the lowest, the most PWM
 _LIMITS: Final = 48  # the highest position, then the lowest
@@ -108,8 +110,8 @@ _STATE_END: Final = 147
 
 _DELAY_UNIT: Final = 2e-6  # s
 _REBOOT: Final = 0.3  # s; the manual gives no time
-_REBOOTS: Final = 4  # times that
-_SENDINGS: Final = 4  # of what nobody acknowledges
+_REBOOTS: Final = 4  # times that long, at most
+_SENDINGS: Final = 4  # times that a packet that nobody acknowledges is sent, at most
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,10 +119,10 @@ class _Known:
     """What a servo that was set up said of itself.
 
     Attributes:
-        most: The most drive that it gives: its PWM limit.
-        unit: Of the current that it tells, A; 0 where it tells none.
-        limits: The goals that it takes.
-        volts: What its supply may give, 0.1 V.
+        most: Largest drive of the servo: its PWM limit.
+        unit: Unit of the current that it tells, A; 0 where it tells none.
+        limits: Lowest and highest goal that it takes.
+        volts: Lowest and highest voltage that its supply may have, 0.1 V.
     """
 
     most: int
@@ -146,7 +148,7 @@ class DynamixelChain(Chain):
         self._known: dict[int, _Known] = {}
 
     def ping(self, servo: int) -> bool:
-        """Whether a servo answers, asked once; also with a damaged answer, as of two at once."""
+        """Whether a servo answers, asked once; a damaged answer, as of two at once, counts."""
         found, damaged = self._ask(encode(Packet(servo, Instruction.PING)), [servo], 3)
         return servo in found or damaged
 
@@ -154,7 +156,7 @@ class DynamixelChain(Chain):
         """Identifies servos, refuses one that is not fit for use, and limits their speed.
 
         Raises:
-            DeviceError: One does not answer, is no X servo, is set up for something else or failed.
+            DeviceError: A servo does not answer, is no X servo, is set up otherwise or failed.
         """
         self._write(_RETURN_LEVEL, servos, 2, 1)
         identities = self._all(servos, _IDENTITY, 12)
@@ -184,14 +186,14 @@ class DynamixelChain(Chain):
             self._write(_VELOCITY, servos, TOP_SPEED, 4)
             profiles = self._all(servos, _ACCELERATION, 8)
             if all(_numbers(found[1:], 4) == [0, TOP_SPEED] for found in profiles.values()):
-                break  # else a packet was damaged; if none comes through, its speed tells
+                break  # else a packet was damaged; if none arrives, the servo's speed shows it
 
     def read(self, servos: Sequence[int]) -> dict[int, Registers]:
         """Goal, speed and state of some servos, in two queries for all of them.
 
         Raises:
-            DeviceTimeoutError: One does not answer.
-            DeviceDataError: What one answers is damaged, or a refusal.
+            DeviceTimeoutError: A servo does not answer.
+            DeviceDataError: A servo's answer is damaged, or a refusal.
             DeviceMissingError: The line failed.
         """
         state = self._all(servos, _STATE, _STATE_END - _STATE)
@@ -217,14 +219,14 @@ class DynamixelChain(Chain):
         self._write(_TORQUE, servos, int(on), 1)
 
     def seconds_for(self, servos: int) -> float:
-        """How long reading and sending to so many servos takes, s."""
+        """Time that reading so many servos and sending to them takes, s."""
         state = 1 + _STATE_END - _STATE
         sent = 3 * len(encode(sync_read(0, 0, ()))) + servos * (1 + 1 + 5)
         answers = servos * (2 * OVERHEAD + state)
         return self._line.seconds_for(sent + answers) + self._delay(2 * servos)
 
     def _decoder(self) -> Decoder:
-        """What finds answers."""
+        """Decoder that finds the answers in what comes in."""
         return Decoder()
 
     def _registers(self, servo: int, state: bytes, torque: int, error: int) -> Registers:
@@ -263,7 +265,7 @@ class DynamixelChain(Chain):
                 "position mode",
                 f"Set its Operating Mode to 3 {_WIZARD}",
             )
-        if drive & ~1:  # which only turns it round
+        if drive & ~1:  # bit 0 only turns the direction round
             raise self._unfit(
                 servo,
                 f"has Drive Mode {drive}: a profile by time, or torque that goes on with a goal",
@@ -296,7 +298,7 @@ class DynamixelChain(Chain):
         self._line.write(encode(sync_write(address, dict.fromkeys(servos, value), size)))
 
     def _all(self, servos: Sequence[int], address: int, size: int) -> dict[int, bytes]:
-        """What servos have at some addresses, the error first."""
+        """Reads ``size`` bytes of each servo from an address on; before them stands the error."""
 
         def question(missing: Sequence[int]) -> Packet:
             if len(missing) == 1:
@@ -318,13 +320,13 @@ class DynamixelChain(Chain):
 
 
 def _numbers(data: bytes, size: int) -> list[int]:
-    """The numbers of ``size`` bytes, low first, that stand one after another; no others."""
+    """Numbers of ``size`` bytes, low first, one after another; a rest is left out."""
     starts = range(0, len(data) - size + 1, size)
     return [int.from_bytes(data[at : at + size], "little") for at in starts]
 
 
 def _in_words(error: int) -> str:
-    """A hardware error; empty for none."""
+    """A hardware error in words; empty for none."""
     words = [words for bit, words in _FAULTS.items() if error & bit]
     return " and ".join(words) or (f"the hardware error {error}" if error else "")
 

@@ -24,7 +24,7 @@ IDS: Final = range(253)
 OVERHEAD: Final = 11
 """Bytes of a status packet without parameters; an instruction packet has one fewer."""
 LONGEST: Final = 1024
-"""Bytes of a packet; a length beyond is a damaged one."""
+"""Most bytes of a packet; one with a larger length is damaged."""
 
 _BEFORE_INSTRUCTION: Final = len(HEADER) + 3
 _CRC_BYTES: Final = 2
@@ -62,12 +62,12 @@ ALERT: Final = 0x80
 
 @dataclass(frozen=True)
 class Packet:
-    """One packet, without what only its way over the line needs.
+    """One packet, without header, length, stuffing and CRC.
 
     Attributes:
-        id: Of the servo that is asked, or that answers; ``BROADCAST`` is all of them.
-        instruction: An ``Instruction``, or another one byte that a servo does not know.
-        parameters: What belongs to it.
+        id: ID of the servo that is asked, or that answers; ``BROADCAST`` is all of them.
+        instruction: An ``Instruction``, or another byte, which a servo does not know.
+        parameters: Parameters of the instruction.
     """
 
     id: int
@@ -106,7 +106,7 @@ class Decoder:
     """Finds packets in bytes as they come, whatever stands between them.
 
     Attributes:
-        damaged: Packets whose length or CRC was wrong, since the beginning.
+        damaged: Number of packets whose length or CRC was wrong, since ``begin``.
     """
 
     def __init__(self) -> None:
@@ -115,7 +115,7 @@ class Decoder:
 
     @property
     def pending(self) -> int:
-        """Bytes that may be the beginning of a packet."""
+        """Number of bytes that may be the beginning of a packet."""
         return len(self._buffer)
 
     def feed(self, data: bytes) -> list[Packet]:
@@ -127,13 +127,13 @@ class Decoder:
         return packets
 
     def begin(self, question: bytes = b"") -> None:
-        """Forgets what came before a question, which is a packet as any other if it comes back."""
+        """Forgets what came before a question, which, if echoed, is a packet as any other."""
         del question
         self._buffer.clear()
         self.damaged = 0
 
     def take(self, data: bytes) -> list[tuple[int, bytes]]:
-        """The answers that are complete with these bytes: who gives it, error, and data."""
+        """Takes bytes; returns the answers complete with them: ID, and error with data."""
         return [
             (packet.id, packet.parameters)
             for packet in self.feed(data)
@@ -165,31 +165,31 @@ class Decoder:
         return [found]
 
     def _damaged(self) -> list[Packet]:
-        """Goes on behind this header, to another one that stands within the supposed length."""
+        """Goes on behind the damaged packet's header: another may stand in its supposed length."""
         self.damaged += 1
         del self._buffer[: len(HEADER)]
         return []
 
 
 def write(servo: int, address: int, value: int, size: int) -> Packet:
-    """Writes a number of ``size`` bytes at an address of one servo, or of all (``BROADCAST``)."""
+    """Packet that writes a number of ``size`` bytes at an address of one servo or all."""
     return Packet(servo, Instruction.WRITE, _word(address) + _number(value, size))
 
 
 def read(servo: int, address: int, size: int) -> Packet:
-    """Asks one servo for the bytes from an address."""
+    """Packet that asks one servo for ``size`` bytes from an address on."""
     return Packet(servo, Instruction.READ, _word(address) + _word(size))
 
 
 def sync_write(address: int, values: Mapping[int, int], size: int) -> Packet:
-    """Writes a number of ``size`` bytes at the same address of several servos; none answers."""
+    """Packet that writes a number at the same address of several servos; none answers."""
     parts = (bytes((servo,)) + _number(value, size) for servo, value in values.items())
     head = _word(address) + _word(size)
     return Packet(BROADCAST, Instruction.SYNC_WRITE, head + b"".join(parts))
 
 
 def sync_read(address: int, size: int, servos: Iterable[int]) -> Packet:
-    """Asks several servos for the bytes from the same address; each answers, in this order."""
+    """Packet that asks several servos for the same bytes; each answers, in this order."""
     return Packet(
         BROADCAST, Instruction.SYNC_READ, _word(address) + _word(size) + bytes(tuple(servos))
     )

@@ -26,15 +26,15 @@ from robot.host.clock import Clock
 
 NAME: Final = "Feetech"
 BAUDS: Final = (1_000_000, 500_000, 250_000, 128_000, 115_200, 76_800, 57_600, 38_400)
-"""In the order of the numbers that register 6 has for them."""
+"""Baud rates, in the order of their numbers in register 6."""
 COUNTS: Final = range(1, 4096)
 """Positions of a turn; 0 means limp here, and is left out."""
 OUTPUTS: Final = range(1, 254)
 """The IDs that a servo can have, and that joints name."""
 TOP_SPEED: Final = 1024
-"""Sent with each goal, steps/s: 90°/s, well above the speed of a slew."""
+"""Speed that is sent with each goal, steps/s: 90°/s, well above the speed of a slew."""
 MARK: Final = 213
-"""The acceleration, in 100 steps/s²: 1900°/s²."""
+"""Acceleration that is the mark, in 100 steps/s²: 1900°/s²."""
 
 FAULTS: Final = (
     (0, "voltage"),
@@ -53,7 +53,7 @@ _LIMITS, _MODE = 9, 33
 _TORQUE, _ACCELERATION, _GOAL = 40, 41, 42
 _STATE: Final = range(_TORQUE, 71)
 _SETTINGS: Final = range(5, 34)
-_DELAY: Final = 7  # of an answer, in units of 2 µs
+_DELAY: Final = 7  # register of the delay of an answer, in units of 2 µs
 _CURRENT_UNIT: Final = 0.0065  # A
 _MODES: Final = ("position", "wheel (constant speed)", "open loop (PWM)", "step")
 _SETTLED: Final = 0.002  # s after a write until a reading shows it
@@ -76,7 +76,7 @@ class FeetechChain(Chain):
         self._limits: dict[int, tuple[int, int]] = {}
 
     def ping(self, servo: int) -> bool:
-        """Whether a servo answers, asked once; also with a damaged answer, as of two at once."""
+        """Whether a servo answers, asked once; a damaged answer, as of two at once, counts."""
         found, damaged = self._ask(_packet(servo, _PING), [servo], 0)
         return servo in found or damaged
 
@@ -84,8 +84,8 @@ class FeetechChain(Chain):
         """Identifies servos, refuses one that is not fit for use, and marks them.
 
         Raises:
-            DeviceTimeoutError: One does not answer.
-            DeviceDataError: Its answers are damaged, or it is set up for something else.
+            DeviceTimeoutError: A servo does not answer.
+            DeviceDataError: A servo's answers are damaged, or it is set up for something else.
             DeviceMissingError: The line failed.
         """
         settings = self._all(servos, _SETTINGS)
@@ -101,7 +101,7 @@ class FeetechChain(Chain):
                     "into its EEPROM here.",
                 )
             low, high = (memory[at] + 256 * memory[at + 1] for at in (_LIMITS, _LIMITS + 2))
-            self._limits[servo] = (low, high) if high > low else (0, COUNTS[-1])  # none: both 0
+            self._limits[servo] = (low, high) if high > low else (0, COUNTS[-1])  # both 0: none
             self._delays[servo] = 2e-6 * memory[_DELAY]
         states = {n: found.state for n, found in self.read(servos).items()}
         off = {n: b"\0" for n, state in states.items() if state.fault and not state.driven}
@@ -114,15 +114,15 @@ class FeetechChain(Chain):
         """Goal, torque and state of some servos, in one query for all of them.
 
         Raises:
-            DeviceTimeoutError: One does not answer.
-            DeviceDataError: What one answers is damaged.
+            DeviceTimeoutError: A servo does not answer.
+            DeviceDataError: A servo's answer is damaged.
             DeviceMissingError: The line failed.
         """
         found = self._all(servos, _STATE)
         return {servo: self._registers(servo, found[servo]) for servo in servos}
 
     def send(self, goals: Mapping[int, int]) -> None:
-        """Writes goals with their speed, in one packet; torque goes on by that.
+        """Writes goals with their speed, in one packet, which also switches the torque on.
 
         Raises:
             DeviceError: The line failed.
@@ -140,19 +140,19 @@ class FeetechChain(Chain):
         self._clock.sleep(_SETTLED)
 
     def seconds_for(self, servos: int) -> float:
-        """How long reading and sending to so many servos takes, s."""
+        """Time that reading so many servos and sending to them takes, s."""
         asked = _OVERHEAD + 2 + servos
         answered = servos * (_OVERHEAD + len(_STATE))
         sent = _OVERHEAD + 2 + 7 * servos
         return self._line.seconds_for(asked + answered + sent) + self._delay(servos)
 
     def _decoder(self) -> _Answers:
-        """What finds answers."""
+        """Decoder that finds the answers in what comes in."""
         return _Answers()
 
     def _registers(self, servo: int, data: bytes) -> Registers:
         def number(address: int, sign: int = 15) -> int:
-            """Two bytes, low first, with their sign in a bit of its own."""
+            """Number in two bytes, low first, whose sign is a bit of its own."""
             at = address - _STATE[0]
             value = data[at] + 256 * data[at + 1]
             size = value & ~(1 << sign)
@@ -184,7 +184,7 @@ class FeetechChain(Chain):
         self._line.write(_packet(_EVERYBODY, _SYNC_WRITE, bytes((address, size)) + values))
 
     def _all(self, servos: Sequence[int], addresses: range) -> dict[int, bytes]:
-        """What servos have at some addresses."""
+        """Reads the bytes at some addresses of each servo."""
         where = bytes((addresses[0], len(addresses)))
 
         def question(missing: Sequence[int]) -> bytes:
@@ -197,7 +197,7 @@ class FeetechChain(Chain):
 
 
 def _packet(servo: int, instruction: int, parameters: bytes = b"") -> bytes:
-    """Header, ID, length, instruction or error, parameters, checksum."""
+    """A packet: header, ID, length, instruction or error, parameters, checksum."""
     body = bytes((servo, len(parameters) + 2, instruction)) + parameters
     return _HEADER + body + bytes((~sum(body) & 0xFF,))
 
@@ -212,17 +212,17 @@ class _Answers:
 
     @property
     def pending(self) -> int:
-        """Bytes that may be the beginning of an answer."""
+        """Number of bytes that may be the beginning of an answer."""
         return len(self._raw)
 
     def begin(self, question: bytes) -> None:
-        """Forgets what came before a question, which some adapters give back."""
+        """Forgets what came before a question, which some adapters echo."""
         self._raw.clear()
         self._question = question
         self.damaged = 0
 
     def take(self, data: bytes) -> list[tuple[int, bytes]]:
-        """The answers that are complete with these bytes: who gives it, error, and data."""
+        """Takes bytes; returns the answers complete with them: ID, and error with data."""
         self._raw += data
         return [
             (whole[2], whole[4:-1])

@@ -1,10 +1,10 @@
 """NXP PCA9685: 16 servos a board, up to 62 boards on an I²C bus, 12 bits of the PWM period.
 
 A count is the width of a pulse in ticks, 4096 to a period: 4.88 µs at 50 Hz, where the oscillator
-runs at 25 MHz. Boards lie between 23 and 27, and nothing but an instrument tells: that of each is
-configured, and so the widths are kept in µs. PRE_SCALE does not depend on it, so an oscillator that
-is measured later makes no count another pulse. Outputs are numbered as on the boards, 0 to 15 on
-the first one, 16 to 31 on the second, and so on.
+runs at 25 MHz. Boards lie between 23 and 27 MHz, and nothing but an instrument tells: the frequency
+of each is configured, and so the widths are kept in µs. PRE_SCALE does not depend on it, so to
+measure the oscillator later does not change the pulse of any count. Outputs are numbered as on the
+boards, 0 to 15 on the first one, 16 to 31 on the second, and so on.
 
 A hobby servo jumps to wherever its first pulse tells it. So a board that was not set up yet is set
 up with all outputs off, which is how it leaves its reset, and they stay off until they are
@@ -60,7 +60,7 @@ RATES_HZ: Final = (40.0, 333.0)
 ANALOGUE_RATES_HZ: Final = (40.0, 60.0)
 OSCILLATOR_MHZ: Final = 25.0
 OSCILLATORS_MHZ: Final = (22.0, 28.0)
-"""Further off than that no board was reported."""
+"""Lowest and highest frequency of an oscillator, MHz; none beyond was reported."""
 
 _SECONDS_PER_BYTE: Final = 9 / 100e3  # on a bus in standard mode
 
@@ -71,8 +71,8 @@ class PCA9685Settings:
 
     Attributes:
         bus: Number of the I²C bus.
-        boards: Addresses, in the order of the outputs.
-        prescale: Of the chips' oscillators, for the update rate at 25 MHz.
+        boards: Addresses of the boards, in the order of the outputs.
+        prescale: Prescale of the chips' oscillators, for the update rate at 25 MHz.
         widths_us: The narrowest and the widest pulse, µs.
         oscillators_mhz: Measured frequency of each board, MHz, or ``None``: taken as 25.
         enable: The GPIO line to the boards' pin OE, or ``None``.
@@ -89,7 +89,7 @@ class PCA9685Settings:
 
     @classmethod
     def read(cls, table: Section) -> PCA9685Settings:
-        """The table's keys, as in ``robot-pi.toml``."""
+        """Reads the table's keys, as in ``robot-pi.toml``."""
         boards = table.integers(
             "address", ADDRESSES[0], ADDRESSES[-1], (ADDRESSES[0],), written="{:#x}"
         )
@@ -142,16 +142,16 @@ class PCA9685Settings:
 
     @property
     def per_update(self) -> int:
-        """All outputs."""
+        """Number of all outputs: one update commands them all."""
         return len(self.outputs)
 
     @property
     def period(self) -> float:
-        """From one pulse to the next, on the slowest board, s."""
+        """Time from one pulse to the next, on the slowest board, s."""
         return TICKS * max(self.ticks_us) / 1e6
 
     def oscillator(self, hz: float) -> float:
-        """The oscillator of a board that gives so many pulses a second, MHz."""
+        """Oscillator frequency of a board that gives ``hz`` pulses a second, MHz."""
         return hz * TICKS * (self.prescale + 1) / 1e6
 
     @property
@@ -180,16 +180,16 @@ class PCA9685Settings:
 
 
 class PCA9685:
-    """The boards of one robot. It is not thread-safe.
+    """The boards of one robot; not thread-safe.
 
     Args:
         link: The bus, which the driver opens and closes.
         settings: Where the boards are.
         clock: Paces the updates: one a pulse.
-        gpio: The chip of the line to the pin OE.
+        gpio: GPIO chips, for the line to the pin OE.
 
     Attributes:
-        name: What it is called in sentences.
+        name: Name of the boards, for messages.
 
     Raises:
         DeviceError: A board does not answer, or is something else.
@@ -212,13 +212,13 @@ class PCA9685:
         self._settings = settings
         self._clock = clock
         self._driven: set[int] = set()
-        self._held: dict[int, int] = {}  # what outputs were last read or commanded
+        self._held: dict[int, int] = {}  # counts that outputs were last read at or commanded to
         self._ready = False
         self._open()
 
     @property
     def repeats(self) -> int:
-        """Transfers that had to be made again, because nobody acknowledged."""
+        """Number of times that a transfer was made again, because nobody acknowledged."""
         return self._link.repeats
 
     def set_counts(self, counts: Mapping[int, int]) -> None:
@@ -228,7 +228,7 @@ class PCA9685:
             counts: Count by output. All outputs of a board change at the same time.
 
         Raises:
-            CommandError: An output or count out of range, or the boards were not read since the
+            CommandError: An output or count is out of range, or the boards were not read since the
                 driver began, forgot or noticed a reset; nothing was sent.
             DeviceDataError: A board, or the pulse of an output, is not as it was left; nothing was
                 sent.
@@ -263,7 +263,7 @@ class PCA9685:
         or that does not answer at its own address any more.
 
         Raises:
-            CommandError: An output out of range; nothing was sent.
+            CommandError: An output is out of range; nothing was sent.
             DeviceError: A board failed; the others were told.
         """
         released = list(outputs)
@@ -285,13 +285,13 @@ class PCA9685:
             raise failure
 
     def read_counts(self, outputs: Sequence[int]) -> dict[int, int]:
-        """Reads the boards' registers, setting up boards that are not; no servo reports anything.
+        """Sets up boards that do not run, and reads the registers; no servo reports anything.
 
         Returns:
             Count by output, 0 where there are no pulses.
 
         Raises:
-            CommandError: An output out of range.
+            CommandError: An output is out of range.
             DeviceDataError: A board does not run as it was set up.
             DeviceError: A board failed.
         """
@@ -299,7 +299,7 @@ class PCA9685:
         if not self._ready:
             for one in self._boards:
                 one.set_up(self._clock.sleep)
-            self._switch(on=self._on)  # nothing that the bus answers tells of this line
+            self._switch(on=self._on)  # the bus cannot tell the level of this line
             self._held.clear()
             self._ready = True
         found = self._read()
@@ -309,13 +309,13 @@ class PCA9685:
         return counts
 
     def verify(self, expected: Mapping[int, int]) -> list[int]:
-        """Compares the boards with what they should have, and reads a difference twice.
+        """Compares the boards with the counts they should have; reads again if they differ.
 
         Returns:
             The outputs that differ, ascending.
 
         Raises:
-            CommandError: An output out of range.
+            CommandError: An output is out of range.
             DeviceDataError: A board does not run as it was set up, or noticed that before and was
                 not read since.
             DeviceError: A board failed.
@@ -329,21 +329,21 @@ class PCA9685:
         return self._differing(expected)
 
     def forget(self) -> None:
-        """The next query sets up each board that is not."""
+        """Makes the next query set up each board that does not run as it should."""
         self._ready = False
 
     def reopen(self) -> None:
         """Closes the bus and opens it anew.
 
         Raises:
-            DeviceError: It cannot be opened, or a board does not answer.
+            DeviceError: The bus cannot be opened, or a board does not answer.
         """
         self.close()
         self.forget()
         self._open()
 
     def seconds_for(self, changed: int) -> float:
-        """How long ``set_counts`` takes: a pulse, and the transfers on a bus of 100 kHz, s."""
+        """Time of ``set_counts``: a pulse, and the transfers on a bus of 100 kHz, s."""
         every = len(self._settings.boards) * (BYTES_TO_READ + BYTES_TO_MOVE)
         return self._settings.period + (every + changed * BYTES_PER_OUTPUT) * _SECONDS_PER_BYTE
 
@@ -379,7 +379,7 @@ class PCA9685:
         return PCA9685Board(self._link, address, prescale=held.prescale, counts=held.counts)
 
     def _read(self) -> dict[int, int]:
-        """The counts of all outputs, of boards that run as they were set up."""
+        """Counts of all outputs; checks that the boards run as they were set up."""
         counts: dict[int, int] = {}
         for index, board in enumerate(self._boards):
             counts.update(enumerate(self._sound(board.counts), OUTPUTS * index))
@@ -392,7 +392,7 @@ class PCA9685:
         return sorted(output for output, count in expected.items() if held[output] != count)
 
     def _sound(self, transfer: Callable[..., T], *arguments: Any) -> T:
-        """Makes a transfer with a board that was set up; one that was altered is forgotten."""
+        """Makes a transfer with a board that was set up; if it was altered, forgets all boards."""
         try:
             return transfer(*arguments)
         except DeviceDataError:

@@ -19,7 +19,7 @@ OUTPUTS: Final = 16
 ALL_CALL: Final = 0x70
 TICKS: Final = 4096
 
-_PRESCALE: Final = 0xFE  # where reading goes on with MODE1
+_PRESCALE: Final = 0xFE  # reading on from here comes to MODE1 next
 _MODE1: Final = 0x00
 _MODE2: Final = 0x01
 _ADDRESS_REGISTERS: Final = range(0x02, 0x06)
@@ -39,16 +39,16 @@ _ADDRESSES_AT_RESET: Final = bytes((0xE2, 0xE4, 0xE8, 0xE0))
 _WAKING: Final = 1e-3  # s; the oscillator needs 500 µs
 
 BYTES_TO_READ: Final = 3 + len(_SETTINGS) + _OUTPUT_BYTES * OUTPUTS
-"""On the bus, for a reading of all counts."""
+"""Bytes on the bus for a reading of all counts of a board."""
 
 BYTES_TO_MOVE: Final = 3 + len(_SETTINGS)
-"""On the bus, for moving no output, and ``BYTES_PER_OUTPUT`` for each one that is moved."""
+"""Bytes on the bus for a move, besides ``BYTES_PER_OUTPUT`` for each output that is moved."""
 
 BYTES_PER_OUTPUT: Final = 2 + _OUTPUT_BYTES
 
 
 def by_board(outputs: Iterable[int]) -> dict[int, list[int]]:
-    """Outputs of several boards, ascending, by the board that has them, from 0."""
+    """Outputs of several boards, ascending, by the index of the board that has them, from 0."""
     groups: dict[int, list[int]] = {}
     for output in sorted(outputs):
         groups.setdefault(output // OUTPUTS, []).append(output)
@@ -60,9 +60,9 @@ class PCA9685Board:
 
     Args:
         link: The bus.
-        address: The chip's.
-        prescale: How it divides its oscillator, once it is set up.
-        counts: The widths that it may have been commanded to, in ticks.
+        address: Address of the chip.
+        prescale: Prescale of the chip's oscillator, once it is set up.
+        counts: Widths that outputs may have been commanded to, in ticks.
     """
 
     def __init__(self, link: I2CLink, address: int, *, prescale: int, counts: range):
@@ -72,10 +72,10 @@ class PCA9685Board:
         self._settings = bytes((prescale, _AWAKE, _TOTEM_POLE)) + _ADDRESSES_AT_RESET
 
     def identify(self) -> None:
-        """Checks that it is such a chip.
+        """Checks that the chip is a PCA9685.
 
         Raises:
-            DeviceMissingError: It is something else.
+            DeviceMissingError: The chip is something else.
         """
         registers = self._one_by_one(_ADDRESS_REGISTERS)
         if registers != _ADDRESSES_AT_RESET:
@@ -87,11 +87,11 @@ class PCA9685Board:
             )
 
     def set_up(self, sleep: Callable[[float], None]) -> None:
-        """Sets it up with all outputs off, unless it runs as it should.
+        """Sets the chip up with all outputs off, unless it runs as it should.
 
         Raises:
-            DeviceDataError: It does not keep its settings.
-            DeviceError: It failed, or is something else.
+            DeviceDataError: The chip does not keep its settings.
+            DeviceError: The chip failed, or is something else.
         """
         self.identify()
         if self._runs():
@@ -112,16 +112,16 @@ class PCA9685Board:
             )
 
     def pulses(self) -> bool:
-        """Whether it outlived the last daemon, with servos that it holds."""
+        """Whether the chip outlived the last daemon, with servos that it holds."""
         return self._runs() and any(self.counts())
 
     def counts(self) -> tuple[int, ...]:
         """The ticks of each output's pulse, 0 for none.
 
-        All that a pulse depends on comes with them, in one transfer.
+        All that a pulse depends on is read with them, in one transfer.
 
         Raises:
-            DeviceDataError: It does not run as it was set up.
+            DeviceDataError: The chip does not run as it was set up.
         """
         for _ in range(2):  # it may be the reading that was damaged
             data = self._registers.read(_PRESCALE, len(_SETTINGS) + _OUTPUT_BYTES * OUTPUTS)
@@ -138,7 +138,7 @@ class PCA9685Board:
         """Commands outputs to counts, all at the same time.
 
         Raises:
-            DeviceDataError: It does not run as it was set up; it got the counts all the same.
+            DeviceDataError: The chip does not run as it was set up; it got the counts all the same.
         """
         writes = [(_led(one), 0, 0, count & 0xFF, count >> 8) for one, count in counts.items()]
         found = self._registers.write_and_read(writes, _PRESCALE, len(_SETTINGS))
@@ -154,7 +154,7 @@ class PCA9685Board:
         self._registers.write(_ALL_LED_OFF_H, _OFF)
 
     def _runs(self) -> bool:
-        """Whether it pulses as this driver has it do, no wider and no narrower."""
+        """Whether the chip runs as set up, with no pulse wider or narrower than allowed."""
         try:
             counts = self.counts()
         except DeviceDataError:
@@ -162,7 +162,7 @@ class PCA9685Board:
         return all(count == 0 or count in self._counts for count in counts)
 
     def _one_by_one(self, registers: Iterable[int]) -> bytes:
-        """Registers of a board that may not go on to the next by itself, as after a reset."""
+        """Reads registers singly: a board may not go on to the next by itself after a reset."""
         return b"".join(self._registers.read(number) for number in registers)
 
     def _differences(self, found: bytes) -> str:

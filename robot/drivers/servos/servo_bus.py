@@ -3,7 +3,7 @@
 A *count* is the integer that a driver commands to an output; the calibration of a joint says which
 angle a count is. 0 is not a count: it means that an output is limp.
 
-Servos that answer say where they are: a driver of such has ``read_states``, and that declares it.
+Servos that answer tell their positions: their driver has ``read_states``, by which it is known.
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ class ServoBus(Protocol):
     """An open servo driver.
 
     Attributes:
-        name: What the device is called in sentences, such as ``SV203``.
+        name: Name of the device, for messages, such as ``SV203``.
     """
 
     name: str
 
     @property
     def repeats(self) -> int:
-        """Queries that had to be asked again, because the answer was damaged or did not come."""
+        """Number of queries asked again, because the answer was damaged or did not come."""
 
     def set_counts(self, counts: Mapping[int, int]) -> None:
         """Commands outputs to counts, and returns when they are sent.
 
         A device that was reset since it was last read must not follow: its servos would leap. Nor
-        one that another program altered, as far as the driver can tell before it sends.
+        must one that another program altered, as far as the driver can tell before it sends.
 
         Raises:
-            CommandError: An output or count out of range; nothing was sent.
+            CommandError: An output or count is out of range; nothing was sent.
             DeviceError: The device failed.
         """
 
@@ -61,16 +61,16 @@ class ServoBus(Protocol):
         """
 
     def forget(self) -> None:
-        """Takes the device, reset or not, as the next ``read_counts`` finds it."""
+        """Makes the next ``read_counts`` take the device as it finds it, reset or not."""
 
     def seconds_for(self, changed: int) -> float:
-        """How long ``set_counts`` takes for so many outputs, s."""
+        """Time that ``set_counts`` takes for ``changed`` outputs, s."""
 
     def reopen(self) -> None:
         """Closes the link, which may be dead, and opens it anew under the configured name.
 
         Raises:
-            DeviceMissingError: It cannot be opened.
+            DeviceMissingError: The link cannot be opened.
         """
 
     def close(self) -> None:
@@ -82,14 +82,14 @@ class ServoState:
     """What a servo says of itself.
 
     Attributes:
-        position: Where it is, in counts, of which it need not be a whole one.
-        driven: Whether its torque is on.
-        fault: What is wrong with it in its own opinion, in words such as ``overload``; or empty.
-        load: How hard it drives, as a share of the most that it can; positive to higher counts.
-        voltage: Of its supply, V.
-        temperature: °C.
-        current: That it takes, A.
-        limits: The counts between which it lets itself be driven.
+        position: Position in counts, not necessarily whole.
+        driven: Whether the torque is on.
+        fault: Fault that the servo reports, in words such as ``overload``; empty for none.
+        load: Drive as a share of the largest possible; positive towards higher counts.
+        voltage: Voltage of the supply, V.
+        temperature: Temperature, °C.
+        current: Current that the servo takes, A.
+        limits: Counts between which the servo lets itself be driven.
     """
 
     position: float
@@ -113,21 +113,21 @@ class AnsweringServoBus(ServoBus, Protocol):
         """What servos say of themselves, by output.
 
         Raises:
-            DeviceError: One does not answer, or not in order.
+            DeviceError: A servo does not answer, or not properly.
         """
 
 
 def answering(servos: ServoBus) -> AnsweringServoBus | None:
-    """The driver, if its servos say where they are."""
+    """The driver, if its servos tell their positions, else ``None``."""
     found = callable(getattr(servos, "read_states", None))
     return cast(AnsweringServoBus, servos) if found else None
 
 
 def check_outputs(outputs: Iterable[int], known: range) -> None:
-    """Refuses outputs that there are none of.
+    """Refuses outputs that do not exist.
 
     Raises:
-        CommandError: Names the first.
+        CommandError: An output does not exist; names the first.
     """
     for output in outputs:
         if output not in known:
@@ -137,10 +137,10 @@ def check_outputs(outputs: Iterable[int], known: range) -> None:
 
 
 def check_counts(counts: Mapping[int, int], known: range, outputs: range) -> None:
-    """Refuses counts that no output can be commanded to, and outputs that there are none of.
+    """Refuses counts that no output can be commanded to, and outputs that do not exist.
 
     Raises:
-        CommandError: Names the first.
+        CommandError: There is such an output or count; names the first.
     """
     check_outputs(counts, outputs)
     for output, count in counts.items():
@@ -151,13 +151,13 @@ def check_counts(counts: Mapping[int, int], known: range, outputs: range) -> Non
 
 
 class ServoSettings(Protocol):
-    """The ``[servos]`` table of one kind of servo driver; what the registry names.
+    """The ``[servos]`` table of one kind of servo driver; the class that the registry names.
 
     A frozen dataclass: its ``repr`` is part of the configuration's hash. ``str`` says where the
     device is, for the log.
 
     Attributes:
-        name: As ``ServoBus.name``.
+        name: Name of the device, as ``ServoBus.name``.
         reads_back: Whether the device can be asked for the counts that it holds.
     """
 
@@ -166,15 +166,15 @@ class ServoSettings(Protocol):
 
     @property
     def outputs(self) -> range:
-        """The numbers of its outputs, consecutive, of all boards together."""
+        """Numbers of the outputs, consecutive, of all boards together."""
 
     @property
     def counts(self) -> range:
-        """The counts that it can command, consecutive, from 1 or above: range and resolution."""
+        """Counts that can be commanded, consecutive, from 1 or above: range and resolution."""
 
     @property
     def per_update(self) -> int:
-        """Outputs that one transmission commands, and that are verified at once."""
+        """Number of outputs that one transmission commands, and that are verified at once."""
 
     @classmethod
     def read(cls, table: Section) -> ServoSettings:
@@ -188,5 +188,5 @@ class ServoSettings(Protocol):
         """Opens the link to the device.
 
         Raises:
-            DeviceMissingError: It cannot be opened; the sentence says why.
+            DeviceMissingError: The link cannot be opened; the sentence says why.
         """

@@ -18,8 +18,8 @@ from robot.drivers.servos.servo_bus import ServoState
 from robot.errors import DeviceDataError, DeviceError, DeviceTimeoutError
 from robot.host.clock import Clock
 
-_ATTEMPTS: Final = 3  # of a query; a sound line needs one, and the doctor counts the others
-_USUAL_DELAY: Final = 500e-6  # s; of a servo that did not tell
+_ATTEMPTS: Final = 3  # at a query; a sound line needs one, and the doctor counts the others
+_USUAL_DELAY: Final = 500e-6  # s before an answer of a servo that did not tell
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,20 +35,20 @@ class Answers(Protocol):
     """Finds answers in bytes as they come, whatever stands between them.
 
     Attributes:
-        damaged: How many were damaged, since the question.
+        damaged: Number of damaged answers since the question.
     """
 
     damaged: int
 
     @property
     def pending(self) -> int:
-        """Bytes that may be the beginning of an answer."""
+        """Number of bytes that may be the beginning of an answer."""
 
     def begin(self, question: bytes) -> None:
-        """Forgets what came before a question, which some adapters give back."""
+        """Forgets what came before a question, which some adapters echo."""
 
     def take(self, data: bytes) -> list[tuple[int, bytes]]:
-        """The answers that are complete with these bytes: who gives it, error, and data."""
+        """Takes bytes; returns the answers complete with them: ID, and error with data."""
 
 
 class Chain(ABC):
@@ -62,9 +62,9 @@ class Chain(ABC):
         reply_timeout: Longest wait for an answer, s.
 
     Attributes:
-        name: What the servos are called in sentences.
-        overhead: Bytes of an answer around its data.
-        repeats: Questions that had to be asked again: an answer was damaged or did not come.
+        name: Name of the servos, for messages.
+        overhead: Number of bytes of an answer around its data.
+        repeats: Number of questions asked again: an answer was damaged or did not come.
     """
 
     name: ClassVar[str]
@@ -80,7 +80,7 @@ class Chain(ABC):
         self.repeats = 0
         self._clock = clock
         self._answers = self._decoder()
-        self._delays: dict[int, float] = {}  # before servos answer, s, where they told
+        self._delays: dict[int, float] = {}  # s before an answer, by servo, where it told
         self._line = SerialLine(open_port, clock=clock, reply_timeout=reply_timeout)
 
     @property
@@ -90,25 +90,25 @@ class Chain(ABC):
 
     @abstractmethod
     def ping(self, servo: int) -> bool:
-        """Whether a servo answers, asked once; also with a damaged answer, as of two at once."""
+        """Whether a servo answers, asked once; a damaged answer, as of two at once, counts."""
 
     @abstractmethod
     def set_up(self, servos: Sequence[int]) -> None:
         """Identifies servos, refuses one that is not fit for use, and marks them.
 
-        Their torque and goals stay as they are, and their permanent memory does. A fault that has
-        switched a torque off is acknowledged, as far as that is over.
+        Their torque, goals and permanent memory stay as they are. A fault that has switched a
+        torque off is acknowledged, if it is over.
         """
 
     @abstractmethod
     def read(self, servos: Sequence[int]) -> dict[int, Registers]:
-        """The registers of some servos, all in one query where the family has such."""
+        """Registers of some servos, read in one query for all where the family has such."""
 
     @abstractmethod
     def send(self, goals: Mapping[int, int]) -> None:
         """Writes goals, in one packet, which nobody acknowledges.
 
-        Torque may go on by this alone: so it is with some families.
+        In some families this alone switches the torque on.
         """
 
     @abstractmethod
@@ -117,7 +117,7 @@ class Chain(ABC):
 
     @abstractmethod
     def seconds_for(self, servos: int) -> float:
-        """How long reading and sending to so many servos takes, s."""
+        """Time that reading so many servos and sending to them takes, s."""
 
     def reopen(self) -> None:
         """Closes the line and opens it anew."""
@@ -130,21 +130,21 @@ class Chain(ABC):
 
     @abstractmethod
     def _decoder(self) -> Answers:
-        """What finds answers."""
+        """Decoder that finds the answers in what comes in."""
 
     def _delay(self, servos: int) -> float:
-        """How long so many servos wait before they answer, at most, s."""
+        """Longest time that so many servos wait before they answer, in all, s."""
         return servos * max(self._delays.values(), default=_USUAL_DELAY)
 
     def _query(
         self, question: Callable[[Sequence[int]], bytes], servos: Sequence[int], size: int
     ) -> dict[int, bytes]:
-        """Asks, and asks those again whose sound answer did not come.
+        """Asks servos, and asks again those from which no sound answer came.
 
         Args:
-            question: The packet that asks some servos.
-            servos: Who is asked.
-            size: Bytes of data in an answer.
+            question: Returns the packet that asks some servos.
+            servos: Servos to ask.
+            size: Number of bytes of data in an answer.
 
         Returns:
             Error and data by servo.
@@ -166,7 +166,7 @@ class Chain(ABC):
     def _ask(
         self, question: bytes, servos: Sequence[int], size: int
     ) -> tuple[dict[int, bytes], bool]:
-        """Asks once: the answers, which come in this order, and whether something else came."""
+        """Asks once; returns the answers, which come in order, and whether damaged bytes came."""
         self._line.clear()
         self._answers.begin(question)
         self._line.write(question)

@@ -12,10 +12,10 @@ to ``forget``. Otherwise a query that stays unanswered is how a reset is noticed
 
 Where several boards share the line, selecting one deselects the others, so each must be selected
 again and again. It is selected with a question for the servo that it holds furthest from neutral:
-one that does not have that count any more was reset, and gets no move. (One whose servos all stand
-at neutral is not found out so, and has thrown none.) All this holds for boards as they leave the
-factory; one that was set up to be selected when it is switched on would follow the moves after a
-reset.
+one that does not have that count any more was reset, and gets no move. (A reset of a board whose
+servos all stand at neutral is not found out in this way, and has thrown none of them.) All this
+holds for boards as they leave the factory; one that was set up to be selected when it is switched
+on would follow the moves after a reset.
 
 Source: Pontech SV203 User Manual, revision 1.20. That count 0 stops the pulses (``release``) is not
 in it, and wants a look with an oscilloscope on a new board.
@@ -65,12 +65,12 @@ class SV203Settings:
 
     @property
     def outputs(self) -> range:
-        """1 to 8 are the servos of the first board, 9 to 16 those of the second."""
+        """Numbers of the outputs: 1 to 8 for the first board's servos, 9 to 16 for the second's."""
         return range(1, SERVOS * len(self.boards) + 1)
 
     @classmethod
     def read(cls, table: Section) -> SV203Settings:
-        """``port``, ``baud``, ``board`` and ``line_gap_ms``."""
+        """Reads the keys ``port``, ``baud``, ``board`` and ``line_gap_ms``."""
         boards = table.integers("board", 0, 255, (1,))
         if len(boards) > MAX_BOARDS or (0 in boards and len(boards) > 1):
             raise table.refuse(
@@ -113,8 +113,8 @@ class SV203:
         reply_timeout: Longest wait for the answer to a query, s.
 
     Attributes:
-        name: What it is called in sentences.
-        repeats: Queries that had to be asked again, because the answer was damaged or did not come.
+        name: Name of the boards, for messages.
+        repeats: Number of queries asked again, because the answer was damaged or did not come.
     """
 
     name = SV203Settings.name
@@ -131,8 +131,8 @@ class SV203:
         self.repeats = 0
         self._boards = tuple(boards)
         self._outputs = range(1, SERVOS * len(boards) + 1)
-        self._sent: dict[int, int] = {}  # what need not be sent again
-        self._held: dict[int, int] = {}  # what the boards that were read should hold
+        self._sent: dict[int, int] = {}  # counts by output that need not be sent again
+        self._held: dict[int, int] = {}  # counts that boards that were read should hold
         self._selected: int | None = None
         self._line = SV203Line(open_port, clock=clock, gap=line_gap, reply_timeout=reply_timeout)
 
@@ -148,7 +148,7 @@ class SV203:
             counts: Count 1 to 255 by output; one count is about 0.7°.
 
         Raises:
-            CommandError: An output or count out of range, or its board was not read since the
+            CommandError: An output or count is out of range, or its board was not read since the
                 driver began, forgot or noticed a reset; nothing was sent.
             DeviceDataError: A board was reset; it got nothing.
             DeviceError: The line failed; counts not known to have arrived are forgotten.
@@ -165,7 +165,7 @@ class SV203:
         """Stops the pulses of some servos, so that they go limp, also on a board that was reset.
 
         Raises:
-            CommandError: An output out of range; nothing was sent.
+            CommandError: An output is out of range; nothing was sent.
             DeviceError: The line failed.
         """
         limp = dict.fromkeys(self._outputs if outputs is None else outputs, LIMP)
@@ -184,7 +184,7 @@ class SV203:
             Count 0 (limp) to 255 by output.
 
         Raises:
-            CommandError: An output out of range.
+            CommandError: An output is out of range.
             DeviceDataError: A board was reset.
             DeviceError: The line failed, no reply came, or only garbage did.
         """
@@ -197,7 +197,7 @@ class SV203:
         return counts
 
     def verify(self, expected: Mapping[int, int]) -> list[int]:
-        """Compares the boards with what they should have; a difference means a damaged line.
+        """Compares the boards with the counts they should have; they differ by damaged commands.
 
         A difference is read twice, so that it is not the reply that was damaged.
 
@@ -224,14 +224,14 @@ class SV203:
         """Closes the line and opens it anew: an adapter that was re-plugged is another device.
 
         Raises:
-            DeviceMissingError: It cannot be opened.
+            DeviceMissingError: The line cannot be opened.
         """
         self._line.close()
         self.forget()
         self._line.open()
 
     def seconds_for(self, changed: int) -> float:
-        """How long ``set_counts`` takes at most when so many counts changed, s."""
+        """Longest time that ``set_counts`` takes when ``changed`` counts changed, s."""
         used = min(len(self._boards), changed) if len(self._boards) > 1 else 0
         pairs, single = divmod(changed - used, _SERVOS_PER_LINE)
         one = len("SV8M255")
@@ -249,11 +249,11 @@ class SV203:
         return self._boards[(output - 1) // SERVOS]
 
     def _held_by(self, board: int) -> dict[int, int]:
-        """What a board should hold, by output; nothing if it was not read."""
+        """Counts that a board should hold, by output; none if it was not read."""
         return {n: count for n, count in self._held.items() if self._board_of(n) == board}
 
     def _by_board(self, outputs: Sequence[int]) -> list[tuple[int, list[int]]]:
-        """The boards, the selected one first, each with those of some outputs that are its own."""
+        """Groups outputs by board, the selected board first; leaves out boards without any."""
         boards = sorted(self._boards, key=lambda board: board != self._selected)
         groups = ((board, [n for n in outputs if self._board_of(n) == board]) for board in boards)
         return [(board, own) for board, own in groups if own]
@@ -276,7 +276,7 @@ class SV203:
                 self._held |= group
 
     def _select(self, board: int) -> None:
-        """Selects a board that was read before, unless it was reset; the first query any other."""
+        """Selects a board that was read before, unless reset; a first query selects the others."""
         held = self._held_by(board)
         if board == self._selected or not held:
             return
@@ -316,7 +316,7 @@ class SV203:
         return answer
 
     def _look_for_reset(self, output: int) -> None:
-        """A board that answers only when it is selected anew was reset since it last was."""
+        """Raises if a board answers only when it is selected anew: then it was reset."""
         board = self._board_of(output)
         for _ in range(_ATTEMPTS):
             with suppress(DeviceTimeoutError, DeviceDataError):

@@ -55,15 +55,15 @@ class SV203Line:
         return self._line.bytes_written
 
     def seconds_for(self, characters: int) -> float:
-        """How long a line of so many characters takes, with the pause after it, s."""
+        """Time that a line of so many characters takes, with the pause after it, s."""
         return self._line.seconds_for(characters + 1) + self._gap
 
     def seconds_to_ask(self, characters: int) -> float:
-        """How long a query of so many characters takes, with its answer, s."""
+        """Time that a query of so many characters takes, with its answer, s."""
         return self.seconds_for(characters) + self._line.seconds_for(LONGEST_REPLY)
 
     def write(self, line: str) -> None:
-        """Sends a line, and waits it out.
+        """Sends a line, and waits as long as it takes, with the pause after it.
 
         Raises:
             DeviceError: The line failed.
@@ -71,12 +71,12 @@ class SV203Line:
         self._line.write(line.encode("ascii") + b"\r", gap=self._gap)
 
     def ask(self, query: str, *, select: str, board: str) -> int:
-        """Sends a query once; a number from 0 to 255 answers it.
+        """Sends a query once; returns the answer, a number from 0 to 255.
 
         Args:
-            query: What is asked.
-            select: What stands before it on the line, to select the board; or nothing.
-            board: What the board that shall answer is called in sentences.
+            query: Query to send.
+            select: Command before the query that selects the board; empty for none.
+            board: Name of the board that shall answer, for messages.
 
         Raises:
             DeviceTimeoutError: No answer came.

@@ -1,6 +1,6 @@
-"""What cannot be simulated of a body whose every value is right by itself.
+"""Faults that keep a body from being simulated although every value is right by itself.
 
-The tree, the order, what belongs to what; sizes and masses that are those of no robot.
+They lie in the tree, the order, what belongs to what; in sizes and masses that no robot has.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ def faults_of(robot: Robot, *, whole: bool) -> list[tuple[str, str]]:
     """Elements of a normalised body, and what is wrong with each.
 
     Args:
-        robot: Its links and joints.
-        whole: Whether all of them are there; else nothing is said of how they hang together.
+        robot: Links and joints of the body.
+        whole: Whether all of these are there; else nothing is said of how they hang together.
     """
     faults = [*_names(robot)]
     moving = [joint for joint in robot.joints if joint.type != "fixed"]

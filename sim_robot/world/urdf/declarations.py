@@ -26,7 +26,7 @@ Points: TypeAlias = NDArray[np.float64]
 """Shape (…, 3): positions, m."""
 
 Say: TypeAlias = Callable[[str, str], None]
-"""Is told an element and what is the matter with it."""
+"""Called with an element and what is the matter with it."""
 
 
 def vector(text: str) -> tuple[float, float, float]:
@@ -36,7 +36,7 @@ def vector(text: str) -> tuple[float, float, float]:
 
 
 def text_of(values: Iterable[float]) -> str:
-    """Numbers as an attribute has them."""
+    """Text of an attribute that has these numbers."""
     return " ".join(repr(round(float(value), 12) + 0.0) for value in values)
 
 
@@ -55,7 +55,7 @@ def frame_of(xyz: Sequence[float] | Points, rpy: Sequence[float] = (0.0, 0.0, 0.
 
 
 def inverse(frame: Frame) -> Frame:
-    """The pose of what a frame is given in, in that frame."""
+    """Inverse of a pose: that of the outer frame in the inner one."""
     back = np.eye(4)
     back[:3, :3] = frame[:3, :3].T
     back[:3, 3] = -frame[:3, :3].T @ frame[:3, 3]
@@ -111,7 +111,7 @@ Scale = Annotated[str, AfterValidator(_scale)]
 
 
 class _Element(BaseXmlModel, extra="forbid", search_mode="unordered", skip_empty=True):
-    """Base: elements in any order, unknown ones refused."""
+    """Base class: elements in any order, unknown ones refused."""
 
 
 class Origin(_Element, tag="origin"):
@@ -127,7 +127,7 @@ class Origin(_Element, tag="origin"):
 
     @classmethod
     def at(cls, frame: Frame) -> Origin:
-        """A pose that is given as a matrix."""
+        """The origin at a pose that is given as a matrix."""
         level = math.hypot(frame[0, 0], frame[1, 0])
         pitch = math.atan2(-frame[2, 0], level)
         if level > 1e-9:
@@ -138,7 +138,7 @@ class Origin(_Element, tag="origin"):
 
 
 class Mass(_Element, tag="mass"):
-    """Kilograms; 0 for a link that is only a frame."""
+    """Mass in kg; 0 for a link that is only a frame."""
 
     value: NotNegative = attr()
 
@@ -173,7 +173,7 @@ class Inertia(_Element, tag="inertia"):
 
 
 class Inertial(_Element, tag="inertial"):
-    """Mass and where it sits."""
+    """Mass, the centre of mass, and the inertia about it."""
 
     origin: Origin = element(default_factory=Origin)
     mass: Mass = element()
@@ -181,26 +181,26 @@ class Inertial(_Element, tag="inertial"):
 
 
 class Box(_Element, tag="box"):
-    """Extents along x, y, z, m."""
+    """Box, centred: extents along x, y, z, m."""
 
     size: Extents = attr()
 
 
 class Cylinder(_Element, tag="cylinder"):
-    """Along z, centred."""
+    """Cylinder along z, centred: radius and length, m."""
 
     radius: Positive = attr()
     length: Positive = attr()
 
 
 class Sphere(_Element, tag="sphere"):
-    """Centred."""
+    """Sphere, centred: radius, m."""
 
     radius: Positive = attr()
 
 
 class Mesh(_Element, tag="mesh"):
-    """A file, and by how much it is stretched along x, y, z."""
+    """Mesh: its file, and by how much it is stretched along x, y, z."""
 
     filename: str = attr()
     scale: Scale = attr(default="1 1 1")
@@ -233,7 +233,7 @@ class Collision(_Element, tag="collision"):
         """Least and greatest coordinates of a box, cylinder or sphere, m.
 
         Args:
-            link: The pose of its link.
+            link: Pose of the link that has the shape.
         """
         frame, shape = link @ self.origin.frame, self.geometry.shape
         match shape:
@@ -263,12 +263,12 @@ class Link(_Element, tag="link"):
 
     @property
     def mass(self) -> float:
-        """Its mass, kg; 0 without any."""
+        """Mass of the link, kg; 0 without any."""
         return 0.0 if self.inertial is None else self.inertial.mass.value
 
 
 class LinkName(_Element):
-    """Names a link."""
+    """Name of a link."""
 
     link: str = attr()
 
@@ -280,7 +280,7 @@ class Axis(_Element, tag="axis"):
 
 
 class Limit(_Element, tag="limit"):
-    """Range in rad, torque in N·m, speed in rad/s."""
+    """Limits of a joint: range in rad, effort in N·m, velocity in rad/s."""
 
     lower: Finite = attr(default=0.0)
     upper: Finite = attr(default=0.0)
@@ -318,7 +318,7 @@ class Joint(_Element, tag="joint"):
 
 
 class Robot(_Element, tag="robot"):
-    """A whole file."""
+    """A whole URDF file."""
 
     name: str = attr()
     version: str | None = attr(default=None)

@@ -1,10 +1,10 @@
 """Whether a link can have the inertia that its file says, and what it is given otherwise.
 
 All of a body's mass lies within its extent, so no principal moment exceeds its mass times the
-square of that; and none exceeds the sum of the other two. Placeholders (1, 100 or 1000 kg·m² for a
+extent squared; and none exceeds the sum of the other two. Placeholders (1, 100 or 1000 kg·m² for a
 leg of 50 g) and other units (g·mm²) break the first rule by orders of magnitude; a robot simulated
-with them takes minutes to tip over. What breaks a rule is replaced by the inertia of a box of
-uniform density as large as the link; so is none at all.
+with them takes minutes to tip over. An inertia that breaks a rule, or is missing, is replaced by
+that of a box of uniform density as large as the link.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ import numpy as np
 
 from sim_robot.world.urdf.declarations import Inertia, Link, Origin, Points, Robot, Say, vector
 
-_ROUNDING: Final = 0.01  # of the largest moment; files have few digits
+_ROUNDING: Final = 0.01  # share of the largest moment; files have few digits
 _LEAST: Final = 0.01  # m, side of a link without shapes
 
 
 def mend_inertia(robot: Robot, note: Say) -> None:
-    """Replaces the inertia that no link of its mass and size has.
+    """Replaces inertias that no link of such mass and size can have.
 
     Negative moments stay: they are for the checks to refuse.
 
@@ -35,7 +35,7 @@ def mend_inertia(robot: Robot, note: Say) -> None:
         hanging[joint.parent.link].append(np.array(vector(joint.origin.xyz)))
     extents = {link.name: _extent(link, hanging[link.name]) for link in robot.links}
     longest = max(map(_diagonal, extents.values()), default=0.0)
-    said = dict[str, str]()  # of each kind what the first has
+    said = dict[str, str]()  # sentence about the first link, by broken rule
     for link in robot.links:
         inertial, mass = link.inertial, link.mass
         if inertial is None or not mass:
@@ -50,7 +50,7 @@ def mend_inertia(robot: Robot, note: Say) -> None:
 
 
 def _impossible(inertia: Inertia | None, mass: float, reach: float) -> tuple[str, str] | None:
-    """Which rule an inertia breaks, and a sentence; ``None`` for one that a body can have."""
+    """Rule that an inertia breaks, with a sentence; ``None`` for none, or a negative moment."""
     if inertia is None:
         return "missing", "has a mass and no inertia"
     least, middle, largest = np.linalg.eigvalsh(inertia.matrix).tolist()

@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 from sim_robot.world.urdf.declarations import Points
 
 LFS_POINTER: Final = b"version https://git-lfs.github.com/spec/"
-"""How the text begins that stands for a large file where Git LFS did not fetch it."""
+"""Beginning of the text that stands for a large file that Git LFS did not fetch."""
 
 LARGEST: Final = 100 * 2**20
-"""Bytes of a mesh: a million triangles, of which only the box around them is used."""
+"""Most bytes of a mesh: a million triangles, of which only the box around them is used."""
 
 LARGEST_COLLADA: Final = 20 * 2**20
-"""Bytes of a Collada file, which is in memory as a whole, ten times as large."""
+"""Most bytes of a Collada file, which is in memory as a whole, ten times as large."""
 
 _HEADER: Final = 84  # bytes of a binary STL before its triangles
 _TRIANGLE: Final = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("colour", "<u2")])
@@ -37,7 +37,7 @@ def find_mesh(filename: str, description: Path) -> Path | None:
     A path in a ROS package is looked for beside the description and in the folders above it.
 
     Args:
-        filename: As the description has it.
+        filename: Name of the mesh's file, as the description has it.
         description: The URDF file.
     """
     folder = description.resolve().parent
@@ -60,8 +60,8 @@ def box_of_mesh(path: Path) -> NDArray[np.float64]:
         path: An STL, OBJ or DAE file.
 
     Raises:
-        ValueError: It is no such file, is cut short, is too large, or has no points.
-        OSError: It cannot be read.
+        ValueError: The file is none of these, is cut short, is too large, or has no points.
+        OSError: The file cannot be read.
     """
     kind = path.suffix.lower()
     readers = {".stl": _stl, ".obj": _obj, ".dae": _collada}
@@ -145,7 +145,7 @@ def _batches(file: BinaryIO) -> Iterator[list[list[bytes]]]:
 
 
 def _numbers(lines: list[list[bytes]], word: bytes) -> Points:
-    """The three numbers after a word at the beginning of a line."""
+    """The three numbers after a word at the beginning of each line that has it, shape (n, 3)."""
     corners = []
     for line in lines:
         if line[0] == word:

@@ -1,4 +1,4 @@
-"""What URDF files of others have, made the body that is simulated; what that changes is said.
+"""Makes the body that is simulated of what URDF files of others have; notes say what changes.
 
 ================================ ================================================================
 In the file                      What it is taken as
@@ -57,7 +57,7 @@ _AMPLE: Final = 2.0 * 9.81  # N·m for each kg of the robot
 _HALF_TURN: Final = math.pi
 _RADIANS: Final = 2 * math.pi + 0.01  # what lies beyond is hardly meant in radians
 _THINNEST: Final = 1e-4  # m
-_UPRIGHT: Final = 1e-6  # below 1, of the cosine of a turn
+_UPRIGHT: Final = 1e-6  # by which the cosine of an upright axis may be below 1
 
 
 def normalise(
@@ -72,11 +72,11 @@ def normalise(
     """Makes the body that is simulated of what a file says, in place.
 
     Args:
-        robot: Its links and joints, all of them checked one by one.
-        file: Where it came from; meshes are looked for near it.
+        robot: Links and joints, all of them checked one by one.
+        file: The URDF file; meshes are looked for near it.
         whole: Whether all links and joints are there; else how they hang together stays as it is.
-        visual_faults: By the names of links what is wrong with their ``<visual>``.
-        note: Told what is taken otherwise than it stands there.
+        visual_faults: What is wrong with the ``<visual>`` of links, by their names.
+        note: Told what is taken otherwise than it stands in the file.
         fault: Told what cannot be taken at all.
     """
     if whole:
@@ -110,7 +110,7 @@ def normalise(
 def _arrange_tree(robot: Robot, note: Say) -> None:
     """Makes the main body the root, joins links without mass to others, and lists parents first."""
     _release(robot, note)
-    _make_root(robot, lambda link: link.mass > 0)  # that the old one is joined to it is said
+    _make_root(robot, lambda link: link.mass > 0)  # joining the old one to it makes a note
     _join_massless(robot, note)
     new = _make_root(robot, lambda link: bool(link.collisions))
     if new:
@@ -134,9 +134,9 @@ def _release(robot: Robot, note: Say) -> None:
 
 
 def _make_root(robot: Robot, wanted: Callable[[Link], bool]) -> str:
-    """Turns the fixed joints between the root and the nearest link that is wanted as one.
+    """Makes the nearest wanted link that is fixed to the root the new root, turning their joints.
 
-    The new root is upright as the old one was: it has its axes.
+    The new root is upright as the old one was: it takes over its axes.
 
     Returns:
         The name of the new root; empty where the old one stays.
@@ -166,7 +166,7 @@ def _make_root(robot: Robot, wanted: Callable[[Link], bool]) -> str:
 
 
 def _move_contents(robot: Robot, link: Link, pose: Frame) -> None:
-    """Gives all in a link, and all that hangs on it, another place in it."""
+    """Moves all that is in a link, and all that hangs on it, by a pose."""
     if np.allclose(pose, np.eye(4)):
         return
     contents: list[Inertial | Collision | Joint] = [*link.collisions, *link.visuals]
@@ -195,7 +195,7 @@ def _join_massless(robot: Robot, note: Say) -> None:
 def _show_instead(
     main: Link, visual_faults: Sequence[tuple[str, str]], note: Say, fault: Say
 ) -> None:
-    """Gives a main body that is only drawn the shapes that it is drawn with."""
+    """Gives a main body without ``<collision>`` the shapes of its ``<visual>``."""
     if main.collisions or not (main.visuals or visual_faults):
         return
     for remark in visual_faults:
@@ -251,7 +251,7 @@ class _MeshBoxes:
     """Puts the boxes around meshes in their place; a file that is used twice is read once.
 
     Args:
-        file: The description.
+        file: The URDF file.
         fault: Told which mesh cannot be taken.
     """
 
@@ -278,7 +278,7 @@ class _MeshBoxes:
         note(where, f"{name} is taken as the box around it, {_millimetres(size)} mm")
 
     def _box(self, filename: str) -> NDArray[np.float64] | str:
-        """Its corners, or what is wrong with the mesh."""
+        """Least and greatest coordinates of a mesh, or what is wrong with it."""
         try:
             path = find_mesh(filename, self._file)
             if path is None:
@@ -294,7 +294,7 @@ def _make_simple(main: Link, note: Say) -> None:
     """Makes a main body an upright cylinder, or one box along its axes around all its shapes."""
     whole = [collision.geometry.shape for collision in main.collisions]
     if not whole or None in whole:
-        return  # for the checks to say
+        return  # the checks refuse it
     first = main.collisions[0]
     box = isinstance(whole[0], Box) and len(whole) == 1
     if box and not any(vector(first.origin.rpy)):
@@ -326,7 +326,7 @@ def _make_simple(main: Link, note: Say) -> None:
 
 
 def _stand_in() -> Collision:
-    """What stands for a shape that is refused, so that it is said once."""
+    """A shape in the place of one that is refused, so that its fault is told once."""
     return Collision(geometry=Geometry(box=Box(size="1 1 1")))
 
 
@@ -342,8 +342,8 @@ def _make_servo(joint: Joint, effort: float, note: Say, fault: Say) -> None:
 
     Args:
         joint: Any joint.
-        effort: Torque where the joint has none, N·m.
-        note: Told what is taken otherwise than it stands there.
+        effort: Torque for a joint whose file gives none, N·m.
+        note: Told what is taken otherwise than it stands in the file.
         fault: Told of limits that are no angles.
     """
     where = f"joint '{joint.name}'"
@@ -406,7 +406,7 @@ def _count_from_zero(joint: Joint, limit: Limit, note: Say) -> None:
 
 
 def _turned(axis: NDArray[np.float64], angle: float) -> Frame:
-    """The pose turned about an axis (Rodrigues)."""
+    """Pose that is turned about an axis by an angle, rad; Rodrigues' formula."""
     x, y, z = axis / np.linalg.norm(axis)
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     turned = np.eye(4)

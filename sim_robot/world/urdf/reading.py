@@ -4,10 +4,10 @@ In this order, so that nothing is rewritten before it was checked: the file is h
 parsed, freed of the words of other programs; its links and joints are checked one by one; they are
 normalised; what became of them is checked as a whole.
 
-Words of other programs (``<mujoco>``, ``<ros2_control>``, ``dont_collapse``) are ignored and said
-aloud, as every simulator reads its own and the reference parser (urdfdom) skips them. A word that
-is almost one of URDF's is refused: a body without its ``<colision>`` would be another body. So is
-xacro, of which URDF is yet to be made.
+Words of other programs (``<mujoco>``, ``<ros2_control>``, ``dont_collapse``) are ignored, with a
+note, as every simulator reads its own and the reference parser (urdfdom) skips them. A word that is
+almost one of URDF's is refused: a body without its ``<colision>`` would be another body. So is
+xacro, from which URDF is yet to be made.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ from sim_robot.world.urdf.meshes import LFS_POINTER
 from sim_robot.world.urdf.normalisation import normalise
 
 LARGEST: Final = 4 * 2**20
-"""Bytes of a file; the descriptions of whole humanoids have a tenth of that."""
+"""Most bytes of a file; the descriptions of whole humanoids have a tenth of that."""
 
 MAX_ELEMENTS: Final = 20_000
-"""XML elements of a file; a hundred links with all that belongs to them have a tenth of that."""
+"""Most XML elements of a file; a hundred links with all their parts have a tenth of that."""
 
 MAX_WRITTEN: Final = 10 * MAX_LINKS
-"""Links, and joints, as they are written: those without mass are joined to others."""
+"""Most links, and most joints, as they are written: those without mass are joined to others."""
 
 _LONGEST: Final = 200  # characters of an attribute; PyBullet dies of a hundred thousand
 _UNUSED: Final = (
@@ -62,12 +62,12 @@ _Remark: TypeAlias = tuple[str, str]
 
 @dataclass(frozen=True, kw_only=True)
 class Description:
-    """What became of a file.
+    """Result of reading a URDF file.
 
     Attributes:
         robot: The body that is simulated, if there are no faults.
-        faults: What is wrong.
-        notes: What is taken otherwise than it stands there.
+        faults: What is wrong with the file.
+        notes: What is taken otherwise than it stands in the file.
     """
 
     robot: Robot
@@ -106,7 +106,7 @@ def read_urdf(path: Path) -> Description:
 
 
 def _merged(remarks: Iterable[_Remark]) -> Iterable[_Remark]:
-    """Remarks that say the same of several elements as one."""
+    """Merges remarks that say the same of several elements into one."""
     places: dict[str, dict[str, None]] = {}
     for place, what in remarks:
         places.setdefault(what.removesuffix("."), {})[place] = None
@@ -147,11 +147,11 @@ def _parsed(path: Path) -> _Element:
 
 
 def _tree(data: bytes) -> _Element:
-    """The root element.
+    """Root element of a file's text.
 
     Raises:
         ValueError: There is too much, or something else, in the file.
-        etree.XMLSyntaxError: It is no XML.
+        etree.XMLSyntaxError: The text is no XML.
     """
     if len(data) > LARGEST:
         most = f"{LARGEST / 2**20:g} MiB"
@@ -173,7 +173,7 @@ def _tree(data: bytes) -> _Element:
 
 
 def _no_description(root: _Element) -> _Remark:
-    """What makes a document no description, whatever its links and joints are; empty without it."""
+    """Where and why a document is no description, whatever its links and joints are; else empty."""
     if root.getroottree().docinfo.internalDTD is not None:
         return "<!DOCTYPE>", "is no part of URDF; leave it out, and entities."
     if root.tag != "robot":
@@ -192,7 +192,7 @@ def _no_description(root: _Element) -> _Remark:
 
 
 def _xacro(root: _Element) -> str:
-    """Where a file is xacro that was not expanded; empty where it is not."""
+    """Element that is xacro and was not expanded; empty for none."""
     for element in root.iter():
         namespace, _, name = str(element.tag).rpartition("}")
         if namespace.endswith("xacro"):
@@ -286,11 +286,11 @@ def _known(kind: type[BaseXmlModel]) -> tuple[dict[str, type[BaseXmlModel]], set
 
 
 def _checked(root: _Element, fault: Say) -> tuple[Robot, dict[str, list[_Remark]]]:
-    """The links and joints that are what their declarations say.
+    """Checks links and joints, one by one, against their declarations.
 
     Returns:
-        Them, and by the names of links what is wrong with their ``<visual>``, which matters only
-        where it is needed.
+        A robot of those that pass, and by the names of links what is wrong with their ``<visual>``,
+        which matters only where it is needed.
     """
     links, joints, visual_faults = list[Link](), list[Joint](), dict[str, list[_Remark]]()
     for number, element in enumerate(root.findall("link"), start=1):
