@@ -100,7 +100,7 @@ class Goal:
         return np.array(rows).reshape(len(rows), *readings.clearance.shape)
 
     def is_met_by(self, observation: Observation, noise: Noise | None = None) -> bool:
-        """Whether a robot that observed this stands as wanted; not if tilt or clearance is missing.
+        """Whether a robot that observed this stands as wanted; not if a wanted reading is missing.
 
         Args:
             observation: What the robot observed.
@@ -117,7 +117,8 @@ class Goal:
                 tilt_within=self.tilt_within + _FORGIVEN * noise.tilt,
                 clearance_within=self.clearance_within + _FORGIVEN * noise.clearance,
             )
-        return bool(np.all(wide.misses(reading) <= 1))
+        felt = self.stand_on is None or None not in observation.touch
+        return felt and bool(np.all(wide.misses(reading) <= 1))
 
 
 @dataclass(frozen=True, kw_only=True)
