@@ -17,7 +17,7 @@ from estimator.plugins import Registry
 
 
 class PartOutline(Protocol):
-    """What the table must know of a part; ``None`` stands for what is to be found."""
+    """What the table must know of a part; a parent, mount or hinge of ``None`` is to be found."""
 
     @property
     def name(self) -> str:

@@ -2,7 +2,7 @@
 
 One row per interaction, in degrees and millimetres::
 
-    angle_deg_<joint>   one column per joint, in motor order: the angle commanded
+    angle_deg_<joint>   one column per joint, in motor order: the angle measured, or commanded
     touch_1, touch_2 …  1 where the part met the ground, else 0
     tilt_lr_deg         left/right tilt, left side up is positive
     tilt_fb_deg         forward/back tilt, nose up is positive

@@ -140,7 +140,7 @@ def joined_parts(unknowns: Unknowns) -> tuple[Joined, ...]:
 
 
 def subtrees(point: Array, unknowns: Unknowns) -> list[Flags]:
-    """Which columns belong to each part or to what it carries, shape (size,) each.
+    """Which columns belong to each part or to what it carries, shape (genes,) each.
 
     Args:
         point: Point of the cube, shape (size,).
