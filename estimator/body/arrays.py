@@ -365,8 +365,7 @@ class _Rows:
 def _check(values: Array | Integers, possible: Flags, name: str) -> None:
     if not possible.all():
         where = np.argwhere(~possible)[0]
-        of_parts = len(where) > 1 and "or" not in name.split()
-        part = f", part {where[1] + 1}" if of_parts else ""
+        part = f", part {where[1] + 1}" if name in _ROWS else ""
         raise MorphologyError(
             f"body {where[0] + 1}{part}: its {name} cannot be {values[tuple(where)]}"
         )
