@@ -28,9 +28,9 @@ def idle_daemon(electronics: str = "pc104") -> tuple[float, float]:
     ):
         client.acquire()
         client.perform({joint.name: 0.1 for joint in client.capabilities.joints})
-        before = cpu_seconds(daemon.process)
+        cpu_before = cpu_seconds(daemon.process)
         time.sleep(IDLE_SECONDS)
-        spent = cpu_seconds(daemon.process) - before
+        spent = cpu_seconds(daemon.process) - cpu_before
         return daemon.process.memory_info().rss / 1e6, 100 * spent / IDLE_SECONDS
 
 

@@ -50,10 +50,10 @@ ROBOTS: Final = tuple(
     for engine in ("pybullet", "mujoco")
 )
 FOLDER: Final = Path(__file__).parents[1] / "docs" / "runs"
-_MOST: Final = 15  # movements in which a change may be noticed
+_MOST_MOVEMENTS: Final = 15  # movements in which a change may be noticed
 _HELD_OUT: Final = 8  # movements by which a cause that is named is judged
-_WITHIN: Final = 4.0  # standard deviations of noise, by which a prediction may be off
-_FAR: Final = (np.radians(3.0), 0.01)  # rad and m from what was predicted: it fell elsewhere
+_SIGMAS: Final = 4.0  # standard deviations of noise, by which a prediction may be off
+_ELSEWHERE: Final = (np.radians(3.0), 0.01)  # rad and m from what was predicted: it fell elsewhere
 
 DAMAGES: Final[dict[str, str]] = {
     "body.length=2:70": "leg of .* shortened",
@@ -246,12 +246,12 @@ class AfterRun(BriefRun):
 
     def sentence(self, root: Path) -> str:
         """Says how the run went."""
-        one = self.figures(root)
-        right = sum(damage.right for damage in one.damaged)
-        reached = sum(pose.reached for pose in one.poses)
+        figures = self.figures(root)
+        right = sum(damage.right for damage in figures.damaged)
+        reached = sum(pose.reached for pose in figures.poses)
         return (
-            f"{right} of {len(one.damaged)} right, {reached} of {len(one.poses)} poses, "
-            f"{one.alarms} false alarms in {one.quiet} movements"
+            f"{right} of {len(figures.damaged)} right, {reached} of {len(figures.poses)} poses, "
+            f"{figures.alarms} false alarms in {figures.quiet} movements"
         )
 
 
@@ -280,15 +280,15 @@ def _poses(known: FittedPosterior, uri: str, count: int, rng: np.random.Generato
                 stand_on=feet or None,
             )
             pose = find_pose(known, goal, rng)
-            got = _perform(client, pose.program)
-            off = np.abs(np.array(got.tilt, dtype=float) - pose.tilt).max()
-            higher = abs((got.clearance or 0.0) - pose.clearance)
+            observed = _perform(client, pose.program)
+            tilt_error = np.abs(np.array(observed.tilt, dtype=float) - pose.tilt).max()
+            rise_error = abs((observed.clearance or 0.0) - pose.clearance)
             poses.append(
                 Reached(
                     share=pose.share,
                     margin=pose.margin,
-                    reached=goal.is_met_by(got),
-                    elsewhere=bool(off > _FAR[0] or higher > _FAR[1]),
+                    reached=goal.is_met_by(observed),
+                    elsewhere=bool(tilt_error > _ELSEWHERE[0] or rise_error > _ELSEWHERE[1]),
                 )
             )
     return poses
@@ -306,27 +306,27 @@ def _damaged(weigher: Weigher, client: RobotClient, faults: FaultClient, fault: 
         return one.cause is not None and is_named(one.cause.name)
 
     watch = Watch(weigher)
-    while fault and not watch.alarm and watch.movements < _MOST:
+    while fault and not watch.alarm and watch.movements < _MOST_MOVEMENTS:
         watch.take(_perform(client, tuple(watch.next_movement().tolist())))
     suspects = watch.suspects() if watch.alarm else ()
     start = time.process_time()
-    found = diagnose(weigher, lambda program, _: _perform(client, program))
+    diagnosis = diagnose(weigher, lambda program, _: _perform(client, program))
     seconds = time.process_time() - start
-    as_if = _as_if(weigher, found.causes[0], client)
+    as_if = _as_if(weigher, diagnosis.causes[0], client)
     faults.mend()
     share = None
     if fault.startswith(("body.length", "body.cut")) and fault in DAMAGES:
-        share = next((one.amount()[1:] for one in found.causes if is_right(one)), (0.0, 0.0))
+        share = next((one.amount()[1:] for one in diagnosis.causes if is_right(one)), (0.0, 0.0))
     return Damaged(
         fault=fault,
         noticed=watch.movements if watch.alarm else None,
         suspected=any(is_right(one) for one, _ in suspects),
-        verdict=found.verdict.value,
-        named=tuple(one.cause.name for one in found.causes if one.cause is not None),
-        probability=found.probability,
+        verdict=diagnosis.verdict.value,
+        named=tuple(one.cause.name for one in diagnosis.causes if one.cause is not None),
+        probability=diagnosis.probability,
         share=share,
         as_if=as_if,
-        movements=len(found.observations),
+        movements=len(diagnosis.observations),
         cpu_seconds=seconds,
     )
 
@@ -344,55 +344,55 @@ def _as_if(weigher: Weigher, named: Particles, client: RobotClient) -> bool:
         noise = known.noise
         predicted = readings_in(known, bodies, np.array([felt.taken]))
         tilt = np.abs(np.median(predicted.tilt, axis=0) - np.array(felt.tilt, dtype=float))
-        higher = abs(np.median(predicted.clearance) - (felt.clearance or 0.0))
-        explained += bool(tilt.max() < _WITHIN * noise.tilt and higher < _WITHIN * noise.clearance)
+        rise = abs(np.median(predicted.clearance) - (felt.clearance or 0.0))
+        explained += bool(tilt.max() < _SIGMAS * noise.tilt and rise < _SIGMAS * noise.clearance)
     return explained >= min(_HELD_OUT, int(safe.sum())) - 1
 
 
 def tables(runs: Sequence[AfterRun], root: Path) -> str:
     """Table of how often each result came out as it should, in Markdown."""
     figures = [run.figures(root) for run in runs]
-    damaged = [one for each in figures for one in each.damaged]
-    whole = [one for one in damaged if not one.fault]
-    known = [one for one in damaged if one.fault in DAMAGES]
-    others = [one for one in damaged if one.fault in TOGETHER]
-    stumps = [one for one in known if one.share is not None]
-    sized = [one for one in stumps if one.right]
-    alarms = [one for one in (*known, *others) if one.noticed is not None]
-    poses = [pose for each in figures for pose in each.poses]
+    damaged = [damage for robot in figures for damage in robot.damaged]
+    undamaged = [damage for damage in damaged if not damage.fault]
+    listed = [damage for damage in damaged if damage.fault in DAMAGES]
+    novel = [damage for damage in damaged if damage.fault in TOGETHER]
+    stumps = [damage for damage in listed if damage.share is not None]
+    sized = [damage for damage in stumps if damage.right]
+    alarms = [damage for damage in (*listed, *novel) if damage.noticed is not None]
+    poses = [pose for robot in figures for pose in robot.poses]
     sure = [pose for pose in poses if pose.share >= 0.5]
     safe = [pose for pose in poses if pose.margin >= SAFE]
     none = Verdict.NONE_OF_THESE.value
     rows: list[tuple[str, Iterable[bool | int], int]] = [
-        ("poses reached", (one.reached for one in poses), len(poses)),
-        ("of goals called reachable, reached", (one.reached for one in sure), len(sure)),
+        ("poses reached", (pose.reached for pose in poses), len(poses)),
+        ("of goals called reachable, reached", (pose.reached for pose in sure), len(sure)),
         ("fell elsewhere, at a margin of 2° and more", (p.elsewhere for p in safe), len(safe)),
         (
             "false alarms, in so many movements",
-            (each.alarms for each in figures),
-            sum(each.quiet for each in figures),
+            (robot.alarms for robot in figures),
+            sum(robot.quiet for robot in figures),
         ),
-        ("changes noticed", (1 for _ in alarms), len(known) + len(others)),
+        ("changes noticed", (1 for _ in alarms), len(listed) + len(novel)),
         (
             "the right cause among the monitor's three suspects",
-            (one.suspected for one in alarms if one.fault in DAMAGES),
-            sum(one.fault in DAMAGES for one in alarms),
+            (damage.suspected for damage in alarms if damage.fault in DAMAGES),
+            sum(damage.fault in DAMAGES for damage in alarms),
         ),
-        ("right cause, alone or in a set of two", (one.right for one in known), len(known)),
-        ("wrong cause", (one.wrong for one in known), len(known)),
-        ("none of these, of the table", (one.verdict == none for one in known), len(known)),
-        ("of these, legs", (one.verdict == none for one in stumps), len(stumps)),
-        ("share of a leg within its 90 % interval", (one.holds for one in sized), len(sized)),
+        ("right cause, alone or in a set of two", (damage.right for damage in listed), len(listed)),
+        ("wrong cause", (damage.wrong for damage in listed), len(listed)),
+        ("none of these, of the table", (damage.verdict == none for damage in listed), len(listed)),
+        ("of these, legs", (damage.verdict == none for damage in stumps), len(stumps)),
+        ("share of a leg within its 90 % interval", (damage.holds for damage in sized), len(sized)),
         (
             "a cause named, of two faults at once or one that the table lacks",
-            (one.wrong for one in others),
-            len(others),
+            (damage.wrong for damage in novel),
+            len(novel),
         ),
-        ("of these, moves as if", (one.wrong and one.as_if for one in others), len(others)),
-        ("undamaged robots called so", (one.right for one in whole), len(whole)),
+        ("of these, moves as if", (damage.wrong and damage.as_if for damage in novel), len(novel)),
+        ("undamaged robots called so", (robot.right for robot in undamaged), len(undamaged)),
     ]
     table = "\n".join(f"| {name} | {sum(counted)} | {total} |" for name, counted, total in rows)
-    noticed = [one.noticed for one in alarms if one.noticed is not None]
+    noticed = [damage.noticed for damage in alarms if damage.noticed is not None]
     return (
         f"{made_by(root, runs)} Movements until noticed: median {median(noticed or [0]):g}, "
         f"most {max(noticed, default=0)}.\n\n| | | of |\n|---|---|---|\n{table}\n"
@@ -410,11 +410,11 @@ def write_runs(runs: Sequence[AfterRun], root: Path, folder: Path) -> None:
     for name, kind, field in kinds:
         with (folder / f"{name}.csv").open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file, lineterminator="\n")
-            own = [*kind.model_fields, *kind.model_computed_fields]
-            writer.writerow(("body", "engine", "seed", *own, "commit"))
+            columns = [*kind.model_fields, *kind.model_computed_fields]
+            writer.writerow(("body", "engine", "seed", *columns, "commit"))
             for run in runs:
-                for one in getattr(run.figures(root), field):
-                    values = one.model_dump()
+                for outcome in getattr(run.figures(root), field):
+                    values = outcome.model_dump()
                     cells = [
                         "; ".join(map(str, value)) if isinstance(value, tuple) else value
                         for value in values.values()

@@ -27,10 +27,10 @@ from estimator.storage.store import RunStore
 FILE: Final = Path(__file__).parents[1] / "docs" / "images" / "identified.gif"
 _BODIES: Final = 5  # after each interaction
 _SHOWN: Final = 450  # ms that a frame is shown
-_LAST: Final = 2500  # ms that the last frame is shown
+_LAST_SHOWN: Final = 2500  # ms that the last frame is shown
 _COLOURS: Final = 64
 _INK: Final = (40, 45, 55)
-_MOST: Final = 2_000_000  # bytes of the file
+_MOST_BYTES: Final = 2_000_000  # bytes of the file
 
 
 def main() -> None:
@@ -39,16 +39,16 @@ def main() -> None:
         run, truth = Path(name) / "run", Path(name) / "truth.urdf"
         with truth.open("w") as file:
             subprocess.run(["sim-robotd", "--print-body"], stdout=file, check=True)
-        asked = ("--problem", "topological", "--interactions", "6", "--seed", "1", "--out", run)
-        subprocess.run(["estimator", "identify", "--robot", robot.uri, *asked], check=True)
+        options = ("--problem", "topological", "--interactions", "6", "--seed", "1", "--out", run)
+        subprocess.run(["estimator", "identify", "--robot", robot.uri, *options], check=True)
         with RunStore.open(run, to_write=False) as store:
             pictures = list(frames(store, truth))
-    first, *rest = (picture.quantize(_COLOURS) for picture in pictures)
-    times = [_SHOWN] * len(rest) + [_LAST]
-    first.save(FILE, save_all=True, append_images=rest, duration=times, loop=0, optimize=True)
+    first, *others = (picture.quantize(_COLOURS) for picture in pictures)
+    times = [_SHOWN] * len(others) + [_LAST_SHOWN]
+    first.save(FILE, save_all=True, append_images=others, duration=times, loop=0, optimize=True)
     size = FILE.stat().st_size
     print(f"{FILE}: {len(pictures)} frames, {size / 1e6:.2f} MB")
-    assert size < _MOST
+    assert size < _MOST_BYTES
 
 
 def frames(store: RunStore, truth: Path) -> Iterator[Image.Image]:
@@ -58,8 +58,8 @@ def frames(store: RunStore, truth: Path) -> Iterator[Image.Image]:
     links = robot_links(read_urdf(truth), joints, limbs)
     radius = 0.0
     for number, fitted in enumerate(FittedPosterior.history(store), 1):
-        seen = fitted.observations[-1]
-        robot = at_rest(solids_of(links, seen.angles), seen)
+        observed = fitted.observations[-1]
+        robot = at_rest(solids_of(links, observed.angles), observed)
         radius = radius or 1.25 * reach(robot)
         sure = "" if fitted.probability is None else f", {100 * fitted.probability:.0f} % sure"
         belief = f"what it believes after movement {number}{sure}"
@@ -69,20 +69,20 @@ def frames(store: RunStore, truth: Path) -> Iterator[Image.Image]:
 
 def _believed(fitted: FittedPosterior) -> Iterator[list[Solid]]:
     """Solids of some bodies of the posterior, in the pose of the last interaction."""
-    seen = fitted.observations[-1]
-    readings = fitted.predict(np.array(seen.angles))
+    observed = fitted.observations[-1]
+    readings = fitted.predict(np.array(observed.angles))
     rows = systematic(fitted.weights, _BODIES, 0.5)
     for row, body in zip(rows, fitted.genome.decode_all(fitted.samples[rows]), strict=True):
-        rest = observation_of(readings, int(row), seen.angles)
-        yield at_rest(solids_of(model_links(body), seen.angles), rest)
+        predicted = observation_of(readings, int(row), observed.angles)
+        yield at_rest(solids_of(model_links(body), observed.angles), predicted)
 
 
 def _side_by_side(*scenes: tuple[str, list[Solid]], radius: float) -> Image.Image:
-    both = Image.new("RGB", (len(scenes) * WIDTH, HEIGHT))
+    picture = Image.new("RGB", (len(scenes) * WIDTH, HEIGHT))
     for place, (title, solids) in enumerate(scenes):
-        both.paste(Image.fromarray(take_picture(solids, radius)), (place * WIDTH, 0))
-        ImageDraw.Draw(both).text((place * WIDTH + 12, 10), title, fill=_INK, font_size=16)
-    return both
+        picture.paste(Image.fromarray(take_picture(solids, radius)), (place * WIDTH, 0))
+        ImageDraw.Draw(picture).text((place * WIDTH + 12, 10), title, fill=_INK, font_size=16)
+    return picture
 
 
 if __name__ == "__main__":

@@ -261,12 +261,12 @@ def _on_ten(uri: str, piece: bytes, *, reads: bool = True) -> Iterator[None]:
     peers = [RawPeer(uri) for _ in range(10)]
     for peer in peers:
         peer.socket.setblocking(False)
-    left = dict.fromkeys(range(len(peers)), b"")
+    unsent = dict.fromkeys(range(len(peers)), b"")
     while True:
         for number, peer in enumerate(peers):
             try:
-                rest = left[number] or piece
-                left[number] = rest[peer.socket.send(rest) :]
+                remaining = unsent[number] or piece
+                unsent[number] = remaining[peer.socket.send(remaining) :]
                 while reads and peer.socket.recv(1 << 20):
                     continue
             except BlockingIOError:
@@ -274,7 +274,7 @@ def _on_ten(uri: str, piece: bytes, *, reads: bool = True) -> Iterator[None]:
             except OSError:
                 peers[number] = RawPeer(uri)
                 peers[number].socket.setblocking(False)
-                left[number] = b""
+                unsent[number] = b""
         yield
 
 

@@ -101,13 +101,13 @@ def measure(name: str, seconds: float) -> Outcome:
     sick = ("--sick", SICK[name]) if name in SICK else ()
     robot = Simulator("--control", *sick, module="bench.still_robotd")
     with RobotClient(robot.uri) as client:
-        other = robot.control if name == "idle_faults" else client.telemetry_endpoint
-    asked = robot.control if other == robot.control else robot.uri
-    asking = _started("-c", _ASKING, asked, str(seconds), name)
+        uri = robot.control if name == "idle_faults" else client.telemetry_endpoint
+    asked_uri = robot.control if uri == robot.control else robot.uri
+    asking = _started("-c", _ASKING, asked_uri, str(seconds), name)
     assert asking.stdout is not None
     asking.stdout.readline()
     outcome.before = robot.process.memory_info().rss / 1e6
-    attacker = _started("-m", "bench.attackers", name, robot.uri, other) if name != "none" else None
+    attacker = _started("-m", "bench.attackers", name, robot.uri, uri) if name != "none" else None
     if attacker is not None and attacker.stdout is not None:
         assert attacker.stdout.readline() == "under way\n"
     done = threading.Event()

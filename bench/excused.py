@@ -64,32 +64,32 @@ def count(directory: Path) -> Excused:
     counted = Excused()
     with RunStore.open(directory, to_write=False) as store:
         settings, genome = store.settings, store.genome
-        seen = store.observations()
+        observations = store.observations()
         generations = store.generations()
         with StaticsPhysics(store.world) as physics:
             for item in generations:
-                genes, known = np.array(item.best), seen[: item.iteration + 1]
+                genes, observed = np.array(item.best), observations[: item.iteration + 1]
                 body = genome.decode(genes)
-                readings = physics.read([(body, np.array(target.angles)) for target in known])
+                readings = physics.read([(body, np.array(target.angles)) for target in observed])
                 balanced = np.flatnonzero(readings.undecided & readings.valid)
                 if not balanced.size:
                     counted += Excused(generations=1)
                     continue
-                near = np.clip(genes + rng.normal(0, NEAR, (NEIGHBOURS, len(genes))), 0, 1)
+                neighbours = np.clip(genes + rng.normal(0, NEAR, (NEIGHBOURS, len(genes))), 0, 1)
                 hides = False
                 for turn in balanced:
-                    target = known[turn]
+                    target = observed[turn]
                     angles = np.array(target.angles)
-                    around = physics.read([(genome.decode(row), angles) for row in near])
+                    around = physics.read([(genome.decode(row), angles) for row in neighbours])
                     errors = interaction_errors(around, target, settings.modalities)
-                    hides |= _least(errors, around.undecided) > min(item.errors)
+                    hides |= _least_error(errors, around.undecided) > min(item.errors)
                 end = item.number % (settings.generations + 1) == settings.generations
-                last = item.number == len(generations) - 1
-                counted += Excused(1, 1, int(hides), int(end), int(last))
+                is_last = item.number == len(generations) - 1
+                counted += Excused(1, 1, int(hides), int(end), int(is_last))
     return counted
 
 
-def _least(errors: Array, undecided: Flags) -> float:
+def _least_error(errors: Array, undecided: Flags) -> float:
     return float(np.min(errors[~undecided], initial=np.inf))
 
 

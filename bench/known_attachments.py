@@ -89,11 +89,11 @@ def main() -> None:
     options = parser.parse_args()
     runs = [KnownRun(**of_body, random=True) for of_body in bodies_by_command(options)]
     complete_by_command(runs, options.out, options)
-    told = [run.figures(options.out) for run in runs]
+    results = [run.figures(options.out) for run in runs]
     for name in ("particles", "equilibrated"):
-        every = np.array([one for figures in told for one in figures[name]])
-        share = f"{every.sum()} of {every.size} lengths ({100 * every.mean():.0f} %)"
-        print(f"{name}, {told[0]['dimensions']} dimensions: {share} inside their 90 % intervals")
+        values = np.array([value for figures in results for value in figures[name]])
+        share = f"{values.sum()} of {values.size} lengths ({100 * values.mean():.0f} %)"
+        print(f"{name}, {results[0]['dimensions']} dimensions: {share} inside their 90 % intervals")
     print(made_by(options.out, runs))
 
 

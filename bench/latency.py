@@ -107,9 +107,9 @@ def _moving(uri: str) -> Iterator[None]:
 
 
 def _share(process: psutil.Process, seconds: float) -> float:
-    before, start = cpu_seconds(process), time.monotonic()
+    cpu_before, start = cpu_seconds(process), time.monotonic()
     time.sleep(seconds)
-    return 100 * (cpu_seconds(process) - before) / (time.monotonic() - start)
+    return 100 * (cpu_seconds(process) - cpu_before) / (time.monotonic() - start)
 
 
 def measure(viewers: int, requests: int, idle_seconds: float) -> LatencyFigures:
@@ -151,15 +151,15 @@ def _measure(
 
 
 def _probe(robot: Simulator, mirror: str, requests: int, outcome: LatencyFigures) -> None:
-    before, start = cpu_seconds(robot.process), time.monotonic()
-    done = subprocess.run(
+    cpu_before, start = cpu_seconds(robot.process), time.monotonic()
+    completed = subprocess.run(
         [sys.executable, "-m", "bench.latency_peers", "probe", robot.uri, mirror, str(requests)],
         stdout=subprocess.PIPE,
         text=True,
         check=True,
     )
-    spent, passed = cpu_seconds(robot.process) - before, time.monotonic() - start
-    answers = json.loads(done.stdout)
+    spent, passed = cpu_seconds(robot.process) - cpu_before, time.monotonic() - start
+    answers = json.loads(completed.stdout)
     outcome.robot, outcome.echo = sorted(answers["robot"]), sorted(answers["echo"])
     outcome.share = 100 * spent / passed
 
@@ -172,15 +172,15 @@ def table(outcomes: Sequence[LatencyFigures]) -> str:
     def row(name: str, *cells: str) -> None:
         rows.append([name, *cells])
 
-    for what, of in (
+    for label, attribute in (
         ("robotd, round trip", "robot"),
         ("bare ROUTER echo, round trip", "echo"),
         ("control loop, lateness", "jitter"),
     ):
         for name, share in (("p50", 0.5), ("p99", 0.99), ("largest", 1.0)):
             row(
-                f"{what} {name}, ms",
-                *(f"{percentile(getattr(outcome, of), share):.2f}" for outcome in outcomes),
+                f"{label} {name}, ms",
+                *(f"{percentile(getattr(outcome, attribute), share):.2f}" for outcome in outcomes),
             )
     row("lines timed", *(str(len(outcome.jitter)) for outcome in outcomes))
     row("CPU while slewing, % of a core", *(f"{outcome.share:.1f}" for outcome in outcomes))

@@ -66,10 +66,10 @@ def look_at(uri: str) -> None:
 
 def search(readings: Path, run: Path, options: str, *, live: bool) -> Cost:
     """Runs one search as a process; returns its cost."""
-    asked = f"--robot file:{readings} --problem topological --seed 1 --out {run} {options}"
+    command = f"--robot file:{readings} --problem topological --seed 1 --out {run} {options}"
     page = "--live --live-bind 127.0.0.1:0" if live else ""
     process = subprocess.Popen(
-        [sys.executable, "-m", "estimator", "identify", *asked.split(), *page.split()],
+        [sys.executable, "-m", "estimator", "identify", *command.split(), *page.split()],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,

@@ -41,8 +41,8 @@ def lasting_port() -> int:
     while True:
         port = 20_000 + next(_PORTS) % 12_000
         try:
-            for one in (port, port + 1):
-                socket.create_server(("127.0.0.1", one)).close()
+            for number in (port, port + 1):
+                socket.create_server(("127.0.0.1", number)).close()
         except OSError:
             continue
         return port
@@ -158,10 +158,10 @@ class MessageProxy(_Service):
             back.connect(self._target)
             self._backs[peer] = back
             if len(self._backs) > _MOST_CLIENTS:
-                gone, idle = self._backs.popitem(last=False)
+                oldest, idle = self._backs.popitem(last=False)
                 idle.close()
                 for to_robot in (True, False):
-                    self._latest.pop((gone, to_robot), None)
+                    self._latest.pop((oldest, to_robot), None)
         self._backs.move_to_end(peer)
         return back
 
@@ -213,7 +213,7 @@ class TcpProxy(_Service):
         self._target = Endpoint.parse(target)
         self._selector = selectors.DefaultSelector()
         self._selector.register(self._waker, selectors.EVENT_READ)
-        self._wanted: list[Callable[[], None]] = []
+        self._actions: list[Callable[[], None]] = []
         self._pairs: dict[socket.socket, socket.socket] = {}
         self._pulled = False
         self._port = lasting_port()
@@ -240,7 +240,7 @@ class TcpProxy(_Service):
             action()
             done.set()
 
-        self._wanted.append(act)
+        self._actions.append(act)
         self._waker.wake()
         assert done.wait(10), "the proxy hangs"
 
@@ -253,13 +253,13 @@ class TcpProxy(_Service):
                     self._accept()
                 elif isinstance(key.fileobj, socket.socket):
                     self._pump(key.fileobj)
-            while self._wanted:
-                self._wanted.pop(0)()
+            while self._actions:
+                self._actions.pop(0)()
 
     def _listening(self) -> socket.socket:
-        made = socket.create_server(("127.0.0.1", self._port))
-        self._selector.register(made, selectors.EVENT_READ)
-        return made
+        listener = socket.create_server(("127.0.0.1", self._port))
+        self._selector.register(listener, selectors.EVENT_READ)
+        return listener
 
     def _accept(self) -> None:
         near, _ = self._listener.accept()
@@ -268,11 +268,11 @@ class TcpProxy(_Service):
         except OSError:
             near.close()
             return
-        for one, other in ((near, far), (far, near)):
-            one.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            self._pairs[one] = other
+        for end, opposite in ((near, far), (far, near)):
+            end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            self._pairs[end] = opposite
             if not self._pulled:
-                self._selector.register(one, selectors.EVENT_READ)
+                self._selector.register(end, selectors.EVENT_READ)
 
     def _pump(self, source: socket.socket) -> None:
         if source not in self._pairs:  # its other end was closed first
@@ -284,9 +284,9 @@ class TcpProxy(_Service):
                 return
         except OSError:
             data = b""
-        other = self._pairs.pop(source)
-        del self._pairs[other]
-        for end in (source, other):
+        opposite = self._pairs.pop(source)
+        del self._pairs[opposite]
+        for end in (source, opposite):
             self._forget(end)
             end.close()
 

@@ -23,9 +23,9 @@ from sim_robot.world.sensor_noise import NoiseLevels
 
 def drawn_body(problem: str, seed: int) -> str:
     """URDF of a body drawn from a problem's prior, with the default robot's joints."""
-    known, genome, robot = on_robot(problem)
+    loaded, genome, robot = on_robot(problem)
     body = genome.decode(drawn_genes(genome, np.random.default_rng([seed, 1])))
-    return urdf(in_words_of(known, robot, body))
+    return urdf(in_words_of(loaded, robot, body))
 
 
 def drawn_genes(genome: Genome, rng: np.random.Generator) -> Array:

@@ -120,9 +120,9 @@ class StaticsRobot:
         readings = self.predictor.read_all(body, program[None], GRAVITY_TILTS)
         sides, likely = [readings[:1]], [LIKELY[0]]
         for number in range(1, len(GRAVITY_TILTS)):
-            other = readings[number : number + 1]
-            if all(apart(side, other, self.noise)[0] for side in sides):
-                sides.append(other)
+            landing = readings[number : number + 1]
+            if all(apart(side, landing, self.noise)[0] for side in sides):
+                sides.append(landing)
                 likely.append(LIKELY[number])
         return sides[int(self.rng.choice(len(sides), p=np.array(likely) / sum(likely)))]
 
@@ -158,8 +158,8 @@ class BodyRun(BriefRun):
 
     def make(self, place: Path) -> None:
         """Writes what was known of the body."""
-        told = trial(self)
-        replace_text(place / self.leaves, json.dumps(told))
+        figures = trial(self)
+        replace_text(place / self.leaves, json.dumps(figures))
 
     def told(self, root: Path) -> list[dict[str, Any]]:
         """Figures that a finished run has left, by interaction."""
@@ -167,8 +167,8 @@ class BodyRun(BriefRun):
 
     def sentence(self, root: Path) -> str:
         """Says how the run went."""
-        last = self.told(root)[-1]
-        return f"{'right' if last['right'] else 'wrong'}, stated {last['probability']}"
+        figures = self.told(root)[-1]
+        return f"{'right' if figures['right'] else 'wrong'}, stated {figures['probability']}"
 
 
 def robot_of(run: BodyRun) -> tuple[StaticsRobot, Problem, Capabilities, float]:
@@ -221,16 +221,16 @@ def trial(run: BodyRun) -> list[dict[str, Any]]:
     programs = np.array([problem.random_program(rng, capabilities) for _ in range(PROGRAMS)])
     indistinguishable = partial(indistinguishable_points, predictor, programs, tuple(MODALITIES))
     gain = InformationGain(noise, cap, tuple(MODALITIES))
-    posterior, told = sampler.prior(), []
+    posterior, figures = sampler.prior(), []
     observed: list[Observation] = []
-    for left in reversed(range(run.interactions)):
+    for movements_left in reversed(range(run.interactions)):
         if run.random:
             program, bits = problem.random_program(rng, capabilities), math.nan
         else:
             chosen = Chooser(predictor, gain, ends).choose(posterior, len(observed), rng)
             program, bits = chosen.program, chosen.bits
         observed.append(robot.perform(program))
-        if run.random and left:
+        if run.random and movements_left:
             continue
         likelihood = Likelihood(SensorData.of(observed, tuple(MODALITIES), cap), noise)
         before, posterior = posterior, sampler.learn(likelihood)
@@ -243,7 +243,7 @@ def trial(run: BodyRun) -> list[dict[str, Any]]:
         low, high = np.quantile(
             sampled, (0.05, 0.95), axis=0, weights=posterior.weights, method="inverted_cdf"
         )
-        told.append(
+        figures.append(
             {
                 "interactions": len(observed),
                 "right": right,
@@ -259,7 +259,7 @@ def trial(run: BodyRun) -> list[dict[str, Any]]:
                 "true_bits": information_gained(before, truth, predictor, likelihood),
             }
         )
-    return told
+    return figures
 
 
 def evenly(number: int, size: int) -> Array:
@@ -286,7 +286,7 @@ def table(trials: Iterable[list[dict[str, Any]]]) -> str:
         stated = np.clip([step["probability"] for step in known], 1e-6, 1 - 1e-6)
         right = np.array([step["right"] for step in known], dtype=bool)
         score = np.mean(np.log(np.where(right, stated, 1 - stated))) if known else math.nan
-        every = {
+        values = {
             name: np.array([one for step in steps for one in step[name]])
             for name in ("ranks", "inside", "widths_mm")
         }
@@ -294,14 +294,14 @@ def table(trials: Iterable[list[dict[str, Any]]]) -> str:
             np.mean([step[name] for step in steps])
             for name in ("expected_bits", "information_gain_bits", "true_bits")
         )
-        tenths = np.histogram(every["ranks"], bins=10, range=(0, 1))[0]
+        tenths = np.histogram(values["ranks"], bins=10, range=(0, 1))[0]
         lines.append(
             f"| {steps[0]['interactions']} | {sum(step['faulty'] for step in steps)} | "
             f"{sum(step['right'] for step in steps)} of {len(steps)} | "
             f"{len(steps) - len(known)} | {len(sure)} | "
             f"{sum(step['right'] for step in sure)} | {score:.2f} | "
-            f"{every['inside'].sum()} of {every['inside'].size} | "
-            f"{np.median(every['widths_mm']):.1f} | "
+            f"{values['inside'].sum()} of {values['inside'].size} | "
+            f"{np.median(values['widths_mm']):.1f} | "
             f"{tenths[0]} and {tenths[-1]} of {tenths.sum()} | "
             f"{expected:.2f} | {gained:.2f} | {true:.2f} |"
         )
@@ -320,8 +320,8 @@ def add_bodies(parser: argparse.ArgumentParser, *, bodies: int, interactions: in
 def bodies_by_command(options: argparse.Namespace) -> list[dict[str, Any]]:
     """Arguments of the ``BodyRun`` of each body."""
     names = ("problem", "robot", "interactions", "robots")
-    known = {name: getattr(options, name) for name in names}
-    return [{**known, "seed": seed} for seed in range(options.bodies)]
+    shared = {name: getattr(options, name) for name in names}
+    return [{**shared, "seed": seed} for seed in range(options.bodies)]
 
 
 def main() -> None:

@@ -151,7 +151,7 @@ def search(
     return modeller.counters(0.0)
 
 
-def _alone(work: Callable[[], Result]) -> Result:
+def _in_fresh_process(work: Callable[[], Result]) -> Result:
     """Does the work in a fresh process: PyBullet keeps memory, and the CPU clock is a process's."""
     with WorkerProcesses(1) as workers:
         return workers.submit(work).result()
@@ -186,8 +186,8 @@ def _approximation() -> ArrayPhysics | None:
 
 def report_search_in_pybullet() -> None:
     """Prints the ratio to the plain loop, where it comes from, and the efficiency of two cores."""
-    plain = _alone(_plain_rate)
-    requested, run, seconds = _alone(_search_here)
+    plain = _in_fresh_process(_plain_rate)
+    requested, run, seconds = _in_fresh_process(_search_here)
     rate = requested / seconds
     print(f"PyBullet, plain loop: {plain:.0f} simulations per CPU second")
     print(
@@ -195,8 +195,8 @@ def report_search_in_pybullet() -> None:
         f"{rate / plain:.1f} times the plain loop (floor 6, aim 8); "
         f"{requested / run:.2f} requested for each one run"
     )
-    one, two = _search_in_pool(1), _search_in_pool(2)
-    print(f"PyBullet, two workers: efficiency {one / two / 2:.2f} (floor 0.9)")
+    single, double = _search_in_pool(1), _search_in_pool(2)
+    print(f"PyBullet, two workers: efficiency {single / double / 2:.2f} (floor 0.9)")
 
 
 def report_search_with_statics() -> None:
@@ -219,16 +219,16 @@ def report_engines(kind: str, problem: str) -> None:
     """Prints the rates for one kind of body."""
     pairs = pairs_of(problem, _COMPUTED)
     computed = statics_rate(pairs)
-    few = pairs[:_SIMULATED]
+    sample = pairs[:_SIMULATED]
     fine = WorldSettings(step=1 / 240, steps=1200)
     with PyBulletPhysics(WorldSettings(full_steps=True)) as physics:
-        plain = simulations_per_second(physics, few, afresh=True)
+        plain = simulations_per_second(physics, sample, afresh=True)
     with PyBulletPhysics() as physics:
-        ours = simulations_per_second(physics, few)
+        ours = simulations_per_second(physics, sample)
     with MuJoCoPhysics() as mujoco:
-        coarse = simulations_per_second(mujoco, few)
+        coarse = simulations_per_second(mujoco, sample)
     with MuJoCoPhysics(fine) as mujoco:
-        slow = simulations_per_second(mujoco, few)
+        slow = simulations_per_second(mujoco, sample)
     rows: list[tuple[str, float]] = [
         ("PyBullet, plain loop, 300 × 1/60 s", plain),
         ("PyBullet, our back-end, until it rests", ours),

@@ -203,11 +203,11 @@ class Crowd:
     def _perform_again(self) -> None:
         """Repeats a request under its id: the first answer comes again, and nothing moves."""
         number, targets = self._client.reserve_id(), self._targets()
-        first = self._once(targets, number)
-        self._take(first)
-        before = self._faults.report()["interactions"]
-        self._demand(self._client.perform(targets, request_id=number) == first, "not the first")
-        self._demand(self._faults.report()["interactions"] == before, "carried out twice")
+        reply = self._once(targets, number)
+        self._take(reply)
+        interactions = self._faults.report()["interactions"]
+        self._demand(self._client.perform(targets, request_id=number) == reply, "not the first")
+        self._demand(self._faults.report()["interactions"] == interactions, "carried out twice")
 
     def _read(self) -> None:
         self._take(self._random.choice([self._client, *self._viewers]).read())
@@ -267,7 +267,7 @@ class Crowd:
         altered = False
         for _ in range(2):
             try:
-                seen = self._client.perform(self._targets())
+                reply = self._client.perform(self._targets())
             except RobotError as error:
                 self._demand(error.code == "fault", f"{fault} ended with {error}")
                 self.counts["faults noticed"] += 1
@@ -277,8 +277,8 @@ class Crowd:
             self._demand(not altered, "a board that was altered is not noticed")
             # What is altered after a board's last answer in a motion shows in the next one only.
             pulses = self._faults.report()["pulses"]
-            altered = fault in ALTERING and pulses != self._commanded(seen)
-            self._take(seen, stiff=not altered)
+            altered = fault in ALTERING and pulses != self._commanded(reply)
+            self._take(reply, stiff=not altered)
         if altered:
             self._refused("fault", lambda: self._client.perform(self._targets()))
         self._faults.mend()
@@ -357,8 +357,8 @@ class Crowd:
         self.counts["observations"] += 1
         pulses = self._faults.report()["pulses"]
         if stiff:
-            wanted = self._commanded(seen)
-            self._demand(pulses == wanted, f"commanded {wanted}, but the board has {pulses}")
+            commanded = self._commanded(seen)
+            self._demand(pulses == commanded, f"commanded {commanded}, but the board has {pulses}")
         if last is not None:
             self._demand(seen.sequence == last.sequence + 1, "an observation lost or repeated")
             self._demand(seen.robot_time > last.robot_time, "robot time does not grow")

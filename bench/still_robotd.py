@@ -125,20 +125,20 @@ def make_sick(devices: Devices, order: str, *, only_while: Path | None = None) -
         only_while: File during whose existence the method is sick, while it works before and after;
             ``None``: it is sick from now on.
     """
-    place, _, how = order.partition("=")
+    place, _, death = order.partition("=")
     device, _, method = place.partition(".")
     driver = devices.touch[0] if device == "touch" else getattr(devices, device)
-    well = getattr(driver, method)
+    original = getattr(driver, method)
 
     def is_sick() -> bool:
         return only_while is None or only_while.exists()
 
     def sick(*given: Any) -> Any:
-        if is_sick() and how != "hang":
-            raise DEATHS[how]
+        if is_sick() and death != "hang":
+            raise DEATHS[death]
         while is_sick():
             time.sleep(0.01)
-        return well(*given)
+        return original(*given)
 
     setattr(driver, method, sick)
 

@@ -183,16 +183,16 @@ class Cluster(Executor):
         """Compares the scheduler and all workers with this computer."""
         client, scheduler = self._client, f"The Dask scheduler at {self._address}"
         versions = self._ask(lambda: client.get_versions(packages=list(_COMPUTING)))
-        known = versions["client"]["packages"]  # first what those without our code can tell, too
-        ours = {name: known[name] for name in _COMPARED if name in known}
+        local = versions["client"]["packages"]  # first what those without our code can tell, too
+        ours = {name: local[name] for name in _COMPARED if name in local}
         _compare(scheduler, versions["scheduler"]["packages"], ours)
-        for address, its in versions["workers"].items():
-            _compare(f"Worker {address}", its["packages"], ours)
+        for address, theirs in versions["workers"].items():
+            _compare(f"Worker {address}", theirs["packages"], ours)
         for address, threads in self._ask(client.nthreads).items():
             _check_threads(address, threads)
         _compare(scheduler, self._ask(lambda: client.run_on_scheduler(_identity)), _identity())
-        for address, its in self._ask(lambda: client.run(_identity)).items():
-            _compare(f"Worker {address}", its, _identity())
+        for address, theirs in self._ask(lambda: client.run(_identity)).items():
+            _compare(f"Worker {address}", theirs, _identity())
 
 
 def still_wanted() -> Callable[[], bool]:

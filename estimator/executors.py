@@ -123,9 +123,9 @@ class WorkerProcesses(ThreadPoolExecutor):
 
     def _pool(self) -> ProcessPoolExecutor:
         """Pool of the one process that belongs to this thread."""
-        known: ProcessPoolExecutor | None = getattr(self._of_thread, "pool", None)
-        if known is not None:
-            return known
+        existing: ProcessPoolExecutor | None = getattr(self._of_thread, "pool", None)
+        if existing is not None:
+            return existing
         _start_fork_server()  # anew, if it has died
         pool = ProcessPoolExecutor(
             1, mp_context=self._context, initializer=_begin, initargs=(self._lifeline,)
@@ -201,19 +201,19 @@ def _start_fork_server() -> None:
     """
     paths = {"PYTHONPATH": os.pathsep.join(sys.path), "PYTHONSAFEPATH": "1"}
     with _STARTING:
-        before = {name: os.environ.get(name) for name in paths}
+        environment = {name: os.environ.get(name) for name in paths}
         multiprocessing.set_forkserver_preload(["__main__", _PRELOADED])
         resource_tracker.ensure_running()  # if it started later it would unblock Ctrl-C
-        kept = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        old_mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         os.environ.update(paths)
         try:
             forkserver.ensure_running()
         finally:
-            for name, value in before.items():
+            for name, value in environment.items():
                 del os.environ[name]
                 if value is not None:
                     os.environ[name] = value
-            signal.pthread_sigmask(signal.SIG_SETMASK, kept)
+            signal.pthread_sigmask(signal.SIG_SETMASK, old_mask)
 
 
 def _portably(work: Callable[[], Result]) -> Result:

@@ -70,8 +70,8 @@ class Registry(Generic[T]):
 
     def names(self) -> tuple[str, ...]:
         """All names there are: our own, the calling program's, those of installed packages."""
-        here = {**self.own, **self._added}
-        return (*here, *sorted(_entry_points(self.group).names - here.keys()))
+        implementations = {**self.own, **self._added}
+        return (*implementations, *sorted(_entry_points(self.group).names - implementations.keys()))
 
     def add(self, implementation: T) -> str:
         """Adds an implementation of the calling program's own, as long as this process runs.
@@ -96,9 +96,9 @@ class Registry(Generic[T]):
                 "give a class or function at the top level of a module"
             )
         name = f"{implementation.__module__}:{place}"
-        for known, ours in self.own.items():
-            if ours == name:
-                return known
+        for our_name, location in self.own.items():
+            if location == name:
+                return our_name
         self._added[name] = implementation
         return name
 

@@ -66,10 +66,10 @@ def _watch(uri: str, keys: str | None) -> int:
                 seen = telemetry.next(TIMEOUT)
                 if (seen.state, seen.reason) != shown[:2]:
                     _show(seen.state, seen.reason, uri, keys)
-                now = (seen.state, seen.reason, _pose(seen))
-                if now[2:] != shown[2:]:
-                    print(printable(now[2]), flush=True)
-                shown = now
+                latest = (seen.state, seen.reason, _pose(seen))
+                if latest[2:] != shown[2:]:
+                    print(printable(latest[2]), flush=True)
+                shown = latest
         except KeyboardInterrupt:
             return 0
 

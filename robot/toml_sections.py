@@ -81,10 +81,10 @@ class Section:
     def done(self) -> None:
         """Refuses keys that nobody asked for."""
         for key in self._values.keys() - self._asked:
-            near = difflib.get_close_matches(key, self._asked, n=1)
+            matches = difflib.get_close_matches(key, self._asked, n=1)
             hint = (
-                f" Did you mean '{near[0]}'?"
-                if near
+                f" Did you mean '{matches[0]}'?"
+                if matches
                 else f" Known: {', '.join(sorted(self._asked))}."
             )
             raise self.refuse(key, f"is not a known key.{hint}")
@@ -140,14 +140,14 @@ class Section:
         values = tuple(given) if isinstance(given, list | tuple) else (given,)
         sound = all(type(value) is int and least <= value <= most for value in values)
         if not sound or not values or len(set(values)) < len(values):
-            first, last, one, other = map(written.format, (least, most, least + 1, least + 2))
+            first, last, a, b = map(written.format, (least, most, least + 1, least + 2))
             shown = ", ".join(
                 written.format(value) if type(value) is int else repr(value) for value in values
             )
             raise self.refuse(
                 key,
                 f"must be an integer from {first} to {last}, or different ones as in "
-                f"[{one}, {other}], not {f'[{shown}]' if isinstance(given, list) else shown}.",
+                f"[{a}, {b}], not {f'[{shown}]' if isinstance(given, list) else shown}.",
             )
         return values
 
@@ -166,9 +166,9 @@ class Section:
         """One of some integers; ``written`` is the format in which the message shows them."""
         value = self._take(key, default)
         if isinstance(value, bool) or not isinstance(value, int) or value not in choices:
-            known = ", ".join(written.format(choice) for choice in choices)
+            allowed = ", ".join(written.format(choice) for choice in choices)
             given = written.format(value) if isinstance(value, int) else repr(value)
-            raise self.refuse(key, f"must be one of {known}, not {given}.")
+            raise self.refuse(key, f"must be one of {allowed}, not {given}.")
         return value
 
     def number(self, key: str, least: float, most: float, default: float | None = None) -> float:
@@ -204,10 +204,10 @@ class Section:
     def pairs(self, key: str) -> tuple[tuple[float, float], ...]:
         """An array of two or more pairs of finite numbers."""
         value = self._take(key)
-        whole = isinstance(value, list) and all(
+        are_pairs = isinstance(value, list) and all(
             isinstance(pair, list) and len(pair) == 2 for pair in value
         )
-        if not whole or len(value) < 2:
+        if not are_pairs or len(value) < 2:
             raise self.refuse(key, f"must be two or more pairs [[a, b], [c, d]], not {value!r}.")
         return tuple(
             (
@@ -251,5 +251,5 @@ def numbered(key: str, number: int, name: object) -> str:
 
 
 def _is_number(value: Any) -> bool:
-    good = isinstance(value, int | float) and not isinstance(value, bool)
-    return good and math.isfinite(value)
+    is_real = isinstance(value, int | float) and not isinstance(value, bool)
+    return is_real and math.isfinite(value)

@@ -104,8 +104,8 @@ def calibrate(options: argparse.Namespace) -> None:
     file = options.calibration
     if file is None:
         options.refuse("--calibrate needs --calibration FILE, which it writes")
-    known = file if may_exist(file) else None
-    with _emulation(options, real_time=False, calibration=known) as parts:
+    existing = file if may_exist(file) else None
+    with _emulation(options, real_time=False, calibration=existing) as parts:
         SimulatedPerson(parts, seed=options.seed, echo=print).calibrate(parts.devices, file)
 
 
@@ -257,7 +257,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def _faults() -> str:
     width = max(map(len, KNOWN))
-    lines = "\n".join(f"  {name:{width}}  {what}" for name, what in KNOWN.items())
+    lines = "\n".join(f"  {name:{width}}  {effect}" for name, effect in KNOWN.items())
     return (
         "faults: SPEC is DEVICE.FAULT[=N[:AMOUNT]][@START][+DURATION], with START 3i (third\n"
         "interaction) or 12.5s (robot time) and DURATION 2i, 5s or 5w (wall clock):\n\n" + lines

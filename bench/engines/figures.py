@@ -74,8 +74,8 @@ class Compared:
 
     def disagreements(self) -> list[int]:
         """Bodies on which statics and the reference, ``fine``, disagree."""
-        apart = self.counted("fine") & (self.differences("fine") > CLOSE)
-        return [int(row) for row in np.flatnonzero(apart)]
+        differ = self.counted("fine") & (self.differences("fine") > CLOSE)
+        return [int(row) for row in np.flatnonzero(differ)]
 
     def suspects(self) -> list[int]:
         """Disagreements with large margins on which the engines agree with each other."""
@@ -108,9 +108,9 @@ def risk_coverage(compared: Compared, run: str) -> tuple[Array, Array]:
     of them.
     """
     counted = compared.counted(run)
-    apart = (compared.differences(run)[counted] > CLOSE).astype(float)
+    differ = (compared.differences(run)[counted] > CLOSE).astype(float)
     _, tie, sizes = np.unique(-compared.margins[counted], return_inverse=True, return_counts=True)
-    rate = np.bincount(tie, apart, minlength=len(sizes)) / sizes
+    rate = np.bincount(tie, differ, minlength=len(sizes)) / sizes
     wrong = np.repeat(rate, sizes)
     kept = np.arange(1, len(wrong) + 1)
     return kept / max(1, len(wrong)), np.cumsum(wrong) / kept
@@ -136,8 +136,8 @@ def _against(compared: Compared, run: str) -> dict[str, Any]:
     counted = compared.counted(run)
     sure = counted & (compared.margins >= compared.least_margin())
     engine = compared.simulated[run]
-    still = counted & (engine.speed < STILL)
-    apart = compared.differences(run)
+    at_rest = counted & (engine.speed < STILL)
+    angles = compared.differences(run)
     kept, risk = risk_coverage(compared, run)
     points = [0.5, 0.7, COVERED, 0.95, 1.0]
     rows = [max(0, math.ceil(point * len(kept)) - 1) for point in points] if len(kept) else []
@@ -145,11 +145,11 @@ def _against(compared: Compared, run: str) -> dict[str, Any]:
     return {
         "invalid": int(np.sum(~engine.valid)),
         "moving": int(np.sum(engine.valid & (engine.speed >= STILL))),
-        "within": share(apart[counted] <= CLOSE),
-        "within_where_sure": share(apart[sure] <= CLOSE),
-        "within_where_still": share(apart[still] <= CLOSE),
-        "median_deg": _quantile(apart[counted], 0.5),
-        "quantile_95_deg": _quantile(apart[counted], 0.95),
+        "within": share(angles[counted] <= CLOSE),
+        "within_where_sure": share(angles[sure] <= CLOSE),
+        "within_where_still": share(angles[at_rest] <= CLOSE),
+        "median_deg": _quantile(angles[counted], 0.5),
+        "quantile_95_deg": _quantile(angles[counted], 0.95),
         "median_clearance_mm": _quantile(lift, 0.5),
         "touch_alike": _touch(compared.statics, engine, counted),
         "risk_at_coverage": {
@@ -160,10 +160,10 @@ def _against(compared: Compared, run: str) -> dict[str, Any]:
 
 def _pair(one: PredictedReadings, two: PredictedReadings) -> dict[str, Any]:
     counted = one.valid & two.valid
-    apart = differences(one, two)[counted]
+    angles = differences(one, two)[counted]
     return {
-        "within": share(apart <= CLOSE),
-        "median_deg": _quantile(apart, 0.5),
+        "within": share(angles <= CLOSE),
+        "median_deg": _quantile(angles, 0.5),
         "touch_alike": _touch(one, two, counted),
     }
 
@@ -207,19 +207,19 @@ def list_causes(
         memory: File that remembers causes by body and pose, so that work goes on where it was.
         done: Called after each disagreement.
     """
-    known: dict[str, str] = json.loads(memory.read_text("utf-8")) if memory.exists() else {}
+    remembered: dict[str, str] = json.loads(memory.read_text("utf-8")) if memory.exists() else {}
     suspects = set(compared.suspects())
     rows = compared.disagreements()
-    own = _own(compared, seed, rows)
+    statics_rows = _rows_of_statics(compared, seed, rows)
     disagreements = []
     for row in rows:
         tilt = np.degrees(compared.statics.tilt[row])
         key = f"{row} {tilt.round(2).tolist()}"
-        if row not in own and key not in known:
+        if row not in statics_rows and key not in remembered:
             _, pair, _ = draw(compared.problem, seed, row)
-            known[key] = cause(pair, compared.statics[row : row + 1])
-            replace_text(memory, json.dumps(known, indent=1))
-        name = OWN if row in own else known[key]
+            remembered[key] = cause(pair, compared.statics[row : row + 1])
+            replace_text(memory, json.dumps(remembered, indent=1))
+        name = OWN if row in statics_rows else remembered[key]
         if name == UNEXPLAINED:
             name = _shown(compared, row) or UNEXPLAINED
         disagreements.append(
@@ -240,12 +240,12 @@ def list_causes(
     return disagreements
 
 
-def _own(compared: Compared, seed: int, rows: Sequence[int]) -> set[int]:
+def _rows_of_statics(compared: Compared, seed: int, rows: Sequence[int]) -> set[int]:
     """The rows on which statics with finer steps lies as the reference says."""
     with StaticsPhysics(pace=_FINER) as physics:
         readings = physics.read([draw(compared.problem, seed, row)[1] for row in rows])
-    apart = differences(readings, compared.simulated["fine"][np.array(rows, dtype=int)])
-    return {row for row, angle in zip(rows, apart, strict=True) if angle <= CLOSE}
+    angles = differences(readings, compared.simulated["fine"][np.array(rows, dtype=int)])
+    return {row for row, angle in zip(rows, angles, strict=True) if angle <= CLOSE}
 
 
 def _shown(compared: Compared, row: int) -> str | None:

@@ -25,7 +25,7 @@ _END: Final = "<!-- measured: end -->"
 
 
 _DPI: Final = 110
-_LEAST: Final = 1e-4  # degrees; smaller differences are drawn here
+_LEAST_ANGLE: Final = 1e-4  # degrees; smaller differences are drawn here
 _CURVES: Final = ("fine", "inert", "coarse", "mujoco")
 _SELF: Final = (("coarse", "fine"), ("inert", "fine"), ("mujoco", "fine"))
 
@@ -81,18 +81,18 @@ def _details(figures: Sequence[dict[str, Any]]) -> list[str]:
     ]
     for item in figures:
         for run in RIVALS:
-            one = item["statics_and"][run]
+            measured = item["statics_and"][run]
             lines.append(
                 _row(
                     item["problem"],
                     RUNS[run].label,
-                    str(one["invalid"]),
-                    str(one["moving"]),
-                    f"{one['median_deg']:.4f}°",
-                    f"{one['quantile_95_deg']:.2f}°",
-                    f"{one['median_clearance_mm']:.3f} mm",
-                    _percent(one["touch_alike"]),
-                    _percent(one["within_where_still"]["share"]),
+                    str(measured["invalid"]),
+                    str(measured["moving"]),
+                    f"{measured['median_deg']:.4f}°",
+                    f"{measured['quantile_95_deg']:.2f}°",
+                    f"{measured['median_clearance_mm']:.3f} mm",
+                    _percent(measured["touch_alike"]),
+                    _percent(measured["within_where_still"]["share"]),
                 )
             )
     lines.append("")
@@ -147,9 +147,9 @@ def write_csv(path: Path, figures: Sequence[dict[str, Any]]) -> None:
         writer = csv.writer(file)
         writer.writerow(["problem", "pair", "n", "share", "low", "high", "median_deg", "touch"])
         for item in figures:
-            sides = {f"statics and {run}": one for run, one in item["statics_and"].items()}
-            for name, one in {**sides, **item["ceilings"]}.items():
-                numbers = [*one["within"].values(), one["median_deg"], one["touch_alike"]]
+            sides = {f"statics and {run}": pair for run, pair in item["statics_and"].items()}
+            for name, pair in {**sides, **item["ceilings"]}.items():
+                numbers = [*pair["within"].values(), pair["median_deg"], pair["touch_alike"]]
                 writer.writerow([item["problem"], name, *(f"{number:.6g}" for number in numbers)])
 
 
@@ -195,10 +195,10 @@ def plot_differences(path: Path, everything: Sequence[Compared]) -> None:
             _tail(axes, compared.differences(run)[counted], label, colour, "-")
         for colour, (one, two) in zip(COLOURS, _SELF, strict=False):
             first, second = compared.simulated[one], compared.simulated[two]
-            apart = differences(first, second)[first.valid & second.valid]
-            _tail(axes, apart, f"{RUNS[one].label} – {RUNS[two].label}", colour, ":")
+            angles = differences(first, second)[first.valid & second.valid]
+            _tail(axes, angles, f"{RUNS[one].label} – {RUNS[two].label}", colour, ":")
         axes.axvline(CLOSE, color="0.7", linewidth=0.8)
-        axes.set(xscale="log", yscale="log", xlim=(_LEAST, 180), ylim=(5e-4, 1))
+        axes.set(xscale="log", yscale="log", xlim=(_LEAST_ANGLE, 180), ylim=(5e-4, 1))
         axes.set(title=compared.problem, xlabel="difference of tilt (°)")
     panels[0].set_ylabel("share that differs by more")
     _save(figure, path)
@@ -226,9 +226,9 @@ def _panels(count: int) -> tuple[Figure, list[Axes]]:
 
 
 def _tail(axes: Axes, values: Array, label: str, colour: str, line: str) -> None:
-    ordered = np.sort(np.maximum(values, _LEAST))
-    above = 1 - np.arange(len(ordered)) / max(1, len(ordered))
-    axes.plot(ordered, above, line, color=colour, linewidth=1.1, label=label)
+    ordered = np.sort(np.maximum(values, _LEAST_ANGLE))
+    share = 1 - np.arange(len(ordered)) / max(1, len(ordered))
+    axes.plot(ordered, share, line, color=colour, linewidth=1.1, label=label)
 
 
 def _save(figure: Figure, path: Path) -> None:

@@ -149,8 +149,13 @@ def rows_of(
         place.mkdir(parents=True, exist_ok=True)
         run.make(place)
     figures = run.figures(out)
-    with RunStore.open(place / RUN, to_write=False) as store, StaticsPhysics(store.world) as known:
-        return list(_rows(store, figures, Judge(store, place / "truth.urdf", known), peers, limit))
+    with (
+        RunStore.open(place / RUN, to_write=False) as store,
+        StaticsPhysics(store.world) as physics,
+    ):
+        return list(
+            _rows(store, figures, Judge(store, place / "truth.urdf", physics), peers, limit)
+        )
 
 
 def _rows(
@@ -206,10 +211,10 @@ def _rows(
     answer = Answer(point=fitted.best, stated=stated, finished=True)
     yield row(WHOLE, answer, figures.simulations, figures.cpu_seconds)
     for name, peer in peers.items():
-        own = Predictor(as_stated, make_physics())
+        peer_predictor = Predictor(as_stated, make_physics())
         started = time.process_time()
-        answer = peer(Target(own, likelihood, limit), seed)
-        yield row(name, answer, own.cost.simulations, time.process_time() - started)
+        answer = peer(Target(peer_predictor, likelihood, limit), seed)
+        yield row(name, answer, peer_predictor.cost.simulations, time.process_time() - started)
 
 
 def table(rows: Sequence[Row]) -> str:
@@ -217,20 +222,20 @@ def table(rows: Sequence[Row]) -> str:
     units = {row.seed: row.cpu_seconds for row in rows if row.who == UNIT}
     lines = []
     for who in dict.fromkeys(row.who for row in rows):
-        own = [row for row in rows if row.who == who]
-        ratios = [row.cpu_seconds / units[row.seed] for row in own if row.seed in units]
-        stated = [row.stated for row in own if row.stated is not None]
-        worst = [row.worst_mm for row in own if row.right == row.of]
+        answers = [row for row in rows if row.who == who]
+        ratios = [row.cpu_seconds / units[row.seed] for row in answers if row.seed in units]
+        stated = [row.stated for row in answers if row.stated is not None]
+        worst = [row.worst_mm for row in answers if row.right == row.of]
         lines.append(
             [
                 who,
-                ", ".join(f"{row.right}" for row in own) + f" of {own[0].of}",
+                ", ".join(f"{row.right}" for row in answers) + f" of {answers[0].of}",
                 f"{np.median(worst):.1f}" if worst else "–",
-                f"{min(row.nats for row in own):+.1f}",
+                f"{min(row.nats for row in answers):+.1f}",
                 f"{min(stated):.2f} to {max(stated):.2f}" if stated else "no",
-                f"{sum(row.finished for row in own)} of {len(own)}",
-                f"{np.mean([row.million for row in own]):.1f}",
-                f"{np.mean([row.cpu_seconds for row in own]):.1f}",
+                f"{sum(row.finished for row in answers)} of {len(answers)}",
+                f"{np.mean([row.million for row in answers]):.1f}",
+                f"{np.mean([row.cpu_seconds for row in answers]):.1f}",
                 f"{np.median(ratios):.1f}" if ratios else "–",
             ]
         )

@@ -27,7 +27,7 @@ LANES: Final = 16
 _STAGNATION: Final = 60  # generations without a nat more, after which an instance is restarted
 _NATS: Final = 1.0  # by which restarts that have found the same may differ
 _WALKERS: Final = 320
-_LIVE: Final = 2000  # points, of nested sampling
+_LIVE_POINTS: Final = 2000  # points, of nested sampling
 
 
 class Optimiser(Protocol):
@@ -56,9 +56,9 @@ class CatCma:
         """The next points."""
         self._asked = [self._search.ask() for _ in range(self._search.population_size)]
         points = np.full((len(self._asked), self._unknowns.size), 0.5)
-        points[:, self._unknowns.continuous] = [one.x for one in self._asked]
+        points[:, self._unknowns.continuous] = [solution.x for solution in self._asked]
         if self._choices.size:
-            chosen = np.array([np.argmax(one.c, axis=1) for one in self._asked])
+            chosen = np.array([np.argmax(solution.c, axis=1) for solution in self._asked])
             points[:, self._unknowns.choices] = (chosen + 0.5) / self._choices
         return points
 
@@ -96,32 +96,32 @@ class _Restarts:
         """Notes a restart's end; whether the best attachments have been found often enough."""
         self._ended.append((fit, key))
         best, leader = max(self._ended)
-        near = Counter(own for fit, own in self._ended if fit > best - _NATS)
-        return near[leader] >= FOUND_AGAIN
+        agreeing = Counter(attachments for fit, attachments in self._ended if fit > best - _NATS)
+        return agreeing[leader] >= FOUND_AGAIN
 
 
 def _in_lanes(make: Callable[[Target, int], Optimiser], target: Target, seed: int) -> Answer:
     seeds = iter(np.random.SeedSequence(seed).generate_state(100_000).tolist())
     lanes = [make(target, next(seeds)) for _ in range(LANES)]
-    best = [(-np.inf, target.best)] * LANES
-    since, restarts = [0] * LANES, _Restarts()
+    bests = [(-np.inf, target.best)] * LANES
+    stagnant, restarts = [0] * LANES, _Restarts()
     try:
         while True:
             asked = [lane.ask() for lane in lanes]
             fits = np.split(target(np.concatenate(asked)), np.cumsum([len(a) for a in asked])[:-1])
-            for number, (lane, points, own) in enumerate(zip(lanes, asked, fits, strict=True)):
-                lane.tell(own)
-                row, since[number] = int(np.argmax(own)), since[number] + 1
-                if own[row] > best[number][0]:
-                    if own[row] > best[number][0] + _NATS:
-                        since[number] = 0
-                    best[number] = float(own[row]), np.clip(points[row], 0.0, 1.0)
-                if since[number] >= _STAGNATION:
-                    fit, point = best[number]
+            for number, (lane, points, values) in enumerate(zip(lanes, asked, fits, strict=True)):
+                lane.tell(values)
+                row, stagnant[number] = int(np.argmax(values)), stagnant[number] + 1
+                if values[row] > bests[number][0]:
+                    if values[row] > bests[number][0] + _NATS:
+                        stagnant[number] = 0
+                    bests[number] = float(values[row]), np.clip(points[row], 0.0, 1.0)
+                if stagnant[number] >= _STAGNATION:
+                    fit, point = bests[number]
                     if restarts.add(fit, target.key(point)):
                         return Answer(point=target.best, stated=None, finished=True)
                     lanes[number] = make(target, next(seeds))
-                    best[number], since[number] = (-np.inf, point), 0
+                    bests[number], stagnant[number] = (-np.inf, point), 0
     except TimeIsUpError:
         return Answer(point=target.best, stated=None, finished=False)
 
@@ -131,17 +131,17 @@ def _evolved(target: Target, seed: int) -> Answer:
     restarts, bounds = _Restarts(), [(0.0, 1.0)] * target.unknowns.size
     seeds = np.random.SeedSequence(seed).spawn(1000)
     try:
-        for one in seeds:
-            found = differential_evolution(
+        for child in seeds:
+            optimum = differential_evolution(
                 lambda columns: -target(np.atleast_2d(columns.T)),
                 bounds,
                 vectorized=True,
                 updating="deferred",
                 polish=False,
                 tol=1e-4,
-                rng=np.random.default_rng(one),
+                rng=np.random.default_rng(child),
             )
-            if restarts.add(-float(found.fun), target.key(found.x)):
+            if restarts.add(-float(optimum.fun), target.key(optimum.x)):
                 return Answer(point=target.best, stated=None, finished=True)
     except TimeIsUpError:
         pass
@@ -152,14 +152,14 @@ def _walked(target: Target, seed: int) -> Answer:
     """Answer of emcee (Foreman-Mackey et al. 2013), by differences of walkers, until time is up."""
     rng, size = np.random.default_rng(seed), target.unknowns.size
 
-    over = False
+    out_of_time = False
 
     def density(points: Array) -> Array:
-        nonlocal over
+        nonlocal out_of_time
         try:
             fits = target(points)
         except TimeIsUpError:  # emcee would print it
-            over = True
+            out_of_time = True
             return np.full(len(points), -np.inf)
         fits[np.any((points < 0) | (points > 1), axis=1)] = -np.inf
         return fits
@@ -167,12 +167,12 @@ def _walked(target: Target, seed: int) -> Answer:
     moves = [(emcee.moves.DEMove(), 0.8), (emcee.moves.DESnookerMove(), 0.2)]
     sampler = emcee.EnsembleSampler(_WALKERS, size, density, moves=moves, vectorize=True)
     sampler._random.seed(seed)
-    seen: list[Array] = []
+    visited: list[Array] = []
     for state in sampler.sample(rng.random((_WALKERS, size)), iterations=10**6, store=False):
-        if over:
+        if out_of_time:
             break
-        seen.append(state.coords.copy())
-    late = np.concatenate(seen[len(seen) // 2 :])
+        visited.append(state.coords.copy())
+    late = np.concatenate(visited[len(visited) // 2 :])
     keys = Counter(target.unknowns.keys(np.clip(late, 0.0, 1.0)))
     share = keys[target.key(target.best)] / len(late)
     return Answer(point=target.best, stated=share, finished=False)
@@ -182,7 +182,7 @@ def _nested(target: Target, seed: int) -> Answer:
     """Answer of Nautilus (Lange 2023): nested sampling with networks that learn where to draw."""
     size = target.unknowns.size
     sampler = nautilus.Sampler(
-        lambda cube: cube, target, n_dim=size, n_live=_LIVE, vectorized=True, seed=seed
+        lambda cube: cube, target, n_dim=size, n_live=_LIVE_POINTS, vectorized=True, seed=seed
     )
     try:
         finished = bool(sampler.run(n_eff=1000))
@@ -191,8 +191,8 @@ def _nested(target: Target, seed: int) -> Answer:
     if not finished:
         return Answer(point=target.best, stated=None, finished=False)
     points, log_weights, _ = sampler.posterior()
-    same = [key == target.key(target.best) for key in target.unknowns.keys(points)]
-    share = float(np.exp(log_weights)[same].sum() / np.exp(log_weights).sum())
+    agrees = [key == target.key(target.best) for key in target.unknowns.keys(points)]
+    share = float(np.exp(log_weights)[agrees].sum() / np.exp(log_weights).sum())
     return Answer(point=target.best, stated=share, finished=True)
 
 

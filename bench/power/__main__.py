@@ -30,8 +30,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         parser.error("the tables are of the whole study: leave --publish out, or the others")
     if options.problem is None:
         groups = study(SEEDS[options.seeds])
-        known = set(groups) if options.only is None else set(options.only)
-        groups = {name: trials for name, trials in groups.items() if name in known}
+        chosen = set(groups) if options.only is None else set(options.only)
+        groups = {name: trials for name, trials in groups.items() if name in chosen}
     else:
         groups = {BY_HAND: (_by_hand(options),)}
     root = options.out / options.seeds
@@ -79,9 +79,9 @@ def _by_hand(options: argparse.Namespace) -> Trial:
     problem, name = options.problem, options.body
     body = from_prior(problem) if name == "prior" else BODIES.get(name) or shipped(name)
     text = Path(problem).read_text("utf-8") if problem.endswith(".toml") else problem
-    how = (options.method, options.explore, options.engine, options.interactions)
+    settings = (options.method, options.explore, options.engine, options.interactions)
     return Trial(
-        name=" ".join(str(word) for word in (problem, name, *how) if word),
+        name=" ".join(str(word) for word in (problem, name, *settings) if word),
         seeds=SEEDS[options.seeds],
         problem=text,
         interactions=options.interactions,

@@ -93,8 +93,8 @@ def main() -> None:
         for seed in seeds
     ]
     complete_by_command(runs, options.out, options)
-    done = by_group(runs, options.out)[GROUP]
-    for header, rows in ((SUMMARY, summary_rows(done)), (RUNS, run_rows(done))):
+    trials = by_group(runs, options.out)[GROUP]
+    for header, rows in ((SUMMARY, summary_rows(trials)), (RUNS, run_rows(trials))):
         print(markdown(header, rows))
     print(made_by(options.out, runs))
 

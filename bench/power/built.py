@@ -40,9 +40,9 @@ BUILT: Final = "built"
 
 _PROBLEM: Final = "topological"
 _LEGS: Final = 4
-_MANY: Final = 8  # movements
-_FEW: Final = 4
-_HEAVY: Final = 3.5
+_MANY_MOVEMENTS: Final = 8  # movements
+_FEW_MOVEMENTS: Final = 4
+_MASS_FACTOR: Final = 3.5
 _SHORTEST: Final = 0.1  # m, roughly the shortest leg
 _LONGEST: Final = 0.4  # m, the longest leg that the problem allows
 _CONFUSED: Final = ((5.0, 7.5, "box"), (7.5, 5.0, "box"), (6.0, 13.0, "capsule"))
@@ -56,16 +56,16 @@ def built_trials(seeds: tuple[int, ...]) -> tuple[Trial, ...]:
     Args:
         seeds: Thirty seeds; most trials take the first few.
     """
-    unknown = partial(Trial, problem=_PROBLEM, interactions=_MANY)
-    known = partial(Trial, problem="parametric", interactions=_FEW, seeds=seeds[:10])
+    unknown = partial(Trial, problem=_PROBLEM, interactions=_MANY_MOVEMENTS)
+    known = partial(Trial, problem="parametric", interactions=_FEW_MOVEMENTS, seeds=seeds[:10])
     trials = [unknown(name="as people build them", seeds=seeds, robot=_AS_BUILT)]
     trials.append(
         unknown(
-            name=f"legs {_HEAVY} times as heavy",
+            name=f"legs {_MASS_FACTOR} times as heavy",
             seeds=seeds[:6],
             robot=Robot(
-                body=partial(standing_body, _stated(density=1000 * _HEAVY)),
-                otherwise=Otherwise("mass of all parts", math.log(_HEAVY), narrow=True),
+                body=partial(standing_body, _stated(density=1000 * _MASS_FACTOR)),
+                otherwise=Otherwise("mass of all parts", math.log(_MASS_FACTOR), narrow=True),
             ),
         )
     )
@@ -128,8 +128,8 @@ def _standing(problem: str, seed: int) -> Morphology:
 
 def standing_body(problem: str, seed: int) -> str:
     """URDF of a standing body that is as a problem says; the problem by name, or its text."""
-    known, _, robot = on_robot(problem)
-    return urdf(in_words_of(known, robot, _standing(problem, seed)))
+    loaded, _, robot = on_robot(problem)
+    return urdf(in_words_of(loaded, robot, _standing(problem, seed)))
 
 
 def _stating(radius: float, body: TextOf, seed: int) -> str:
@@ -143,15 +143,17 @@ def _stating(radius: float, body: TextOf, seed: int) -> str:
     text = resources.files("robot").joinpath("robot.toml").read_text("utf-8")
     head, *tables = text.split("\n[[joint]]\n")
     tables[-1], *sensors = tables[-1].split("\n[[touch]]\n")
-    joints = [re.sub(r"radius_mm = \d+", f"radius_mm = {radius}", one) for one in tables[:_LEGS]]
+    joints = [
+        re.sub(r"radius_mm = \d+", f"radius_mm = {radius}", joint) for joint in tables[:_LEGS]
+    ]
     named = [
         re.sub(r'name = "\w+"', f'name = "{foot}"', sensor)
         for foot, sensor in zip(feet, sensors, strict=False)
     ]
     head = re.sub(r"joints = \d+", f"joints = {_LEGS}", head)
     head = re.sub(r"touch_sensors = \d+", f"touch_sensors = {len(named)}", head)
-    tables = [f"\n[[joint]]\n{one}" for one in joints]
-    return "".join([head, *tables, *(f"\n[[touch]]\n{one}" for one in named)])
+    tables = [f"\n[[joint]]\n{joint}" for joint in joints]
+    return "".join([head, *tables, *(f"\n[[touch]]\n{sensor}" for sensor in named)])
 
 
 _CONFIG: Final = ("--config", "{folder}/robot.toml")
@@ -226,7 +228,7 @@ def _believed(seed: int) -> str:
         robot=DEFAULT,
         revision=1,
         joints=servos_calibrated(
-            [partial(_told, *one) for one in zip(draw.zeros, draw.travel, strict=True)]
+            [partial(_commanded, *servo) for servo in zip(draw.zeros, draw.travel, strict=True)]
         ),
         accelerometer=AxesCalibration(unit="V", zero=(*zero, ZERO_VOLTS), per_g=gains),
         distance=DistanceCalibration(zero=RECESS - draw.distance, scale=draw.ruler),
@@ -234,7 +236,7 @@ def _believed(seed: int) -> str:
     return to_toml(calibration)
 
 
-def _told(zero: float, travel: float, angle: float) -> float:
+def _commanded(zero: float, travel: float, angle: float) -> float:
     """Angle that a servo is told, rad, when it goes to ``angle``."""
     return float((angle - zero) / travel)
 

@@ -51,7 +51,7 @@ def fault_trials(seeds: tuple[int, ...]) -> tuple[Trial, ...]:
     With sides known the truth is the robot itself; with sides unknown it is the body that the
     robot's readings describe.
     """
-    both = (("sides unknown", "topological", 6), ("sides known", "parametric", 4))
+    variants = (("sides unknown", "topological", 6), ("sides known", "parametric", 4))
     trials = [
         Trial(
             name="the docs' tripod, another robot",
@@ -61,7 +61,7 @@ def fault_trials(seeds: tuple[int, ...]) -> tuple[Trial, ...]:
         ),
         Trial(name="lengths in millimetres", seeds=seeds[:1], problem=_in_millimetres()),
     ]
-    for sides, problem, interactions in both:
+    for sides, problem, interactions in variants:
         make = partial(Trial, seeds=seeds, interactions=interactions)
         trials.append(make(name=f"another radius; {sides}", problem=_with_radius(problem)))
         for fault, robot in FAULTS.items():
@@ -261,8 +261,8 @@ def _at(
 ) -> _Elements:
     """Place of a hip farther out, along its side or lower (m), or pointing to the left (°)."""
     ahead, left = _LEGS[leg]
-    away = _HIP + out
-    place = (away * ahead - aside * left, away * left + aside * ahead, -down)
+    distance = _HIP + out
+    place = (distance * ahead - aside * left, distance * left + aside * ahead, -down)
     yaw = math.atan2(left, ahead) + math.radians(turned)
     return {"origin": {"xyz": " ".join(map(str, place)), "rpy": f"0 0 {yaw!r}"}}
 

@@ -109,10 +109,10 @@ def make_heavier(inertial: ElementTree.Element, factor: float) -> None:
 def turned_joint(joint: str, elements: Mapping[str, Mapping[str, str]], urdf: str) -> str:
     """A body of which a joint has other attributes, by element: its place, or its axis."""
     root = ElementTree.fromstring(urdf)
-    wanted = root.find(f"joint[@name='{joint}']")
-    assert wanted is not None
+    joint_element = root.find(f"joint[@name='{joint}']")
+    assert joint_element is not None
     for tag, attributes in elements.items():
-        element = wanted.find(tag)
+        element = joint_element.find(tag)
         assert element is not None
         element.attrib.update(attributes)
     return ElementTree.tostring(root, encoding="unicode")
@@ -139,10 +139,10 @@ def two_on_one_side(seed: int) -> str:
         if element.get("name") in ("branch", "hip_branch"):
             root.remove(element)
     root.set("name", "two_on_one_side")
-    left = {"xyz": "0 0.07 0", "rpy": f"0 0 {math.pi / 2!r}"}
+    at_left = {"xyz": "0 0.07 0", "rpy": f"0 0 {math.pi / 2!r}"}
     return turned_joint(
         "hip_right",
-        {"origin": left, "axis": {"xyz": "0 0 1"}},
+        {"origin": at_left, "axis": {"xyz": "0 0 1"}},
         ElementTree.tostring(root, encoding="unicode"),
     )
 

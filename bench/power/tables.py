@@ -29,11 +29,11 @@ _BINS: Final = (0.0, 0.5, 0.8, SURE, 0.99, 1.0 + 1e-9)
 
 def by_group(runs: Iterable[TrialRun], root: Path) -> dict[str, list[tuple[Trial, list[Figures]]]]:
     """The figures of finished runs, by group and trial."""
-    done: dict[str, dict[str, tuple[Trial, list[Figures]]]] = {}
+    groups: dict[str, dict[str, tuple[Trial, list[Figures]]]] = {}
     for run in runs:
-        trials = done.setdefault(run.group, {})
+        trials = groups.setdefault(run.group, {})
         trials.setdefault(run.trial.name, (run.trial, []))[1].append(run.figures(root))
-    return {group: list(trials.values()) for group, trials in done.items()}
+    return {group: list(trials.values()) for group, trials in groups.items()}
 
 
 def overview(done: Mapping[str, Runs], made: str) -> str:
@@ -53,7 +53,7 @@ def overview(done: Mapping[str, Runs], made: str) -> str:
         else:
             parts.append(markdown(SUMMARY, summary_rows(runs)))
     sound = {
-        group: [one for _, some in runs for one in some]
+        group: [run for _, figures in runs for run in figures]
         for group, runs in done.items()
         if group not in FAULTY and group != BUILT
     }
@@ -127,29 +127,29 @@ def summary_rows(runs: Runs) -> Iterator[tuple[str, ...]]:
 
 def by_interaction(figures: Sequence[Figures]) -> Iterator[Steps]:
     """Runs after each interaction, those that went so far."""
-    for at in range(max((len(one.steps) for one in figures), default=0)):
-        yield [(one, one.steps[at]) for one in figures if at < len(one.steps)]
+    for at in range(max((len(run.steps) for run in figures), default=0)):
+        yield [(run, run.steps[at]) for run in figures if at < len(run.steps)]
 
 
 def share_right(steps: Steps) -> tuple[float, float, float]:
     """Share of runs in which all attachments are right, and its 95 % interval (Wilson's)."""
-    count = sum(step.cells == one.cells for one, step in steps)
+    count = sum(step.cells == run.cells for run, step in steps)
     stats = importlib.import_module("scipy.stats")  # takes a second
     low, high = stats.binomtest(count, len(steps)).proportion_ci(method="wilson")
     return count / len(steps), low, high
 
 
 def _success(steps: Steps) -> tuple[str, ...]:
-    right = [step.cells == one.cells for one, step in steps]
+    right = [step.cells == run.cells for run, step in steps]
     _, low, high = share_right(steps)
     sure = [
-        good
-        for good, (_, step) in zip(right, steps, strict=True)
+        is_right
+        for is_right, (_, step) in zip(right, steps, strict=True)
         if step.explained and (step.probability or 0.0) >= SURE
     ]
     states = any(step.probability is not None for _, step in steps)
     errors = np.abs([error for _, step in steps for error in step.leg_errors_mm])
-    inside = [one for _, step in steps for one in step.inside]
+    inside = [held for _, step in steps for held in step.inside]
     return (
         f"{sum(right)} of {len(right)}",
         f"{100 * low:.0f}–{100 * high:.0f} %",
@@ -165,71 +165,71 @@ def _success(steps: Steps) -> tuple[str, ...]:
 def run_rows(runs: Runs) -> Iterator[tuple[str, ...]]:
     """A row for each run; in parentheses: stated of a body that does not explain the readings."""
     for trial, figures in runs:
-        for one in figures:
-            marks = "".join("■" if step.cells == one.cells else "□" for step in one.steps)
+        for run in figures:
+            marks = "".join("■" if step.cells == run.cells else "□" for step in run.steps)
             stated = ", ".join(
                 "–"
                 if step.probability is None
                 else f"{step.probability:.2f}"
                 if step.explained
                 else f"({step.probability:.2f})"
-                for step in one.steps
+                for step in run.steps
             )
-            errors = " ".join(f"{error:+.1f}" for error in _last_errors(one))
-            verdict = "" if one.explained else one.verdict
-            cpu = f"{one.cpu_seconds:.0f}"
-            yield trial.name, str(one.seed), marks, stated, errors, cpu, verdict
+            errors = " ".join(f"{error:+.1f}" for error in _last_errors(run))
+            verdict = "" if run.explained else run.verdict
+            cpu = f"{run.cpu_seconds:.0f}"
+            yield trial.name, str(run.seed), marks, stated, errors, cpu, verdict
 
 
 def fault_rows(runs: Runs) -> Iterator[tuple[str, ...]]:
     """A row for each run with a fault: what it says, and whether it is certain and wrong."""
     for trial, figures in runs:
-        for one in figures:
-            last = one.steps[-1] if one.steps else None
-            cells = f"{last.cells} of {one.cells}" if last else "–"
+        for run in figures:
+            last = run.steps[-1] if run.steps else None
+            cells = f"{last.cells} of {run.cells}" if last else "–"
             stated = f"{last.probability:.2f}" if last and last.probability is not None else "–"
-            errors = " ".join(f"{error:+.0f}" for error in _last_errors(one))
-            wrong = "yes" if one.certain_and_wrong else "no"
-            yield trial.name, str(one.seed), cells, stated, errors, wrong, one.verdict
+            errors = " ".join(f"{error:+.0f}" for error in _last_errors(run))
+            wrong = "yes" if run.certain_and_wrong else "no"
+            yield trial.name, str(run.seed), cells, stated, errors, wrong, run.verdict
 
 
 def built_summary(runs: Runs) -> Iterator[tuple[str, ...]]:
     """A row for each kind of robot that is built otherwise than its problem says."""
     for trial, figures in runs:
-        lasts = [one.steps[-1] for one in figures if one.steps]
-        sure = [one.right for one in figures if one.certain]
+        lasts = [run.steps[-1] for run in figures if run.steps]
+        sure = [run.right for run in figures if run.certain]
         inside = [held for last in lasts for held in last.inside]
         built = [width / 2 for last in lasts for width in last.widths_mm]
         stated = [width / 2 for last in lasts for width in last.stated_widths_mm]
         yield (
             trial.name,
-            f"{sum(one.right for one in figures)} of {len(figures)}",
-            str(sum(one.explained for one in figures)),
+            f"{sum(run.right for run in figures)} of {len(figures)}",
+            str(sum(run.explained for run in figures)),
             str(len(sure)),
             str(sum(sure)),
-            str(sum(one.certain_and_wrong for one in figures)),
+            str(sum(run.certain_and_wrong for run in figures)),
             f"{sum(inside)} of {len(inside)}",
             f"{_mean(built)}; {_mean(stated)}",
             _share(_is_named(trial, last) for last in lasts),
             _share(_holds_amount(trial, last) for last in lasts),
-            f"{np.mean([one.cpu_seconds for one in figures]):.0f}",
+            f"{np.mean([run.cpu_seconds for run in figures]):.0f}",
         )
 
 
 def built_rows(runs: Runs) -> Iterator[tuple[str, ...]]:
     """A row for every robot that is built otherwise than its problem says."""
     for trial, figures in runs:
-        for one in figures:
-            if not one.steps:
-                yield trial.name, str(one.seed), *["–"] * (len(BUILT_RUNS) - 3), one.verdict
+        for run in figures:
+            if not run.steps:
+                yield trial.name, str(run.seed), *["–"] * (len(BUILT_RUNS) - 3), run.verdict
                 continue
-            last = one.steps[-1]
+            last = run.steps[-1]
             yield (
                 trial.name,
-                str(one.seed),
-                f"{last.cells} of {one.cells}",
+                str(run.seed),
+                f"{last.cells} of {run.cells}",
                 "–" if last.probability is None else f"{last.probability:.3f}",
-                "yes" if one.explained else "no",
+                "yes" if run.explained else "no",
                 " ".join(f"{error:+.1f}" for error in last.leg_errors_mm),
                 f"{sum(last.inside)} of {len(last.inside)}",
                 " ".join(f"{width / 2:.1f}" for width in last.widths_mm),
@@ -237,9 +237,9 @@ def built_rows(runs: Runs) -> Iterator[tuple[str, ...]]:
                 "; ".join(f"{name} {share:.2f}" for name, share in last.causes),
                 _yes(_is_named(trial, last)),
                 _yes(_holds_amount(trial, last)),
-                "yes" if one.certain_and_wrong else "no",
-                f"{one.cpu_seconds:.0f}",
-                one.verdict,
+                "yes" if run.certain_and_wrong else "no",
+                f"{run.cpu_seconds:.0f}",
+                run.verdict,
             )
 
 
@@ -248,8 +248,10 @@ def _is_named(trial: Trial, last: Step) -> bool | None:
     true = trial.robot.otherwise
     if true is None or not true.cause or true.narrow:
         return None
-    said = [name for name, _ in last.causes[:2] if sum(share for _, share in last.causes) >= LIKELY]
-    return any(name.startswith(true.cause) for name in said)
+    named = [
+        name for name, _ in last.causes[:2] if sum(share for _, share in last.causes) >= LIKELY
+    ]
+    return any(name.startswith(true.cause) for name in named)
 
 
 def _holds_amount(trial: Trial, last: Step) -> bool | None:
@@ -266,8 +268,8 @@ def _yes(answer: bool | None) -> str:
 
 
 def _share(answers: Iterable[bool | None]) -> str:
-    known = [one for one in answers if one is not None]
-    return f"{sum(known)} of {len(known)}" if known else "–"
+    answered = [answer for answer in answers if answer is not None]
+    return f"{sum(answered)} of {len(answered)}" if answered else "–"
 
 
 def _mean(values: Sequence[float]) -> str:
@@ -277,11 +279,11 @@ def _mean(values: Sequence[float]) -> str:
 def _calibration(done: Mapping[str, Sequence[Figures]]) -> str:
     """Whether statements come true as often as they say, over all steps of all runs."""
     steps = [
-        (step.probability, step.cells == one.cells)
+        (step.probability, step.cells == run.cells)
         for group, figures in done.items()
         if group != KNOWN_ATTACHMENTS
-        for one in figures
-        for step in one.steps
+        for run in figures
+        for step in run.steps
         if step.probability is not None and step.explained
     ]
     lines = [
@@ -294,7 +296,7 @@ def _calibration(done: Mapping[str, Sequence[Figures]]) -> str:
         *_bins(steps),
     ]
     figures = itertools.chain.from_iterable(done.values())
-    inside = [held for one in figures for step in one.steps[-1:] for held in step.inside]
+    inside = [held for run in figures for step in run.steps[-1:] for held in step.inside]
     if inside:
         lines.append(
             f"\nOf the 90 % intervals at the end of runs {sum(inside)} of {len(inside)} hold the "
@@ -334,10 +336,10 @@ def plot_success(runs: Runs) -> Figure:
     for (trial, figures), colour, marker in zip(
         runs, itertools.cycle(COLOURS), itertools.cycle(_MARKERS)
     ):
-        steps = list(by_interaction(figures))
-        shares = np.array([share_right(some) for some in steps])
-        seconds = [np.mean([step.cpu_seconds for _, step in some]) for some in steps]
-        for axes, places in ((by_movement, range(1, len(steps) + 1)), (by_seconds, seconds)):
+        interactions = list(by_interaction(figures))
+        shares = np.array([share_right(steps) for steps in interactions])
+        seconds = [np.mean([step.cpu_seconds for _, step in steps]) for steps in interactions]
+        for axes, places in ((by_movement, range(1, len(interactions) + 1)), (by_seconds, seconds)):
             axes.plot(
                 places, shares[:, 0], color=colour, marker=marker, linewidth=1.1, label=trial.name
             )

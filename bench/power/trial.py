@@ -171,7 +171,7 @@ class TrialRun(BriefRun):
     @property
     def name(self) -> str:
         """Name, unique in the study."""
-        words = (re.sub(r"\W+", "-", one) for one in (self.group, self.trial.name))
+        words = (re.sub(r"\W+", "-", text) for text in (self.group, self.trial.name))
         return "/".join([*words, str(self.seed)])
 
     @property
@@ -191,15 +191,15 @@ class TrialRun(BriefRun):
 
     def sentence(self, root: Path) -> str:
         """Says how the run went."""
-        one = self.figures(root)
-        if not one.steps:
-            return one.verdict
-        last = one.steps[-1]
+        run = self.figures(root)
+        if not run.steps:
+            return run.verdict
+        last = run.steps[-1]
         stated = "" if last.probability is None else f", stated {last.probability:.2f}"
         errors = " ".join(f"{error:+.1f}" for error in last.leg_errors_mm)
         return (
-            f"{last.cells} of {one.cells}{stated}, legs {errors} mm, {one.cpu_seconds:.0f} s of "
-            f"CPU. {'CERTAIN AND WRONG. ' * one.certain_and_wrong}{one.verdict}"
+            f"{last.cells} of {run.cells}{stated}, legs {errors} mm, {run.cpu_seconds:.0f} s of "
+            f"CPU. {'CERTAIN AND WRONG. ' * run.certain_and_wrong}{run.verdict}"
         )
 
 
@@ -234,13 +234,13 @@ def _run(trial: Trial, seed: int, place: Path) -> Figures:
         try:
             result = identify(place / RUN, order, IN_THIS_PROCESS, Listener(), report=report)
         except BodyschemaError as error:
-            said = str(error).replace(str(place), "").replace(process.uri, "the robot")
+            message = str(error).replace(str(place), "").replace(process.uri, "the robot")
             return Figures(
                 seed=seed,
                 cpu_seconds=time.process_time() - started,
                 simulations=0,
                 explained=False,
-                verdict=f"Refused: {said}",
+                verdict=f"Refused: {message}",
                 cells=0,
                 steps=(),
             )
@@ -313,8 +313,8 @@ def held_against(
         judge = Judge(store, truth, physics)
         for summary, seconds in zip(_summaries(store), cpu_seconds, strict=False):
             right, count, errors = judge.of(summary.best)
-            known = (
-                {} if summary.posterior is None else _known(store, summary.posterior, judge.legs)
+            fields = (
+                {} if summary.posterior is None else _fields(store, summary.posterior, judge.legs)
             )
             steps.append(
                 Step(
@@ -323,28 +323,28 @@ def held_against(
                     cells=right,
                     leg_errors_mm=tuple(errors),
                     cpu_seconds=seconds,
-                    **known,
+                    **fields,
                 )
             )
     return count, tuple(steps)
 
 
-def _known(store: RunStore, posterior: StoredPosterior, legs: Array) -> dict[str, Any]:
+def _fields(store: RunStore, posterior: StoredPosterior, legs: Array) -> dict[str, Any]:
     """What a posterior says of lengths and of all that may be otherwise, as fields of a step."""
     weights = np.array(posterior.weights)
     lengths = leg_lengths(store.genome.decode_all(np.array(posterior.genes)))
     low, high = _interval(lengths, weights)
     amounts = {}
-    for name, away in posterior.amounts.items():
-        far = np.array(away)
-        (own,) = np.nonzero(far)
-        lowest, highest = _interval(far[own, None], weights[own])
+    for name, deviations in posterior.amounts.items():
+        values = np.array(deviations)
+        (deviating,) = np.nonzero(values)
+        lowest, highest = _interval(values[deviating, None], weights[deviating])
         amounts[name] = (float(lowest[0]), float(highest[0]))
     return {
         "inside": ((low <= legs) & (legs <= high)).tolist(),
         "widths_mm": (1000 * (high - low)).tolist(),
-        "stated_widths_mm": [1000 * (one.high - one.low) for one in posterior.as_stated_m],
-        "causes": tuple((one.name, posterior.stated(one.probability)) for one in posterior.causes),
+        "stated_widths_mm": [1000 * (ends.high - ends.low) for ends in posterior.as_stated_m],
+        "causes": tuple((row.name, posterior.stated(row.probability)) for row in posterior.causes),
         "amounts": amounts,
     }
 
@@ -363,6 +363,6 @@ def _summaries(store: RunStore) -> Iterator[_Summary]:
             summary.explained,
             summary,
         )
-    last = {one.iteration: one for one in store.generations()}
-    for _, generation in sorted(last.items()):
+    last_generations = {one.iteration: one for one in store.generations()}
+    for _, generation in sorted(last_generations.items()):
         yield _Summary(np.array(generation.best))

@@ -103,25 +103,27 @@ class Bodies:
 
     def __post_init__(self) -> None:
         rows, columns = self.parent.shape
-        for item in fields(self):
-            array = getattr(self, item.name)
+        for field in fields(self):
+            array = getattr(self, field.name)
             kind = np.dtype(
-                float if item.name in _MEASURES else bool if item.name in _FLAGS else np.int64
+                float if field.name in _MEASURES else bool if field.name in _FLAGS else np.int64
             )
-            own = {"count": (rows,), "base": (rows, _BASE_COLUMNS)}.get(item.name, (rows, columns))
-            shape = (len(array), _TABLES[item.name]) if item.name in _TABLES else own
+            body_shape = {"count": (rows,), "base": (rows, _BASE_COLUMNS)}.get(
+                field.name, (rows, columns)
+            )
+            shape = (len(array), _TABLES[field.name]) if field.name in _TABLES else body_shape
             if array.shape != shape or array.dtype != kind:
                 raise MorphologyError(
-                    f"{item.name} of {rows} bodies of {columns} parts must be {kind} of shape "
+                    f"{field.name} of {rows} bodies of {columns} parts must be {kind} of shape "
                     f"{shape}, not {array.dtype} of shape {array.shape}"
                 )
-            object.__setattr__(self, item.name, np.ascontiguousarray(array))
+            object.__setattr__(self, field.name, np.ascontiguousarray(array))
         on_base = self.parent == BASE
         mounts = np.where(on_base, len(self.base_mounts), len(self.part_mounts))
-        used, earlier = self._used, np.arange(columns)[None, :]
+        is_part, part_indices = self._is_part, np.arange(columns)[None, :]
         _check(self.count, (self.count >= 0) & (self.count <= columns), "number of parts")
         for name, possible in (
-            ("parent", (self.parent >= BASE) & (self.parent < earlier)),
+            ("parent", (self.parent >= BASE) & (self.parent < part_indices)),
             ("mount", (self.mount >= 0) & (self.mount < mounts)),
             ("hinge", (self.hinge >= 0) & (self.hinge < len(self.hinges))),
             ("motor", self.motor >= _NONE),
@@ -131,10 +133,10 @@ class Bodies:
             ("density", (self.density > 0) & (self.density <= _LARGEST)),
             ("zero", np.isfinite(self.zero)),
         ):
-            _check(getattr(self, name), possible | ~used, name)
-        sizes, rest = self.base[:, :CENTRE], self.base[:, CENTRE:]
+            _check(getattr(self, name), possible | ~is_part, name)
+        sizes, signed = self.base[:, :CENTRE], self.base[:, CENTRE:]
         _check(sizes, (sizes > 0) & (sizes <= _LARGEST), "main body")
-        _check(rest, np.abs(rest) <= _LARGEST, "centre of mass, accelerometer or sensors")
+        _check(signed, np.abs(signed) <= _LARGEST, "centre of mass, accelerometer or sensors")
 
     def __len__(self) -> int:
         _, rows = self.origin
@@ -142,19 +144,19 @@ class Bodies:
 
     def __getitem__(self, rows: slice | NDArray[np.intp] | Flags) -> Bodies:
         """Returns some of the bodies; an array is copied only when it is first looked at."""
-        whole, of_whole = self.origin
+        source, source_rows = self.origin
         chosen = object.__new__(Bodies)  # rows of checked arrays need no new check
-        chosen.__dict__.update({name: getattr(whole, name) for name in _SHARED})
-        chosen.__dict__["_origin"] = whole, np.ascontiguousarray(of_whole[rows])
+        chosen.__dict__.update({name: getattr(source, name) for name in _SHARED_ARRAYS})
+        chosen.__dict__["_origin"] = source, np.ascontiguousarray(source_rows[rows])
         return chosen
 
     if not TYPE_CHECKING:  # so that type checkers report misspelt attributes
 
         def __getattr__(self, name: str) -> Array | Integers | Flags:
-            if name not in _ROWS:
+            if name not in _PER_BODY_ARRAYS:
                 raise AttributeError(f"bodies have no {name}")
-            whole, rows = self.origin
-            array = getattr(whole, name).take(rows, axis=0)  # several times as fast as an index
+            source, rows = self.origin
+            array = getattr(source, name).take(rows, axis=0)  # several times as fast as an index
             self.__dict__[name] = array
             return array
 
@@ -220,35 +222,37 @@ class Bodies:
             {name: np.ascontiguousarray(array) for name, array in arrays.items()}
         )
         derived = [name for name, sources in _DERIVED.items() if sources.isdisjoint(arrays)]
-        same = (name for name in (*_ARRAYS, *derived) if name not in arrays)
-        changed.__dict__.update({name: getattr(self, name) for name in same})
+        unchanged = (name for name in (*_ARRAYS, *derived) if name not in arrays)
+        changed.__dict__.update({name: getattr(self, name) for name in unchanged})
         return changed
 
     @classmethod
     def joined(cls, several: Sequence[Bodies]) -> Bodies:
         """Joins bodies of equally many columns, in the order given."""
-        arrays = {item.name: [getattr(one, item.name) for one in several] for item in fields(cls)}
-        on_base = [one.parent == BASE for one in several]
+        arrays = {
+            item.name: [getattr(bodies, item.name) for bodies in several] for item in fields(cls)
+        }
+        on_base = [bodies.parent == BASE for bodies in several]
         for name, tables in (
             ("mount", ("base_mounts", "part_mounts")),
             ("hinge", ("hinges", "hinges")),
         ):
             starts = [np.cumsum([0, *map(len, arrays[table])]) for table in tables]
             arrays[name] = [
-                numbers + np.where(here, starts[0][index], starts[1][index])
-                for index, (numbers, here) in enumerate(zip(arrays[name], on_base, strict=True))
+                numbers + np.where(mask, starts[0][index], starts[1][index])
+                for index, (numbers, mask) in enumerate(zip(arrays[name], on_base, strict=True))
             ]
         return cls(**{name: np.concatenate(values) for name, values in arrays.items()})
 
     @cached_property
     def motors(self) -> int:
         """Number of angles in a motor program for these bodies, or all they were chosen from."""
-        return self._most(self.motor)
+        return self._largest_count(self.motor)
 
     @cached_property
     def sensors(self) -> int:
         """Largest number of touch sensors of these bodies, or of all that they were chosen from."""
-        return self._most(self.sensor)
+        return self._largest_count(self.sensor)
 
     @cached_property
     def strays(self) -> tuple[float, float]:
@@ -257,8 +261,8 @@ class Bodies:
         Of these bodies, or of all that they were chosen from.
         """
         travel, zero = (
-            float(np.max(np.abs(one), where=self._used, initial=0.0))
-            for one in (self.travel, self.zero)
+            float(np.max(np.abs(array), where=self._is_part, initial=0.0))
+            for array in (self.travel, self.zero)
         )
         return travel, zero
 
@@ -272,11 +276,11 @@ class Bodies:
         return any(odd[:-2]), any(odd[-2:]), bool(self.limp.any() or self.stuck.any())
 
     @property
-    def _used(self) -> Flags:
+    def _is_part(self) -> Flags:
         return np.arange(self.parent.shape[1]) < self.count[:, None]
 
-    def _most(self, numbers: Integers) -> int:
-        return int(np.max(numbers, where=self._used, initial=_NONE)) + 1
+    def _largest_count(self, numbers: Integers) -> int:
+        return int(np.max(numbers, where=self._is_part, initial=_NONE)) + 1
 
     @classmethod
     def of(cls, morphologies: Sequence[Morphology]) -> Bodies:
@@ -290,9 +294,9 @@ class Bodies:
         base[:, LEVEL.start : ROUND] = _TRUE_SENSORS
         base_mounts, part_mounts, hinges = _Rows(7), _Rows(5), _Rows(3)
         for row, body in enumerate(morphologies):
-            own = body.base
-            base[row, : LEVEL.start] = *own.size, own.mass, *own.centre, *own.accelerometer
-            base[row, ROUND] = own.round
+            main = body.base
+            base[row, : LEVEL.start] = *main.size, main.mass, *main.centre, *main.accelerometer
+            base[row, ROUND] = main.round
             density[row] = body.density
             on_base = base_mounts.start(
                 body.base.mounts,
@@ -307,9 +311,9 @@ class Bodies:
                 length[row, column], radius[row, column] = part.length, part.radius
                 zero[row, column], box[row, column] = part.zero, part.shape == "box"
                 density[row, column] = body.density if part.density is None else part.density
-                for name, values in numbers.items():
-                    value = getattr(part, name)
-                    values[row, column] = _NONE if value is None else value
+                for name, array in numbers.items():
+                    number = getattr(part, name)
+                    array[row, column] = _NONE if number is None else number
                 numbers["mount"][row, column] += on_base if part.parent == BASE else on_part
                 numbers["hinge"][row, column] += hinge
         return cls(
@@ -331,14 +335,16 @@ class Bodies:
 
 
 _ARRAYS: Final = tuple(item.name for item in fields(Bodies))
-_ROWS: Final = frozenset(name for name in _ARRAYS if name not in _TABLES)  # a row per body
+_PER_BODY_ARRAYS: Final = frozenset(
+    name for name in _ARRAYS if name not in _TABLES
+)  # a row per body
 _DERIVED: Final = {
     "motors": {"count", "motor"},
     "sensors": {"count", "sensor"},
     "strays": {"count", "travel", "zero"},
     "odd_sensors": {"base", "limp", "stuck"},
 }
-_SHARED: Final = (*_TABLES, *_DERIVED)  # by bodies and those chosen from them
+_SHARED_ARRAYS: Final = (*_TABLES, *_DERIVED)  # by bodies and those chosen from them
 
 
 class _Rows:
@@ -364,8 +370,8 @@ class _Rows:
 
 def _check(values: Array | Integers, possible: Flags, name: str) -> None:
     if not possible.all():
-        where = np.argwhere(~possible)[0]
-        part = f", part {where[1] + 1}" if name in _ROWS else ""
+        index = np.argwhere(~possible)[0]
+        part = f", part {index[1] + 1}" if name in _PER_BODY_ARRAYS else ""
         raise MorphologyError(
-            f"body {where[0] + 1}{part}: its {name} cannot be {values[tuple(where)]}"
+            f"body {index[0] + 1}{part}: its {name} cannot be {values[tuple(index)]}"
         )

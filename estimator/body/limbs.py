@@ -68,7 +68,7 @@ def _reach(morphology: Morphology, members: Sequence[int]) -> float:
         turn = turns[parts[index].parent]
         starts[index] = starts[parts[index].parent] + float(turn[0] @ morphology.place(index))
         turns[index] = turn @ morphology.turn(index, 0.0)
-    return max(starts[one] + float(turns[one][0, 0]) * parts[one].length for one in members)
+    return max(starts[i] + float(turns[i][0, 0]) * parts[i].length for i in members)
 
 
 def driven_limbs(body: Morphology) -> tuple[Limb, ...]:

@@ -209,9 +209,9 @@ class Morphology:
         if not math.isfinite(part.zero):
             raise refuse(f"zero must be finite, not {part.zero}")
         for name in ("motor", "sensor"):
-            value = getattr(part, name)
-            if value is not None and value < 0:
-                raise refuse(f"{name} must be at least 0 or None, not {value}")
+            number = getattr(part, name)
+            if number is not None and number < 0:
+                raise refuse(f"{name} must be at least 0 or None, not {number}")
 
     def mount(self, index: int) -> BaseMount | PartMount:
         """Mount that a part sits on."""
@@ -307,7 +307,7 @@ class Morphology:
         for index, part in enumerate(self.parts):
             if part.sensor == sensor:
                 group = self.rigid_groups[index]
-                return tuple(i for i, other in enumerate(self.rigid_groups) if other == group)
+                return tuple(i for i, root in enumerate(self.rigid_groups) if root == group)
         return ()
 
     def part_angles(self, program: Sequence[float] | Array) -> list[float]:

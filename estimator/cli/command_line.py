@@ -83,18 +83,18 @@ class _Group(TyperGroup):
     """The group of commands; the function of a command is loaded when the command is called."""
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        name, command, others = super().resolve_command(ctx, args)
-        return name, command if name is None else command_named(name), others
+        name, command, remaining_args = super().resolve_command(ctx, args)
+        return name, command if name is None else command_named(name), remaining_args
 
 
 def command_named(name: str) -> Any:
     """Returns a command as its function declares it."""
-    place, function = COMMANDS[name][0].split(":")
+    module_name, function_name = COMMANDS[name][0].split(":")
     with interrupts_deferred():
-        module = importlib.import_module(f"estimator.cli.{place}")
-    alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-    alone.command(name)(getattr(module, function))
-    return get_command(alone)
+        module = importlib.import_module(f"estimator.cli.{module_name}")
+    command_app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+    command_app.command(name)(getattr(module, function_name))
+    return get_command(command_app)
 
 
 app = typer.Typer(
@@ -104,8 +104,8 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for _name, (_, _does) in COMMANDS.items():
-    app.command(_name, help=_does)(lambda: None)
+for _name, (_, _help_line) in COMMANDS.items():
+    app.command(_name, help=_help_line)(lambda: None)
 
 
 def _print_version(wanted: bool) -> None:

@@ -79,12 +79,12 @@ def errors_as_sentences(run: Path | None) -> Iterator[None]:
         )
         fail(f"the run's database cannot be written: {error}. {advice}", run)
     except OSError as error:
-        fail(_said(error), run)
+        fail(_os_error_in_words(error), run)
     except BodyschemaError as error:
         fail(str(error), run)
 
 
-def _said(error: OSError) -> str:
+def _os_error_in_words(error: OSError) -> str:
     if error.filename is None or error.strerror is None:
         return str(error)
     return f"{error.filename} cannot be read or written: {error.strerror}."
@@ -112,8 +112,8 @@ def _can_be_resumed(run: Path) -> bool:
 def print_run_directory(run: Path) -> None:
     """Says where a run lies and what is in it."""
     names = ("report.html", "result.json", "readings.csv", "plots/")
-    there = ", ".join(name for name in names if (run / name).exists())
-    out.print(f"Run: {run} ({there})", soft_wrap=True)
+    existing = ", ".join(name for name in names if (run / name).exists())
+    out.print(f"Run: {run} ({existing})", soft_wrap=True)
 
 
 def exit_if_unexplained(result: Result) -> None:

@@ -45,18 +45,20 @@ def doctor(
     """Find out whether a robot, and a problem, can be identified, and why not; moves nothing."""
     if robot is None and problem is None:
         raise typer.BadParameter("give --robot, --problem, or both")
-    found: list[Fitness] = []
+    verdicts: list[Fitness] = []
     with errors_as_sentences(None):
         if robot is not None:
-            found += [_print_finding(finding) for finding in examine(robot, keys)]
-        if problem is not None and Fitness.BAD not in found:
-            counting = check_modalities([name.strip() for name in modalities.split(",")])
-            known = None if robot is None else _capabilities(robot, keys)
+            verdicts += [_print_finding(finding) for finding in examine(robot, keys)]
+        if problem is not None and Fitness.BAD not in verdicts:
+            counted = check_modalities([name.strip() for name in modalities.split(",")])
+            capabilities = None if robot is None else _capabilities(robot, keys)
             examine_problem = importlib.import_module(
                 "estimator.cli.problem_doctor"
             ).examine_problem
-            found += [_print_finding(one) for one in examine_problem(problem, known, counting)]
-    if Fitness.BAD in found:
+            verdicts += [
+                _print_finding(item) for item in examine_problem(problem, capabilities, counted)
+            ]
+    if Fitness.BAD in verdicts:
         raise typer.Exit(1)
 
 
@@ -74,11 +76,11 @@ SLOW: Final = 0.05
 """Longest round trip that is not worth a note, s."""
 
 _PATIENCE: Final = 5.0  # s to wait for an answer or a publication
-_DRIFT: Final = 0.02  # largest drift of a clock against another, as a share
+_MAX_DRIFT: Final = 0.02  # largest drift of a clock against another, as a share
 _VIRTUAL: Final = 0.25  # smallest drift of a clock that is not meant to keep wall time, as a share
 _JITTER: Final = 0.5  # s by which answers may be held up on a busy computer
-_CALM: Final = ("idle", "holding")
-_KEY_TROUBLE: Final = (
+_CALM_STATES: Final = ("idle", "holding")
+_KEY_OBSTACLES: Final = (
     Obstacle.KEYS_WANTED,
     Obstacle.NO_KEYS_THERE,
     Obstacle.OTHER_ROBOT,
@@ -98,7 +100,7 @@ def examine(uri: str, keys: Path | None = None) -> Iterator[ExaminedItem]:
         KeysError: The key directory cannot be used.
     """
     link = probe(uri, KeyDirectory(keys).client_keys() if keys is not None else None)
-    if link.obstacle in _KEY_TROUBLE:
+    if link.obstacle in _KEY_OBSTACLES:
         yield ExaminedItem("reachability", Fitness.FINE, f"{uri} answers.")
         yield ExaminedItem("keys", Fitness.BAD, link.sentence)
         return
@@ -124,7 +126,7 @@ def examine(uri: str, keys: Path | None = None) -> Iterator[ExaminedItem]:
             status = client.status()
             yield _control(status, client)
             yield _state(status)
-            if status.state in _CALM:
+            if status.state in _CALM_STATES:
                 yield from _freshness(client)
         except BodyschemaError as error:
             yield ExaminedItem("connection", Fitness.BAD, str(error))
@@ -157,10 +159,10 @@ def _version(client: RobotClient) -> ExaminedItem:
 
 
 def _robot(client: RobotClient) -> ExaminedItem:
-    robot = client.capabilities
-    missing = [modality for modality in MODALITIES if robot.sensor(modality) is None]
-    senses = [sensor.modality for sensor in robot.sensors]
-    joints = f"{robot.robot}: {len(robot.joints)} joints"
+    capabilities = client.capabilities
+    missing = [modality for modality in MODALITIES if capabilities.sensor(modality) is None]
+    senses = [sensor.modality for sensor in capabilities.sensors]
+    joints = f"{capabilities.robot}: {len(capabilities.joints)} joints"
     if not senses:
         return ExaminedItem(
             "robot", Fitness.BAD, f"{joints}; it has no sensors, so nothing is learnt."
@@ -174,9 +176,9 @@ def _robot(client: RobotClient) -> ExaminedItem:
 def _latency(client: RobotClient) -> ExaminedItem:
     waits = []
     for _ in range(ROUND_TRIPS):
-        begun = time.perf_counter()
+        started = time.perf_counter()
         client.status()
-        waits.append(time.perf_counter() - begun)
+        waits.append(time.perf_counter() - started)
     waits.sort()
     sentence = (
         f"{ROUND_TRIPS} round trips: median {waits[ROUND_TRIPS // 2] * 1000:.1f} ms, "
@@ -205,7 +207,7 @@ def _control(status: Status, client: RobotClient) -> ExaminedItem:
 def _state(status: Status) -> ExaminedItem:
     reason = f" ({status.reason})" if status.reason else ""
     sentence = f"The robot is {status.state}{reason}."
-    if status.state in _CALM:
+    if status.state in _CALM_STATES:
         return ExaminedItem("state", Fitness.FINE, sentence)
     advice = {
         "stopped": f"Make sure that it is safe, then: {CLEAR}",
@@ -239,46 +241,47 @@ def _freshness(client: RobotClient) -> Iterator[ExaminedItem]:
 
 
 def _clock(first: ObservationReply, second: ObservationReply, elapsed: float) -> ExaminedItem:
-    theirs = second.monotonic - first.monotonic
-    if not math.isclose(theirs, elapsed, rel_tol=_DRIFT, abs_tol=_JITTER):
+    robot_elapsed = second.monotonic - first.monotonic
+    if not math.isclose(robot_elapsed, elapsed, rel_tol=_MAX_DRIFT, abs_tol=_JITTER):
         return ExaminedItem(
             "clock",
             Fitness.BAD,
-            f"Between two readings {elapsed:.3f} s passed here and {theirs:.3f} s at the robot: "
-            "one of the clocks is wrong, or the readings were held up.",
+            f"Between two readings {elapsed:.3f} s passed here and {robot_elapsed:.3f} s at the "
+            "robot: one of the clocks is wrong, or the readings were held up.",
         )
-    robot = second.robot_time - first.robot_time
-    if not math.isclose(robot, theirs, rel_tol=_VIRTUAL):
+    virtual_elapsed = second.robot_time - first.robot_time
+    if not math.isclose(virtual_elapsed, robot_elapsed, rel_tol=_VIRTUAL):
         return ExaminedItem(
             "clock",
             Fitness.FINE,
-            f"The robot's time is virtual: {robot:.3f} s passed there in {theirs:.3f} s.",
+            f"The robot's time is virtual: {virtual_elapsed:.3f} s passed there in "
+            f"{robot_elapsed:.3f} s.",
         )
     return ExaminedItem(
-        "clock", Fitness.FINE, f"Clocks agree to {abs(theirs - elapsed) * 1000:.1f} ms."
+        "clock", Fitness.FINE, f"Clocks agree to {abs(robot_elapsed - elapsed) * 1000:.1f} ms."
     )
 
 
 def _telemetry(client: RobotClient, keys: Path | None) -> ExaminedItem:
     rate = client.capabilities.telemetry_rate
-    place = client.telemetry_endpoint
+    uri = client.telemetry_endpoint
     try:
-        with TelemetrySubscriber(place, keys=keys) as subscriber:
+        with TelemetrySubscriber(uri, keys=keys) as subscriber:
             subscriber.next(max(_PATIENCE, 3.0 / rate))
-            begun = time.monotonic()
+            started = time.monotonic()
             subscriber.next(max(_PATIENCE, 3.0 / rate))
-            waited = time.monotonic() - begun
+            waited = time.monotonic() - started
     except BodyschemaError:
         return ExaminedItem(
             "telemetry",
             Fitness.BAD,
-            f"Nothing is heard at {place}, although requests are answered: is that port open, too?",
+            f"Nothing is heard at {uri}, although requests are answered: is that port open, too?",
         )
-    late = waited > 2.0 / rate + _JITTER
+    is_late = waited > 2.0 / rate + _JITTER
     return ExaminedItem(
         "telemetry",
-        Fitness.NOTE if late else Fitness.FINE,
-        f"Publications come at {place}, the last after {waited:.2f} s of {1 / rate:.2f} s.",
+        Fitness.NOTE if is_late else Fitness.FINE,
+        f"Publications come at {uri}, the last after {waited:.2f} s of {1 / rate:.2f} s.",
     )
 
 

@@ -77,11 +77,11 @@ def validate(
     with (
         errors_as_sentences(None),
         RunStore.open(directory) as store,
-        executors(jobs, dask) as opened,
+        executors(jobs, dask) as workers,
         Screen(err) as screen,
     ):
         with (
-            closing(opened.open_physics(store.settings.physics, store.world)) as physics,
+            closing(workers.open_physics(store.settings.physics, store.world)) as physics,
             closing(reconnect(store, robot, screen, keys=keys)) as link,
         ):
             validation = validate_run(store, physics, link, programs=programs, listener=screen)

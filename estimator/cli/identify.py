@@ -29,7 +29,7 @@ from estimator.report.outcome import print_result
 from estimator.report.run_files import write_report
 from estimator.storage.run_config import RunConfig
 
-_NUMBERS: Final = (bool, int, float)
+_NUMBER_TYPES: Final = (bool, int, float)
 
 
 def _with_config(command: Callable[..., None]) -> Callable[..., None]:
@@ -37,18 +37,18 @@ def _with_config(command: Callable[..., None]) -> Callable[..., None]:
 
     @wraps(command)
     def with_options(**values: Any) -> None:
-        asked = {name: values.pop(name) for name in RunConfig.model_fields}
-        if (named := asked["modalities"]) is not None:
-            asked["modalities"] = tuple(item.strip() for item in named.split(","))
+        fields = {name: values.pop(name) for name in RunConfig.model_fields}
+        if (modalities := fields["modalities"]) is not None:
+            fields["modalities"] = tuple(modality.strip() for modality in modalities.split(","))
         try:
-            config = RunConfig(**asked)
+            config = RunConfig(**fields)
         except ValidationError as error:
             raise typer.BadParameter(complaint(error, "such a run cannot be")) from error
         command(config=config, **values)
 
-    own = inspect.signature(command, eval_str=True).parameters
+    declared = inspect.signature(command, eval_str=True).parameters
     options = [_option(name, field) for name, field in RunConfig.model_fields.items()]
-    parameters = [*options, *(item for name, item in own.items() if name != "config")]
+    parameters = [*options, *(item for name, item in declared.items() if name != "config")]
     with_options.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     with_options.__annotations__ = {item.name: item.annotation for item in parameters}
     return with_options
@@ -56,8 +56,8 @@ def _with_config(command: Callable[..., None]) -> Callable[..., None]:
 
 def _option(name: str, field: FieldInfo) -> inspect.Parameter:
     """Makes a field an option: what is no number is text, and checked by ``RunConfig`` alone."""
-    kinds = [kind for kind in _plain(field.annotation) if kind in _NUMBERS]
-    kind: Any = kinds[0] if kinds else str
+    number_types = [kind for kind in _nested_types(field.annotation) if kind in _NUMBER_TYPES]
+    kind: Any = number_types[0] if number_types else str
     default = field.default
     option = typer.Option(f"--{name.replace('_', '-')}", help=field.description)
     return inspect.Parameter(
@@ -68,10 +68,10 @@ def _option(name: str, field: FieldInfo) -> inspect.Parameter:
     )
 
 
-def _plain(annotation: Any) -> list[Any]:
+def _nested_types(annotation: Any) -> list[Any]:
     """All types in an annotation, also nested ones."""
-    inner = get_args(annotation)
-    return [annotation, *(kind for item in inner for kind in _plain(item))]
+    arguments = get_args(annotation)
+    return [annotation, *(kind for argument in arguments for kind in _nested_types(argument))]
 
 
 @_with_config
@@ -94,8 +94,8 @@ def command(
     place = directory or Path("runs") / name
     config = config.model_copy(update={"seed": seed})
     with errors_as_sentences(place), LiveView(place, live_bind if live else None) as live_view:
-        with executors(jobs, dask) as opened, LiveScreen(err, live_view) as screen:
-            result = identify(place, config, opened, screen, keys=keys, report=write_report)
+        with executors(jobs, dask) as workers, LiveScreen(err, live_view) as screen:
+            result = identify(place, config, workers, screen, keys=keys, report=write_report)
         print_result(out, result, place)
         print_run_directory(place)
         live_view.stay(err)

@@ -29,7 +29,7 @@ from protocol.system.missing_library import install_command
 from protocol.system.process import Closable
 
 LIVE_BIND: Final = "127.0.0.1:8080"
-_NICE: Final = 10
+_NICENESS: Final = 10
 
 
 def parse_bind(bind: str) -> tuple[str, int]:
@@ -136,7 +136,7 @@ def _repeat(process: subprocess.Popen[str], say: Callable[[str], None]) -> None:
 
 def _give_way(parent: int) -> None:
     die_with(parent, signal.SIGTERM)
-    os.nice(_NICE)
+    os.nice(_NICENESS)
 
 
 def watch(directory: Directory, bind: LiveBind = LIVE_BIND) -> None:

@@ -25,10 +25,10 @@ from estimator.problem.problem import Problem
 from estimator.readings.modalities import MODALITIES
 from protocol.wire.capabilities import Capabilities
 
-_TOO_MANY: Final = 1.5  # movements needed, relative to those that the problem makes
-_MORE: Final = 0.1  # bits that a further sensor tells, from which on it is worth saying
-_UNPREDICTED: Final = 0.1  # share of movements without a prediction that is worth a warning
-_SENSORS: Final = {
+_MAX_NEEDED_RATIO: Final = 1.5  # movements needed, relative to those that the problem makes
+_WORTHWHILE_BITS: Final = 0.1  # bits that a further sensor tells, from which on it is worth saying
+_MAX_UNPREDICTED: Final = 0.1  # share of movements without a prediction that is worth a warning
+_SENSOR_NAMES: Final = {
     "touch": "touch sensors",
     "tilt": "an accelerometer",
     "clearance": "a distance sensor",
@@ -46,15 +46,17 @@ def examine_problem(
         modalities: Sensors that may count, in their usual order.
     """
     try:
-        asked = Problem.load(name)
-        known = supposed_robot(asked) if robot is None else robot
-        has = tuple(one for one in modalities if known.sensor(one) is not None)
-        problem = asked.for_robot(known)
-        differences = problem.check_robot(known, has)
+        loaded = Problem.load(name)
+        capabilities = supposed_robot(loaded) if robot is None else robot
+        has = tuple(
+            modality for modality in modalities if capabilities.sensor(modality) is not None
+        )
+        problem = loaded.for_robot(capabilities)
+        differences = problem.check_robot(capabilities, has)
     except ProblemError as error:
         yield ExaminedItem("problem", Fitness.BAD, f"{error}.".replace("..", "."))
         return
-    driven, joints = len(problem.motors.driven), len(known.joints)
+    driven, joints = len(problem.motors.driven), len(capabilities.joints)
     yield ExaminedItem(
         "problem",
         Fitness.FINE,
@@ -71,10 +73,10 @@ def examine_problem(
         yield ExaminedItem("problem", Fitness.NOTE, f"{sentence[0].upper()}{sentence[1:]}.")
     if tighter := tightens(problem.table, problem.supposed.announced):
         yield ExaminedItem("calibration", Fitness.FINE, f"The robot announces its own: {tighter}.")
-    expected = _prospects(problem, known, has)
+    expected = _prospects(problem, capabilities, has)
     yield _bodies(expected)
     yield _movements(problem, expected, has)
-    if expected.unpredicted > _UNPREDICTED:
+    if expected.unpredicted > _MAX_UNPREDICTED:
         yield ExaminedItem(
             "poses",
             Fitness.NOTE,
@@ -82,10 +84,10 @@ def examine_problem(
             "lies, and they tell nothing: narrow motors.range_deg.",
         )
     yield from _not_identifiable(expected, has)
-    for missing in (one for one in MODALITIES if one not in has):
-        richer = with_sensors(known, asked.sensors or driven)
-        counting = tuple(one for one in MODALITIES if one in (*has, missing))
-        yield _with(missing, _prospects(asked.for_robot(richer), richer, counting), expected)
+    for missing in (modality for modality in MODALITIES if modality not in has):
+        richer = with_sensors(capabilities, loaded.sensors or driven)
+        extended = tuple(modality for modality in MODALITIES if modality in (*has, missing))
+        yield _lacking(missing, _prospects(loaded.for_robot(richer), richer, extended), expected)
 
 
 def _prospects(problem: Problem, robot: Capabilities, modalities: Sequence[str]) -> Prospects:
@@ -95,41 +97,41 @@ def _prospects(problem: Problem, robot: Capabilities, modalities: Sequence[str])
 
 def _bodies(expected: Prospects) -> ExaminedItem:
     ways = f"{expected.ways:,.0f}" if expected.ways < 1e9 else f"{expected.ways:.1e}"
-    parts = []
+    unknowns = []
     if expected.ways > 1:
-        parts.append(f"{ways} ways to attach its parts ({math.log2(expected.ways):.0f} bits)")
+        unknowns.append(f"{ways} ways to attach its parts ({math.log2(expected.ways):.0f} bits)")
     if expected.lengths:
-        several = "s" if expected.lengths > 1 else ""
-        parts.append(
-            f"{expected.lengths} length{several}, to {1000 * KNOWN:.0f} mm "
+        plural = "s" if expected.lengths > 1 else ""
+        unknowns.append(
+            f"{expected.lengths} length{plural}, to {1000 * KNOWN:.0f} mm "
             f"({expected.length_bits:.0f} bits)"
         )
-    return ExaminedItem("bodies", Fitness.FINE, f"To be found: {' and '.join(parts)}.")
+    return ExaminedItem("bodies", Fitness.FINE, f"To be found: {' and '.join(unknowns)}.")
 
 
 def _movements(problem: Problem, expected: Prospects, has: Sequence[str]) -> ExaminedItem:
-    makes = problem.search.interactions
-    first = expected.movements(expected.attachment_bits)
-    last = expected.movements(expected.attachment_bits + expected.length_bits)
-    if math.isinf(last):
+    planned = problem.search.interactions
+    for_attachments = expected.movements(expected.attachment_bits)
+    for_everything = expected.movements(expected.attachment_bits + expected.length_bits)
+    if math.isinf(for_everything):
         return ExaminedItem(
             "movements", Fitness.BAD, f"By {_words(has)} no movement tells anything of the body."
         )
-    told = f"By {_words(has)} a good movement tells {expected.movement_bits:.1f} bits at first: "
+    intro = f"By {_words(has)} a good movement tells {expected.movement_bits:.1f} bits at first: "
     if expected.ways > 1:
-        told += f"attachments take about {math.ceil(first)} movements, lengths up to "
+        intro += f"attachments take about {math.ceil(for_attachments)} movements, lengths up to "
     else:
-        told += "lengths take about "
-    sentence = f"{told}{math.ceil(last)}; the problem makes {makes}"
-    needed = first if expected.ways > 1 else last
-    if needed > _TOO_MANY * makes:
+        intro += "lengths take about "
+    sentence = f"{intro}{math.ceil(for_everything)}; the problem makes {planned}"
+    needed = for_attachments if expected.ways > 1 else for_everything
+    if needed > _MAX_NEEDED_RATIO * planned:
         return ExaminedItem(
             "movements",
             Fitness.BAD,
             f"{sentence}, and so many unknowns are more than these can tell. Give identify "
             f"--interactions {math.ceil(needed)}, say more in the problem, or add a sensor.",
         )
-    if needed > makes:
+    if needed > planned:
         return ExaminedItem(
             "movements",
             Fitness.NOTE,
@@ -156,20 +158,20 @@ def _not_identifiable(expected: Prospects, has: Sequence[str]) -> Iterator[Exami
         yield ExaminedItem("unknowns", Fitness.FINE, "Each shows in some reading of some bodies.")
 
 
-def _with(missing: str, richer: Prospects, expected: Prospects) -> ExaminedItem:
+def _lacking(missing: str, richer: Prospects, expected: Prospects) -> ExaminedItem:
     """What a sensor that the robot lacks would tell."""
-    more = richer.movement_bits - expected.movement_bits
-    sentence = f"With {_SENSORS[missing]} a movement would tell " + (
-        f"{richer.movement_bits:.1f} bits" if more > _MORE else "hardly more"
+    extra_bits = richer.movement_bits - expected.movement_bits
+    sentence = f"With {_SENSOR_NAMES[missing]} a movement would tell " + (
+        f"{richer.movement_bits:.1f} bits" if extra_bits > _WORTHWHILE_BITS else "hardly more"
     )
-    shown = [name for name in expected.never if name not in richer.never]
+    newly_shown = [name for name in expected.never if name not in richer.never]
     if expected.turned >= NEVER > richer.turned:
-        shown.append("sides, and which way parts swing sideways")
+        newly_shown.append("sides, and which way parts swing sideways")
     return ExaminedItem(
         "sensors",
         Fitness.NOTE,
-        f"{sentence}, and show what nothing shows now: {', '.join(shown)}."
-        if shown
+        f"{sentence}, and show what nothing shows now: {', '.join(newly_shown)}."
+        if newly_shown
         else f"{sentence}.",
     )
 

@@ -40,13 +40,13 @@ def report(
     ] = None,
 ) -> None:
     """Write report.html: the body to be turned and posed, and all that is known of it."""
-    place = file or directory / PAGE
+    page_file = file or directory / PAGE
     with errors_as_sentences(None):
         if paper:
-            replace_text(place, reproduction_page(directory))
+            replace_text(page_file, reproduction_page(directory))
         else:
             _write_run(directory, file)
-    out.print(f"Report: {place}", soft_wrap=True)
+    out.print(f"Report: {page_file}", soft_wrap=True)
 
 
 def _write_run(directory: Path, file: Path | None) -> None:
@@ -67,7 +67,7 @@ def _write_run(directory: Path, file: Path | None) -> None:
             replace_text(file, run_page(store, sources))
 
 
-_NONE: Final = "–"
+_DASH: Final = "–"
 
 
 def compare(
@@ -116,11 +116,11 @@ def _summary(run: ComparedRun) -> dict[str, str]:
         "modalities": ", ".join(result.modalities),
         "seed": str(result.seed),
         "interactions": str(result.interactions),
-        "readings explained": _NONE if explained is None else "yes" if explained else "NO",
-        "probability of attachments": _NONE if probability is None else percent(probability),
+        "readings explained": _DASH if explained is None else "yes" if explained else "NO",
+        "probability of attachments": _DASH if probability is None else percent(probability),
         "subjective error": number(result.sensor_error, 3),
-        "mean leg error (mm)": _NONE if score is None else number(1000 * score.mean_leg_error_m, 1),
-        "configurations right": _NONE
+        "mean leg error (mm)": _DASH if score is None else number(1000 * score.mean_leg_error_m, 1),
+        "configurations right": _DASH
         if score is None
         else f"{score.configurations_right} of {score.configurations_total}",
         "simulations": f"{result.simulations_run:,}",
@@ -140,10 +140,11 @@ def _print_lengths(runs: list[ComparedRun]) -> None:
         table.add_row(
             joint,
             *(
-                _NONE
-                if one is None
-                else f"{1000 * one.median:.1f} ({1000 * one.low:.1f}–{1000 * one.high:.1f})"
-                for one in lengths
+                _DASH
+                if length is None
+                else f"{1000 * length.median:.1f} "
+                f"({1000 * length.low:.1f}–{1000 * length.high:.1f})"
+                for length in lengths
             ),
         )
     out.print(table)
@@ -162,10 +163,10 @@ def export(
     ] = None,
 ) -> None:
     """Write a run's best model, or another one, as URDF, MJCF, JSON or a package for ROS 2."""
-    several = form is BodyFormat.ROS2
-    if several and place is None:
+    is_folder = form is BodyFormat.ROS2
+    if is_folder and place is None:
         raise typer.BadParameter("ros2 is a folder of files: --out says where to put it, say src")
-    if not several and place is not None and place.is_dir():
+    if not is_folder and place is not None and place.is_dir():
         raise typer.BadParameter(f"--out: {place} is a directory, and {form} is one file")
     with errors_as_sentences(None):
         content = exported(directory, form, sample)

@@ -45,8 +45,8 @@ def command(
 ) -> None:
     """Go on with an interrupted run; the result is that of an uninterrupted one."""
     with errors_as_sentences(directory), LiveView(directory, live_bind if live else None) as view:
-        with executors(jobs, dask) as opened, LiveScreen(err, view) as screen:
-            result = resume(directory, opened, screen, robot=robot, keys=keys, report=write_report)
+        with executors(jobs, dask) as workers, LiveScreen(err, view) as screen:
+            result = resume(directory, workers, screen, robot=robot, keys=keys, report=write_report)
         print_result(out, result, directory)
         print_run_directory(directory)
         view.stay(err)

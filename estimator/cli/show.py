@@ -37,11 +37,11 @@ def show(
     """Show how far a run has come; writes the files of one that is not finished, if it can."""
     with errors_as_sentences(None), RunStore.open(directory, to_write=False) as store:
         write = None if form is None else FORMATS.load(form)
-        kept = Result.of_finished(store)
-        result = _summarised(store) if kept is None else kept
+        finished_result = Result.of_finished(store)
+        result = _summarised(store) if finished_result is None else finished_result
         if write is None:
             print_result(out, result, directory, details=details)
-        if kept is None:
+        if finished_result is None:
             with unless_unwritable(directory):
                 _write_files(store, result)
         if write is None:

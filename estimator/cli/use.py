@@ -55,9 +55,9 @@ LOG: Final = "monitor.jsonl"
 
 Yes = Annotated[bool, typer.Option("--yes", help="Move the robot without asking first.")]
 Seed = Annotated[int, typer.Option(help="Of what is drawn.")]
-_SHOWN: Final = 4  # causes, at most
-_LENGTH: Final = re.compile(r"(\d+(?:\.\d*)?)\s*(mm|cm|m)")
-_METRES: Final = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
+_MAX_CAUSES: Final = 4
+_LENGTH_PATTERN: Final = re.compile(r"(\d+(?:\.\d*)?)\s*(mm|cm|m)")
+_METRES_BY_UNIT: Final = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 
 
 def pose(
@@ -95,41 +95,41 @@ def pose(
         tilts = [0.0, 0.0]
     height = None if clearance is None else _metres(clearance)
     with errors_as_sentences(None), identified(directory, jobs) as (store, known):
-        names = None if stand_on is None else [name.strip() for name in stand_on.split(",")]
+        leg_joints = None if stand_on is None else [name.strip() for name in stand_on.split(",")]
         goal = Goal(
             tilt_left=tilts[0],
             tilt_forward=tilts[1],
             clearance=height,
-            stand_on=None if names is None else standing_on(known, names),
+            stand_on=None if leg_joints is None else standing_on(known, leg_joints),
             highest=highest,
         )
-        found = find_pose(known, goal, np.random.default_rng(seed))
+        found_pose = find_pose(known, goal, np.random.default_rng(seed))
         joints = [joint.name for joint in known.capabilities.joints]
-        angles = zip(joints, found.program, strict=True)
-        said = ", ".join(f"{name} {math.degrees(angle):.1f}°" for name, angle in angles if angle)
-        out.print(f"Motor program: {said or 'all joints at 0°'}.", soft_wrap=True)
-        if not found.reachable:
-            _print_readings(known, goal, found, None)
+        angles = zip(joints, found_pose.program, strict=True)
+        program = ", ".join(f"{name} {math.degrees(angle):.1f}°" for name, angle in angles if angle)
+        out.print(f"Motor program: {program or 'all joints at 0°'}.", soft_wrap=True)
+        if not found_pose.reachable:
+            _print_readings(known, goal, found_pose, None)
             raise EstimatorError(
                 "no motor program brings the robot there: of the bodies that it may have, "
-                f"{found.share:.0%} read so after the one that comes nearest, and most read what "
-                "is predicted above"
+                f"{found_pose.share:.0%} read so after the one that comes nearest, and most read "
+                "what is predicted above"
             )
-        margin = math.degrees(found.margin)
+        margin = math.degrees(found_pose.margin)
         out.print(
-            f"Of the bodies that the robot may have, {found.share:.0%} read so after it; 19 of 20 "
-            f"fall nowhere else while gravity is inclined by less than {margin:.1f}°.",
+            f"Of the bodies that the robot may have, {found_pose.share:.0%} read so after it; "
+            f"19 of 20 fall nowhere else while gravity is inclined by less than {margin:.1f}°.",
             soft_wrap=True,
         )
-        if found.margin < SAFE:
+        if found_pose.margin < SAFE:
             out.print("Note: a trifle decides to which side it falls on the way.", soft_wrap=True)
         if dry_run:
-            _print_readings(known, goal, found, None)
+            _print_readings(known, goal, found_pose, None)
             return
         may_move(yes, f"Move the robot at {robot}?")
         with Screen(err) as screen, closing(same_robot(store, robot, screen, keys)) as link:
-            observed = perform(link, found.program, 0, screen)
-        _print_readings(known, goal, found, observed)
+            observed = perform(link, found_pose.program, 0, screen)
+        _print_readings(known, goal, found_pose, observed)
         if not goal.is_met_by(observed, known.noise):
             out.print("It does not stand as wanted.", style="yellow")
 
@@ -168,13 +168,13 @@ def monitor(
         may_move(yes, f"Move the robot at {robot} now and then, also while nobody looks?")
         rng = np.random.default_rng(seed)
         watch = Watch(Weigher(known, causes_of(known, rng), rng), rate=false_alarms)
-        rounds = watch.patrol(patrol) if patrol else []
+        programs = watch.patrol(patrol) if patrol else []
         with Screen(err) as screen:
             while movements is None or watch.movements < movements:
                 number = watch.movements
                 if number:
                     time.sleep(every)
-                program = rounds[number % patrol] if rounds else watch.next_movement()
+                program = programs[number % patrol] if programs else watch.next_movement()
                 with closing(same_robot(store, robot, screen, keys)) as link:
                     observation = perform(link, tuple(program.tolist()), number, screen)
                 screen.observed(number, observation)
@@ -188,8 +188,8 @@ def monitor(
             out.print(f"Not changed, by {watch.movements} movements ({watch.odds:.2g} to 1).")
             return
         out.print("The body has changed.", style="bold red")
-        for one, share in suspects:
-            out.print(f"{share:8.3f}  {said(one, known)}", soft_wrap=True)
+        for suspect, share in suspects:
+            out.print(f"{share:8.3f}  {said(suspect, known)}", soft_wrap=True)
         out.print(f"Find out with: estimator diagnose {directory} --robot {robot}", soft_wrap=True)
     raise typer.Exit(CHANGED)
 
@@ -239,25 +239,25 @@ def diagnose(
         rng = np.random.default_rng(seed)
         weigher = Weigher(known, causes_of(known, rng), rng)
         with Screen(err) as screen, closing(same_robot(store, robot, screen, keys)) as link:
-            made = itertools.count()
+            numbers = itertools.count()
 
             def act(program: Program, reason: str) -> Observation:
-                number = next(made)
+                number = next(numbers)
                 screen.chosen(number, reason, None)
                 observation = perform(link, program, number, screen)
                 screen.observed(number, observation)
                 return observation
 
-            found = find_cause(weigher, act, movements=movements)
-        out.print(found.in_words(known), style="bold", soft_wrap=True)
-        for one, share in list(
-            zip(found.weighed.particles, found.weighed.probabilities, strict=True)
-        )[:_SHOWN]:
-            out.print(f"{share:8.3f}  {said(one, known)}", soft_wrap=True)
-        if found.verdict in (Verdict.CHANGED, Verdict.UNCHANGED):
-            write_run(out_directory, store, weigher, found, robot)
-            with RunStore.open(out_directory, to_write=False) as written:
-                write_report(written)
+            diagnosis = find_cause(weigher, act, movements=movements)
+        out.print(diagnosis.in_words(known), style="bold", soft_wrap=True)
+        for suspect, share in list(
+            zip(diagnosis.weighed.particles, diagnosis.weighed.probabilities, strict=True)
+        )[:_MAX_CAUSES]:
+            out.print(f"{share:8.3f}  {said(suspect, known)}", soft_wrap=True)
+        if diagnosis.verdict in (Verdict.CHANGED, Verdict.UNCHANGED):
+            write_run(out_directory, store, weigher, diagnosis, robot)
+            with RunStore.open(out_directory, to_write=False) as new_store:
+                write_report(new_store)
             print_run_directory(out_directory)
         else:
             raise EstimatorError(
@@ -303,10 +303,10 @@ def may_move(yes: bool, question: str) -> None:
 
 
 def _metres(text: str) -> float:
-    match = _LENGTH.fullmatch(text.strip())
+    match = _LENGTH_PATTERN.fullmatch(text.strip())
     if match is None:
         raise typer.BadParameter(f"{text!r} is no length: write 60mm, 6cm or 0.06m")
-    return float(match[1]) * _METRES[match[2]]
+    return float(match[1]) * _METRES_BY_UNIT[match[2]]
 
 
 def _print_readings(
@@ -315,17 +315,17 @@ def _print_readings(
     """Prints what was wanted, is predicted and was observed, a line for each sensor."""
     table = plain_table("", "wanted", "predicted", "observed")
     tilts = (None, None) if observed is None else observed.tilt
-    for name, want, predicted, felt in (
+    for name, target, predicted, measured in (
         ("left side up", goal.tilt_left, found.tilt[0], tilts[0]),
         ("nose up", goal.tilt_forward, found.tilt[1], tilts[1]),
     ):
-        said = [_said(value, math.degrees(1.0), "°") for value in (want, predicted, felt)]
-        table.add_row(name, *said)
+        cells = [_cell(value, math.degrees(1.0), "°") for value in (target, predicted, measured)]
+        table.add_row(name, *cells)
     heights = (goal.clearance, found.clearance, None if observed is None else observed.clearance)
-    said = [_said(value, 1000.0, " mm") for value in heights]
-    table.add_row("clearance", "highest" if goal.highest else said[0], *said[1:])
-    sensors = len(found.touch)
-    wanted = None if goal.stand_on is None else [one in goal.stand_on for one in range(sensors)]
+    cells = [_cell(value, 1000.0, " mm") for value in heights]
+    table.add_row("clearance", "highest" if goal.highest else cells[0], *cells[1:])
+    count = len(found.touch)
+    wanted = None if goal.stand_on is None else [sensor in goal.stand_on for sensor in range(count)]
     table.add_row(
         "stands on",
         *(
@@ -336,10 +336,10 @@ def _print_readings(
     out.print(table)
 
 
-def _said(value: float | None, factor: float, unit: str) -> str:
+def _cell(value: float | None, factor: float, unit: str) -> str:
     return "" if value is None else f"{factor * value:.1f}{unit}"
 
 
 def _legs(known: FittedPosterior, bits: Sequence[bool | None]) -> str:
-    legs = [leg for leg, sensors in feet(known).items() if any(bits[one] for one in sensors)]
+    legs = [leg for leg, sensors in feet(known).items() if any(bits[sensor] for sensor in sensors)]
     return ", ".join(legs) or "no leg"

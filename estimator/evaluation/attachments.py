@@ -235,16 +235,16 @@ class Comparison:
         the model comes closest to counts.
         """
         impossible = {cell for cell in wrong if cell[1] in self._impossible[cell[0]]}
-        least = wrong
+        fewest = wrong
         for image in images(self.true_body):
-            if least == impossible:
+            if fewest == impossible:
                 break
             if image == self.true_body or indistinguishable([image]):
-                against = self._wrong(image)
-                least = min(
-                    least, against - self._excused(image, against, indistinguishable), key=len
+                cells = self._wrong(image)
+                fewest = min(
+                    fewest, cells - self._excused(image, cells, indistinguishable), key=len
                 )
-        return least
+        return fewest
 
     def _excused(
         self, reference: Morphology, wrong: Collection[Cell], indistinguishable: Indistinguishable
@@ -260,23 +260,23 @@ class Comparison:
         excused: set[Cell] = set()
         refused: list[set[Cell]] = []
         for trial in trials:
-            together = excused | trial
-            if together == excused or together in refused:
+            candidate = excused | trial
+            if candidate == excused or candidate in refused:
                 continue
-            body = self._variant(reference, together)
+            body = self._variant(reference, candidate)
             if indistinguishable([body, _with_lengths_of(self._model, body)]):
-                excused = together
+                excused = candidate
             else:
-                refused.append(together)
+                refused.append(candidate)
         return excused
 
     def _variant(self, reference: Morphology, kept: Collection[Cell]) -> Morphology:
         """The reference with the model's values in some cells."""
         parts = list(reference.parts)
         for row in {row for row, _ in kept}:
-            own = self._model.parts[row]
+            model_part = self._model.parts[row]
             if (row, "hinge") in kept:
-                parts[row] = replace(parts[row], hinge=own.hinge)
+                parts[row] = replace(parts[row], hinge=model_part.hinge)
             parent = (self._model if (row, "parent") in kept else reference).parts[row].parent
             bodies = [reference, self._model]
             mount = self._mount(row, parent, bodies[:: -1 if (row, "mount") in kept else 1])
@@ -288,11 +288,11 @@ class Comparison:
 
         On the main body there may be other mounts than on parts.
         """
-        body, other = bodies
+        body, fallback = bodies
         mounts = body.base.mounts if parent == BASE else body.part_mounts
         names = [mount.name for mount in mounts]
         name = body.mount(row).name
-        return names.index(name) if name in names else other.parts[row].mount
+        return names.index(name) if name in names else fallback.parts[row].mount
 
     # --- the truth in the problem's words ---------------------------------------------------------
 

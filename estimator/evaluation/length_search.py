@@ -22,15 +22,15 @@ from estimator.physics.equivalence import Reference
 
 _PROGRAMS: Final = 80  # compared in one round; the next round takes others
 _ROUNDS: Final = 4
-_WIDE: Final = (20.0, 10.0, 5.0, 3.0)
-_NARROW: Final = (2.0, 1.0, 0.5, 0.3)
+_WIDE_WIDTHS: Final = (20.0, 10.0, 5.0, 3.0)
+_NARROW_WIDTHS: Final = (2.0, 1.0, 0.5, 0.3)
 _DAMPING: Final = (1e-4, 1e-2, 1.0, 100.0)  # of a step, relative to the curvature; all are tried
 _CURVATURE: Final = 100.0  # of a length that is not felt, in squared tolerances per m²
 _DIFFERENCE: Final = 5e-4  # m
 _LONGEST_STEP: Final = 0.04  # m
 _GRID: Final = 24  # lengths tried of one part
-_HOPELESS: Final = 0.3
-_HOPEFUL: Final = 0.9
+_HOPELESS_SHARE: Final = 0.3
+_HOPEFUL_SHARE: Final = 0.9
 """Share of programs in which a body must agree for its lengths to be tried one by one."""
 
 
@@ -61,15 +61,15 @@ class LengthSearch:
             lower=np.minimum(self._ranges[:, 0], lengths.min(axis=0)),
             upper=np.maximum(self._ranges[:, 1], lengths.max(axis=0)),
         )
-        nearest = trial.descend(trial.best(lengths, width=_WIDE[0]), _WIDE)
-        if trial.agreement(nearest) < _HOPELESS:
+        nearest = trial.descend(trial.best(lengths, width=_WIDE_WIDTHS[0]), _WIDE_WIDTHS)
+        if trial.agreement(nearest) < _HOPELESS_SHARE:
             return False
         for number in range(_ROUNDS):
             trial.take(number)
-            nearest = trial.descend(nearest, _NARROW)
+            nearest = trial.descend(nearest, _NARROW_WIDTHS)
             if self._reference.is_like(_with_lengths(starts[0], nearest)):
                 return True
-            if trial.agreement(nearest) < _HOPEFUL:
+            if trial.agreement(nearest) < _HOPEFUL_SHARE:
                 return False
             nearest = trial.scan(nearest)
         return False

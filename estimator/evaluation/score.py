@@ -104,8 +104,8 @@ class Score(BaseModel):
     @property
     def true_body_error(self) -> float | None:
         """Largest subjective error of the true body; ``None`` unless all are known."""
-        known = [error for error in self.true_body_errors if error is not None]
-        return max(known) if known and len(known) == len(self.true_body_errors) else None
+        errors = [error for error in self.true_body_errors if error is not None]
+        return max(errors) if errors and len(errors) == len(self.true_body_errors) else None
 
 
 def score(store: RunStore, truth: Path, physics: ArrayPhysics, reference: Physics) -> Score:
@@ -124,15 +124,15 @@ def score(store: RunStore, truth: Path, physics: ArrayPhysics, reference: Physic
     if fitted is None or fitted.best is None:
         raise TruthError(f"{store.directory} has no model yet, so there is nothing to score")
     body = fitted.genome.decode(fitted.best)
-    known = Truth.read(truth, store.problem, store.capabilities)
-    comparison = Comparison(store.problem, store.genome, body, known)
+    robot = Truth.read(truth, store.problem, store.capabilities)
+    comparison = Comparison(store.problem, store.genome, body, robot)
     search = length_search(store, comparison.true_body, physics)
     configurations = comparison.configurations(search.is_like)
     informative = [item for item in configurations if item.searched]
-    limbs, legs = driven_limbs(body), tuple(known.legs.values())
+    limbs, legs = driven_limbs(body), tuple(robot.legs.values())
     signed = np.array([one.length - two.limb.length for one, two in zip(limbs, legs, strict=True)])
-    seen = store.observations()
-    touching = tuple(touched(limb.sensors, seen) for limb in driven_limbs(comparison.true_body))
+    observed = store.observations()
+    touching = tuple(touched(limb.sensors, observed) for limb in driven_limbs(comparison.true_body))
     return Score(
         complete=store.complete,
         joints=tuple(limb.name for limb in legs),
@@ -160,9 +160,9 @@ def score(store: RunStore, truth: Path, physics: ArrayPhysics, reference: Physic
         not_representable=comparison.not_representable,
         true_body_errors=tuple(
             _error(comparison.true_body, item, store.settings.modalities, reference)
-            for item in seen
+            for item in observed
         ),
-        true_body_margins_deg=_margins(comparison.true_body, seen, physics),
+        true_body_margins_deg=_margins(comparison.true_body, observed, physics),
     )
 
 
@@ -190,6 +190,6 @@ def length_search(store: RunStore, true_body: Morphology, physics: ArrayPhysics)
 
 def _mean(errors: Array, touching: Sequence[bool | None], *, which: bool) -> float | None:
     chosen = [
-        abs(error) for error, one in zip(errors.tolist(), touching, strict=True) if one is which
+        abs(error) for error, felt in zip(errors.tolist(), touching, strict=True) if felt is which
     ]
     return float(np.mean(chosen)) if chosen else None

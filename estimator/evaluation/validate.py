@@ -103,9 +103,9 @@ def validate(
         listener.say(f"Going on with the predictions made before ({len(predictions)} programs).")
     else:
         number = len(validations)
-        fresh = _programs(store, link, programs, number)
-        listener.expect(2 * len(fresh), 0)
-        predictions = _predict(store, physics, fresh, listener)
+        fresh_programs = _programs(store, link, programs, number)
+        listener.expect(2 * len(fresh_programs), 0)
+        predictions = _predict(store, physics, fresh_programs, listener)
         store.validations.predict(predictions)
     observations = []
     for index, prediction in enumerate(predictions):
@@ -144,8 +144,8 @@ def _is_as_predicted(predicted: Mapping[str, Array], observation: Observation) -
         modality.error_name: modality.prediction_errors(predicted[name], observation)
         for name, modality in MODALITIES.items()
     }
-    far = any(bool(np.any(error > _AS_PREDICTED[name])) for name, error in errors.items())
-    return not far and any(bool(np.any(~np.isnan(error))) for error in errors.values())
+    is_elsewhere = any(bool(np.any(error > _AS_PREDICTED[name])) for name, error in errors.items())
+    return not is_elsewhere and any(bool(np.any(~np.isnan(error))) for error in errors.values())
 
 
 def _programs(store: RunStore, link: RobotLink, count: int, number: int) -> list[Program]:
@@ -158,10 +158,10 @@ def _programs(store: RunStore, link: RobotLink, count: int, number: int) -> list
         program for program in link.recorded if not any(_equal(program, one) for one in fitted)
     ]
     if count > len(fresh):
-        known = len(link.recorded) - len(fresh)
+        fitted_count = len(link.recorded) - len(fresh)
         raise InteractionError(
             f"of the record's {len(link.recorded)} motor programs the models were fitted to "
-            f"{known}, so {len(fresh)} are fresh, not {count}: "
+            f"{fitted_count}, so {len(fresh)} are fresh, not {count}: "
             + ("ask for fewer --programs" if fresh else "take a record of others")
         )
     return fresh[:count]
@@ -239,8 +239,8 @@ def _median_errors(
     return {
         modality.error_name: _median_of_means(
             [
-                modality.prediction_errors(arrays[name], one)
-                for arrays, one in zip(predicted, observations, strict=True)
+                modality.prediction_errors(arrays[name], observation)
+                for arrays, observation in zip(predicted, observations, strict=True)
             ]
         )
         for name, modality in MODALITIES.items()
@@ -249,7 +249,7 @@ def _median_errors(
 
 def _median_of_means(errors: Sequence[Array]) -> float | None:
     """Median over models of mean errors, given per program, (models, values); NaN is left out."""
-    every = np.concatenate(errors, axis=1)
-    known = np.sum(~np.isnan(every), axis=1)
-    means = np.nansum(every, axis=1)[known > 0] / known[known > 0]
+    all_errors = np.concatenate(errors, axis=1)
+    counts = np.sum(~np.isnan(all_errors), axis=1)
+    means = np.nansum(all_errors, axis=1)[counts > 0] / counts[counts > 0]
     return float(np.median(means)) if len(means) else None

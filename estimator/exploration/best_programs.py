@@ -77,10 +77,10 @@ def best_programs(
     scores = _scored(score, programs)
     for spread in spreads:
         best = np.repeat(_best(programs, scores, _REFINED)[0], _VARIANTS, axis=0)
-        near = np.clip(best + rng.normal(0, spread, best.shape), low, high)
-        near = np.where(best == 0, 0.0, near)
-        programs = np.concatenate([programs, near])
-        scores = np.concatenate([scores, _scored(score, near)])
+        variants = np.clip(best + rng.normal(0, spread, best.shape), low, high)
+        variants = np.where(best == 0, 0.0, variants)
+        programs = np.concatenate([programs, variants])
+        scores = np.concatenate([scores, _scored(score, variants)])
     programs, scores = _best(programs, scores, _FINALISTS)
     if sure is not None:
         programs, scores = _best(programs, _scored(sure, programs), _FINALISTS)

@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 from estimator.body.morphology import BASE, Array
 from estimator.posterior.model.unknowns import Columns, Unknowns
 
-_OPEN: Final = 24.0
+_OPEN_BITS: Final = 24.0
 """Largest entropy of the attachments of all moved limbs, bits: that of three limbs of two parts.
 A single limb often lifts into the air, and shows nothing."""
 
-_OPEN_OF_PARTS: Final = 12.0
+_OPEN_PART_BITS: Final = 12.0
 """Largest entropy where each part is a limb, bits: that of two unknown parts."""
 
 _BITS_LEARNT: Final = 5.0
@@ -59,19 +59,19 @@ def limbs_of(unknowns: Unknowns) -> Limbs:
     body = unknowns.bodies(np.zeros((1, unknowns.size)))
     parents, motors = body.parent[0].tolist(), body.motor[0]
     if not unknowns.many:
-        chains, most = [], _OPEN
+        chains, most = [], _OPEN_BITS
     elif unknowns.parents.any():
-        chains, most = [[part] for part in np.flatnonzero(motors >= 0).tolist()], _OPEN_OF_PARTS
+        chains, most = [[part] for part in np.flatnonzero(motors >= 0).tolist()], _OPEN_PART_BITS
     else:
         tips = sorted(set(range(len(parents))) - set(parents))
-        chains, most = [_down_from(tip, parents) for tip in tips], _OPEN
+        chains, most = [_down_from(tip, parents) for tip in tips], _OPEN_BITS
     choices = tuple(
         np.flatnonzero([gene.part in chain and gene.is_choice for gene in unknowns.genes])
         for chain in chains
     )
     unlearnt = 0.0
     if unknowns.parents.any():
-        unlearnt = sum(float(np.log2(unknowns.counts[own]).sum()) for own in choices)
+        unlearnt = sum(float(np.log2(unknowns.counts[columns]).sum()) for columns in choices)
     moved = tuple(motors[chain][motors[chain] >= 0] for chain in chains)
     return Limbs(motors=moved, choices=choices, open=most, unlearnt=unlearnt)
 
@@ -103,7 +103,7 @@ def with_few_limbs(
         interactions: Number of interactions that the samples were learnt from.
         rng: Draws the orders.
     """
-    bits = np.array([_entropy(decided[:, own]) for own in limbs.choices])
+    bits = np.array([_entropy(decided[:, columns]) for columns in limbs.choices])
     if bits.size:  # it is not known which limbs samples are wrong about: shared evenly
         bits += max(limbs.unlearnt - _BITS_LEARNT * interactions - bits.sum(), 0.0) / bits.size
     if bits.sum() <= limbs.open:
@@ -111,10 +111,10 @@ def with_few_limbs(
     order = rng.permuted(np.tile(np.arange(len(bits)), (len(programs), 1)), axis=1)
     moved = np.cumsum(bits[order], axis=1) <= limbs.open
     moved[:, 0] = True
-    still = np.ones(programs.shape, dtype=bool)
+    unmoved = np.ones(programs.shape, dtype=bool)
     for row, limb in zip(*np.nonzero(moved), strict=True):
-        still[row, limbs.motors[order[row, limb]]] = False
-    return np.where(still, 0.0, programs)
+        unmoved[row, limbs.motors[order[row, limb]]] = False
+    return np.where(unmoved, 0.0, programs)
 
 
 def _entropy(chosen: NDArray[np.int64]) -> float:

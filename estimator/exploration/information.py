@@ -1,8 +1,7 @@
 """The rule ``information``: the program with the largest expected information gain about the body.
 
 Once attachments have converged it may be the program that narrows lengths or masses most, instead
-(``--learn``).
-``Chooser`` finds the program; the rule says in words what it discriminates between.
+(``--learn``). ``Chooser`` finds the program; the rule says in words what it discriminates between.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ from estimator.readings.observation import PredictedReadings
 from estimator.storage.run_config import Learn
 
 _WORTH_SAYING: Final = 0.25  # bits about one trait from which it is named as a reason
-_SAID: Final = 2  # traits that are named, at most
+_MOST_NAMED: Final = 2  # traits that are named, at most
 _CONVERGED: Final = 0.9  # share of the samples that have the same attachments
 _MASSES: Final = frozenset({"mass", "mass_of_each", "main_mass"})  # groups of the table
 
@@ -60,7 +59,7 @@ def _reason(models: FittedPosterior, chosen: InformativeProgram) -> str:
     """What the program discriminates between, in words."""
     about = chosen.about
     order = np.argsort(-about, kind="stable")
-    named = [column for column in order.tolist() if about[column] >= _WORTH_SAYING][:_SAID]
+    named = [column for column in order.tolist() if about[column] >= _WORTH_SAYING][:_MOST_NAMED]
     parts = [_possible_values(models, column) for column in named]
     if chosen.about_causes >= _WORTH_SAYING:
         table = models.problem.table
@@ -80,10 +79,10 @@ def _possible_values(models: FittedPosterior, column: int) -> str:
 
 
 _DRAWS: Final = 100  # readings drawn for each program
-_FEWEST: Final = 25  # bodies by which candidates are compared
+_FEWEST_BODIES: Final = 25  # bodies by which candidates are compared
 _THINNED: Final = slice(None, None, 2)  # the bodies by which all but finalists are compared
 _MORE_DRAWS: Final = 800  # readings drawn for each finalist
-_AT_ONCE: Final = 4096  # readings computed at once, whose bodies fit into a processor's cache
+_READINGS_AT_ONCE: Final = 4096  # computed at once: their bodies fit into a processor's cache
 _COMPETES: Final = 0.005  # share of the posterior from which a cause competes
 _AS_LIKELY: Final = 0.02  # share of the best evidence from which a cause of another body competes
 _THICKER: Final = 1.4  # factor on radii under which a predicted pose must stay the same
@@ -140,7 +139,7 @@ class _Hypotheses:
 
     def some(self, rows: slice) -> _Hypotheses:
         """Some of the bodies."""
-        chosen = {name: own[rows] for name, own in vars(self).items() if own is not None}
+        chosen = {name: array[rows] for name, array in vars(self).items() if array is not None}
         return replace(self, **chosen)
 
 
@@ -186,10 +185,10 @@ class Chooser:
         samples, asked = self._asked(posterior.sample(SAMPLES, rng), learn)
         stated = known = self._models(samples, asked)
         if causes and asked is None:
-            some = even.sample(SAMPLES, rng)
-            known = replace(self._models(some, None), causes=self._deviating(some.values))
-        few = known.some(_THINNED)
-        fewer = few.some(slice(None, None, max(1, len(few) // _FEWEST)))
+            evened = even.sample(SAMPLES, rng)
+            known = replace(self._models(evened, None), causes=self._deviating(evened.values))
+        half = known.some(_THINNED)
+        fewest = half.some(slice(None, None, max(1, len(half) // _FEWEST_BODIES)))
         candidates = with_few_limbs(
             rng.uniform(low, high, (CANDIDATES, len(low))),
             self._limbs,
@@ -199,12 +198,12 @@ class Chooser:
         )
 
         def rough(programs: Array) -> Array:
-            (quick,) = self._read(fewer, programs, _PLUMB, coarse_step=True)
-            return self._bits(fewer, quick, rng, _DRAWS)
+            (quick,) = self._read(fewest, programs, _PLUMB, coarse_step=True)
+            return self._bits(fewest, quick, rng, _DRAWS)
 
         def good(programs: Array) -> Array:
-            readings = self._sure_readings(few, programs, coarse_step=True)
-            return self._bits(few, readings, rng, _DRAWS)
+            readings = self._sure_readings(half, programs, coarse_step=True)
+            return self._bits(half, readings, rng, _DRAWS)
 
         def sure(programs: Array) -> Array:
             return self._bits(known, self._surest_readings(known, programs), rng, _MORE_DRAWS)
@@ -238,19 +237,19 @@ class Chooser:
         Causes that have a share compete, and causes that are about as likely by the readings, if
         they make another body. All but the most probable one have half of that posterior at most.
         """
-        rows, which = np.unique(self._deviating(posterior.values), return_inverse=True)
-        shares = np.bincount(which, posterior.weights)
+        rows, cause = np.unique(self._deviating(posterior.values), return_inverse=True)
+        shares = np.bincount(cause, posterior.weights)
         first = int(np.argmax(shares))
         evidences = shares / prior_probabilities(self._predictor.unknowns.table)[rows]
         likely = (evidences >= _AS_LIKELY * evidences.max()) & (shares > 0)
-        differ = self._predictor.unknowns.differ(posterior.values, posterior.values[which == first])
-        other = np.bincount(which, differ) > 0.5 * np.bincount(which)
-        compete = (shares >= _COMPETES) | (likely & other)
+        differ = self._predictor.unknowns.differ(posterior.values, posterior.values[cause == first])
+        another_body = np.bincount(cause, differ) > 0.5 * np.bincount(cause)
+        compete = (shares >= _COMPETES) | (likely & another_body)
         if compete.sum() < 2:
             return (), posterior
         counts = np.where(compete, np.sqrt(evidences), 0.0)
         counts[first] = max(counts[first], counts.sum() - counts[first])
-        weights = posterior.weights * (counts / np.where(compete, shares, 1.0))[which]
+        weights = posterior.weights * (counts / np.where(compete, shares, 1.0))[cause]
         order = np.argsort(-np.where(compete, shares, 0.0), kind="stable")[: compete.sum()]
         return tuple(rows[order].tolist()), replace(posterior, weights=weights / weights.sum())
 
@@ -267,8 +266,8 @@ class Chooser:
             "lengths": unknowns.continuous.tolist(),
             "mass": [
                 unknowns.genes_size + row
-                for row, one in enumerate(unknowns.table)
-                if one.group in _MASSES
+                for row, parameter in enumerate(unknowns.table)
+                if parameter.group in _MASSES
             ],
         }[learn]
         keys = unknowns.keys(samples.values)
@@ -280,11 +279,11 @@ class Chooser:
         return replace(samples, values=samples.values[same], scales=samples.scales[same]), amounts
 
     def _models(self, samples: Posterior, asked: Array | None) -> _Hypotheses:
-        _, same = np.unique(samples.values, axis=0, return_inverse=True)
+        _, group = np.unique(samples.values, axis=0, return_inverse=True)
         return _Hypotheses(
             bodies=self._predictor.unknowns.bodies(samples.values),
             scales=samples.scales,
-            groups=same.ravel(),
+            groups=group.ravel(),
             asked=asked,
         )
 
@@ -293,8 +292,8 @@ class Chooser:
     ) -> Array:
         if known.asked is not None:
             return self._gain.narrowed(readings, known.asked)
-        kinds = [own for own in (known.groups, known.causes) if own is not None]
-        bits = self._gain.of(readings, known.scales, np.stack(kinds, axis=1), rng, draws=draws)
+        groupings = [array for array in (known.groups, known.causes) if array is not None]
+        bits = self._gain.of(readings, known.scales, np.stack(groupings, axis=1), rng, draws=draws)
         total: Array = bits.sum(axis=1)
         return total
 
@@ -332,13 +331,13 @@ class Chooser:
         """Readings of all bodies in all programs, one record for each inclination of gravity."""
         pieces = []
         count = len(gravity_tilts)
-        at_once = max(1, _AT_ONCE // (count * len(known)))
+        at_once = max(1, _READINGS_AT_ONCE // (count * len(known)))
         for start in range(0, len(programs), at_once):
             rows, repeated = each_with_each(len(known), programs[start : start + at_once])
-            rows, each = np.repeat(rows, count), np.tile(gravity_tilts, (len(rows), 1))
+            rows, tilts = np.repeat(rows, count), np.tile(gravity_tilts, (len(rows), 1))
             repeated = np.repeat(repeated, count, axis=0)
             pieces.append(
-                self._predictor.read(known.bodies, rows, repeated, each, coarse_step=coarse_step)
+                self._predictor.read(known.bodies, rows, repeated, tilts, coarse_step=coarse_step)
             )
         readings = PredictedReadings.concatenate(pieces)
         return [readings[branch::count] for branch in range(count)]

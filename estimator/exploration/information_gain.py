@@ -32,7 +32,7 @@ from estimator.posterior.model.sensor_data import DENSITIES, SCALED
 from estimator.readings.observation import PredictedReadings
 
 _PAIRS: Final = 131_072  # pairs of a reading and a sample computed at once: a megabyte of densities
-_LEAST: Final = -60.0  # logarithm of a density that is negligible; the exponential of less is slow
+_LEAST_LOG: Final = -60.0  # log-density that is negligible; the exponential of less is slow
 
 
 class InformationGain:
@@ -93,10 +93,10 @@ class InformationGain:
             elsewhere=1 - self._noise.nearby,
             unknown=unknown,
             tells=(beside | (uniforms[:, 0] >= outlier)) & ~unknown[:, sources],
-            alike=[(own[sources, None] == own).astype(float) for own in groups.T],
+            alike=[(grouping[sources, None] == grouping).astype(float) for grouping in groups.T],
         )
-        told = self._threads.share_out(pairs.told, len(predicted), fewest=1)
-        return np.concatenate(told) / draws / math.log(2)
+        information = self._threads.share_out(pairs.told, len(predicted), fewest=1)
+        return np.concatenate(information) / draws / math.log(2)
 
     def _drawn(
         self, own: PredictedReadings, spread: Array, noise: Array, uniforms: Array
@@ -143,8 +143,8 @@ class InformationGain:
         return self._of_modalities(factors).swapaxes(1, 2)
 
     def _of_modalities(self, factors: Mapping[str, Sequence[Array]]) -> Array:
-        some = [array for name in self._modalities for array in factors[name]]
-        return np.concatenate(some, axis=-1, dtype=float)
+        arrays = [array for name in self._modalities for array in factors[name]]
+        return np.concatenate(arrays, axis=-1, dtype=float)
 
     def narrowed(self, readings: PredictedReadings, amounts: Array) -> Array:
         """Share by which each program is expected to narrow some amounts, shape (p,).
@@ -172,12 +172,12 @@ class InformationGain:
         feet = np.where(nothing, -1, bits @ (1 << np.arange(bits.shape[-1])))
         before = float(amounts.std(axis=0, ddof=1).sum())
         left = np.zeros(len(feet))
-        for program, alike in enumerate(feet):
-            for pattern in np.unique(alike):
-                rows, each = np.flatnonzero(alike == pattern), before
+        for program, patterns in enumerate(feet):
+            for pattern in np.unique(patterns):
+                rows, deviation = np.flatnonzero(patterns == pattern), before
                 if pattern >= 0:
-                    each = _left(measured[program, rows], amounts[rows], before)
-                left[program] += len(rows) * each
+                    deviation = _deviation_left(measured[program, rows], amounts[rows], before)
+                left[program] += len(rows) * deviation
         narrowed: Array = 1 - left / feet.shape[1] / before
         return narrowed
 
@@ -195,7 +195,7 @@ class InformationGain:
         return density
 
 
-def _left(readings: Array, amounts: Array, before: float) -> float:
+def _deviation_left(readings: Array, amounts: Array, before: float) -> float:
     """Sum of the standard deviations of amounts, given readings in units of their noise.
 
     It is ``before`` where there are too few samples.
@@ -204,9 +204,9 @@ def _left(readings: Array, amounts: Array, before: float) -> float:
     if free <= 0:
         return before
     centred, asked = readings - readings.mean(axis=0), amounts - amounts.mean(axis=0)
-    both = centred.T @ asked
+    products = centred.T @ asked
     known = centred.T @ centred + len(centred) * np.eye(centred.shape[1])
-    left = (asked**2).sum(axis=0) - (both * np.linalg.solve(known, both)).sum(axis=0)
+    left = (asked**2).sum(axis=0) - (products * np.linalg.solve(known, products)).sum(axis=0)
     return float(np.sqrt(np.maximum(left, 0.0) / free).sum())
 
 
@@ -242,28 +242,28 @@ class _Pairs:
 
         Shape (programs, k).
         """
-        told = np.zeros((end - first, len(self.alike)))
+        information = np.zeros((end - first, len(self.alike)))
         draws, samples = self.alike[0].shape
         at_once = max(1, _PAIRS // samples)
-        few = max(1, at_once // draws)
-        for start in range(first, end, few):
-            programs = slice(start, min(start + few, end))
+        programs_at_once = max(1, at_once // draws)
+        for start in range(first, end, programs_at_once):
+            programs = slice(start, min(start + programs_at_once, end))
             for row in range(0, draws, at_once):
                 rows = slice(row, row + at_once)
-                told[start - first : programs.stop - first] += self._told_by(programs, rows)
-        return told
+                information[start - first : programs.stop - first] += self._told_by(programs, rows)
+        return information
 
     def _told_by(self, programs: slice, rows: slice) -> Array:
         anywhere = self.anywhere[programs, rows]
         densities = np.repeat(self.elsewhere * anywhere, self.unknown.shape[1], axis=2)
         for share, expected in zip(self.shares, self.expected, strict=True):
             logs = self.read[programs, rows] @ expected[programs]
-            np.maximum(logs, _LEAST, out=logs)
+            np.maximum(logs, _LEAST_LOG, out=logs)
             densities += share * np.exp(logs, out=logs)
         np.copyto(densities, anywhere, where=self.unknown[programs, None])
-        of_all, told = densities.mean(axis=2), []
+        of_all, sums = densities.mean(axis=2), []
         for alike in self.alike:
             of_group = np.einsum("pdn,dn->pd", densities, alike[rows]) / alike[rows].sum(axis=1)
             information = np.where(self.tells[programs, rows], np.log(of_group / of_all), 0.0)
-            told.append(information.sum(axis=1))
-        return np.stack(told, axis=1)
+            sums.append(information.sum(axis=1))
+        return np.stack(sums, axis=1)

@@ -38,11 +38,11 @@ _POINTS: Final = 20_000  # points of the cube, by which its allowed share is est
 _BODIES: Final = 1_000  # bodies: so many limit the information about one to 10 bits
 _PROGRAMS: Final = 32  # random programs whose information is computed
 _DRAWS: Final = 400  # readings drawn for each program
-_GOOD: Final = 0.9  # quantile of their information that a chosen program is taken to give
-_CHANGED: Final = 24  # bodies of which each unknown is changed
-_COMPARED: Final = 60  # programs in which these are compared
+_GOOD_QUANTILE: Final = 0.9  # quantile of their information that a chosen program is taken to give
+_CHANGED_BODIES: Final = 24  # bodies of which each unknown is changed
+_COMPARED_PROGRAMS: Final = 60  # programs in which these are compared
 _STEP: Final = 0.25  # share of a length's range by which it is changed
-_FEWEST: Final = 6  # least number of bodies on which an unknown can be changed
+_FEWEST_BODIES: Final = 6  # least number of bodies on which an unknown can be changed
 
 _RATE: Final = 50.0  # samples per second of a sensor that is supposed
 _SENSORS: Final = {
@@ -145,7 +145,7 @@ def prospects(
     allowed = ~unknowns.forbidden(points)
     ways = 2**unknowns.bits * float(np.mean(np.exp(-unknowns.log_prior(points)) * allowed))
     bodies = unknowns.permitted(points[np.argsort(~allowed, kind="stable")[:_BODIES]])
-    programs = np.array([problem.random_program(rng, robot) for _ in range(_COMPARED)])
+    programs = np.array([problem.random_program(rng, robot) for _ in range(_COMPARED_PROGRAMS)])
     predictor = Predictor(unknowns, physics)
     gain = InformationGain(
         Noise.announced(robot), problem.settings(robot).clearance_cap, tuple(modalities)
@@ -156,7 +156,7 @@ def prospects(
         scales, groups = np.zeros((len(bodies), 2)), np.arange(len(bodies))[:, None]
         gains.append(gain.of(predicted, scales, groups, rng, draws=_DRAWS)[0, 0])
         unpredicted.append(np.mean(predicted.undecided | ~predicted.valid))
-    hidden = _hidden(predictor, bodies[:_CHANGED], programs, modalities, rng)
+    hidden = _hidden(predictor, bodies[:_CHANGED_BODIES], programs, modalities, rng)
     observable = [gene for gene in genome.genes if gene.observable]
     never = [gene for gene in observable if hidden.get(gene.name, 0.0) >= NEVER]
     lengths = [gene for gene in genome.genes if gene.trait == "length"]
@@ -165,11 +165,11 @@ def prospects(
         attachment_bits=max(0.0, math.log2(ways) - sum(math.log2(g.choices or 1) for g in never)),
         lengths=len(lengths),
         length_bits=sum(_length_bits(problem, gene) for gene in lengths if gene not in never),
-        movement_bits=float(np.quantile(gains, _GOOD)),
+        movement_bits=float(np.quantile(gains, _GOOD_QUANTILE)),
         unpredicted=float(np.mean(unpredicted)),
         hidden=hidden,
         turned=_turned(
-            problem, genome.decode_all(bodies[:_CHANGED]), programs, physics, modalities
+            problem, genome.decode_all(bodies[:_CHANGED_BODIES]), programs, physics, modalities
         ),
     )
 
@@ -190,17 +190,17 @@ def _hidden(
     unknowns = predictor.unknowns
     hidden = {}
     for column, gene in enumerate(unknowns.genes):
-        others = bodies.copy()
+        changed = bodies.copy()
         least = 1 / gene.choices if gene.choices > 1 else _STEP
         steps = rng.uniform(least, 1 - least, len(bodies)) if gene.choices else _STEP
-        others[:, column] = (others[:, column] + steps) % 1.0
-        differ: Flags = ~unknowns.forbidden(others) & ~unknowns.forbidden(bodies)
+        changed[:, column] = (changed[:, column] + steps) % 1.0
+        differ: Flags = ~unknowns.forbidden(changed) & ~unknowns.forbidden(bodies)
         if gene.choices:
-            differ &= unknowns.decided(others)[:, column] != unknowns.decided(bodies)[:, column]
-        if differ.sum() < _FEWEST:
+            differ &= unknowns.decided(changed)[:, column] != unknowns.decided(bodies)[:, column]
+        if differ.sum() < _FEWEST_BODIES:
             continue
         alike = indistinguishable_points(
-            predictor, programs, modalities, bodies[differ], others[differ]
+            predictor, programs, modalities, bodies[differ], changed[differ]
         )
         if alike.any():
             hidden[gene.name] = float(alike.mean())
@@ -217,17 +217,17 @@ def _turned(
     """Share of bodies that read like a turned or mirrored image that the problem allows, too."""
     alike = 0
     for body in bodies:
-        others = [
+        allowed = [
             image
             for image in images(body)
             if image != body
             and all(
-                (rule.mount is None or one.mount == other.mount)
-                and (rule.hinge is None or one.hinge == other.hinge)
-                for rule, one, other in zip(problem.parts, body.parts, image.parts, strict=True)
+                (rule.mount is None or part.mount == turned.mount)
+                and (rule.hinge is None or part.hinge == turned.hinge)
+                for rule, part, turned in zip(problem.parts, body.parts, image.parts, strict=True)
             )
         ]
-        if others:
+        if allowed:
             reference = Reference(body, programs, physics, modalities)
-            alike += any(map(reference.is_like, others))
+            alike += any(map(reference.is_like, allowed))
     return alike / len(bodies)

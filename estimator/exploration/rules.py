@@ -31,10 +31,7 @@ class Objective(Protocol):
     def terms(
         self, readings: PredictedReadings, observed: Observation, modalities: Sequence[str]
     ) -> Array:
-        """Error of each of n models in one interaction, shape (n,).
-
-        At least 0; infinite where a model's reading is invalid.
-        """
+        """Errors of n models in one interaction, shape (n,): ≥ 0, infinite for invalid readings."""
 
     def lower_bound(self, terms: Array) -> Array:
         """Lower bound of the total, shape (n,): a model whose bound reaches its limit has lost.
@@ -102,11 +99,7 @@ class Rule(Protocol):
     """Chooses motor programs; any function of this form will do."""
 
     def __call__(self, situation: Situation) -> Choice:
-        """Chooses the motor program to perform next.
-
-        Args:
-            situation: All that is known by now.
-        """
+        """Chooses the motor program to perform next, by all that is known by now."""
 
 
 def random_program(situation: Situation) -> Choice:
@@ -146,8 +139,8 @@ def most_disputed_program(situation: Situation) -> Choice:
 
 
 def _mean_distance(values: Array) -> float:
-    apart = np.abs(values[:, None] - values[None, :])
-    return float(np.mean(np.minimum(apart, _SATURATED)))
+    distances = np.abs(values[:, None] - values[None, :])
+    return float(np.mean(np.minimum(distances, _SATURATED)))
 
 
 RULES: Final[Registry[Rule]] = Registry(

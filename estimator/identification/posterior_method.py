@@ -203,14 +203,14 @@ class PosteriorMethod:
         wanted = self._store.settings.sure
         if wanted is None or number != len(self._summaries) - 1:
             return False
-        last = self._summaries[-2:]
-        return bool(last[-1].simulated) or (
-            len(last) == 2
+        latest = self._summaries[-2:]
+        return bool(latest[-1].simulated) or (
+            len(latest) == 2
             and all(
-                attachments_known(one, wanted, self._store)
-                and one.knows_cause(wanted)
-                and self._lengths_known(one)
-                for one in last
+                attachments_known(summary, wanted, self._store)
+                and summary.knows_cause(wanted)
+                and self._lengths_known(summary)
+                for summary in latest
             )
         )
 
@@ -226,18 +226,18 @@ class PosteriorMethod:
         named = sum(cause.probability for cause in summary.causes)
         if named > _NAMED and not summary.unexplained:
             return None
-        known = [attachments_known(one, SURE, self._store) for one in self._summaries]
-        sure = [at for at in range(1, number) if known[at - 1] and known[at]]
+        were_known = [attachments_known(earlier, SURE, self._store) for earlier in self._summaries]
+        sure = [at for at in range(1, number) if were_known[at - 1] and were_known[at]]
         if not sure:
             return None
-        was = np.array(self._summaries[sure[-1]].best)
-        left = probability_of(was, self._posterior, self._predictor, self._indistinguishable)
-        return sure[-1] if left < 1 - SURE else None
+        former = np.array(self._summaries[sure[-1]].best)
+        chance = probability_of(former, self._posterior, self._predictor, self._indistinguishable)
+        return sure[-1] if chance < 1 - SURE else None
 
     def _lengths_known(self, summary: StoredPosterior) -> bool:
         """Whether all leg lengths are known to ``PRECISE`` if the robot is as stated."""
         if summary.as_stated_m:
-            return all(one.high - one.low <= 2 * PRECISE for one in summary.as_stated_m)
+            return all(ends.high - ends.low <= 2 * PRECISE for ends in summary.as_stated_m)
         lengths = FittedPosterior.of_stored(self._store, summary, ()).leg_lengths
         low, high = np.quantile(lengths, (0.05, 0.95), axis=0)
         return bool(np.all(high - low <= 2 * PRECISE))
@@ -271,7 +271,7 @@ class PosteriorMethod:
     def _doubted(self, summary: StoredPosterior, fitted: FittedPosterior) -> StoredPosterior:
         """The summary, with the probability of a deviation that is not in the table."""
         outliers = outliers_left(
-            np.array([one.outlier_probability for one in summary.predicted]),
+            np.array([reading.outlier_probability for reading in summary.predicted]),
             fitted.posterior,
             self._predictor,
             fitted.likelihood,
@@ -286,7 +286,7 @@ class PosteriorMethod:
         unlisted = probability_unlisted(
             outliers,
             fitted.noise,
-            deviating=sum(one.probability for one in summary.causes if one.name in amounts),
+            deviating=sum(cause.probability for cause in summary.causes if cause.name in amounts),
             prior=sum(amounts.values()),
         )
         return summary.model_copy(update={"misspecification_probability": unlisted})

@@ -67,20 +67,20 @@ def identify(
     Raises:
         BodyschemaError: Something prevents the run; the message says what.
     """
-    asked = Problem.load(config.problem)
+    stated = Problem.load(config.problem)
     named = None if config.modalities is None else check_modalities(config.modalities)
     METHODS[config.method].check(config)
     _check_names(config)
     client_id = str(uuid.uuid4())
     link = open_robot(
         config.robot,
-        driven=_driven(asked),
+        driven=_driven(stated),
         client_id=client_id,
         first_id=first_id(0),
         keys=keys,
     )
     with closing(link):
-        problem = asked.for_robot(link.capabilities)
+        problem = stated.for_robot(link.capabilities)
         modalities = named or tuple(
             name for name in MODALITIES if link.capabilities.sensor(name) is not None
         )
@@ -208,15 +208,15 @@ def _packages(physics: str, search: str, objective: str, explore: str) -> dict[s
 
 def _compare_packages(store: RunStore, listener: Listener) -> None:
     settings = store.settings
-    now = _packages(settings.physics, settings.search, settings.objective, settings.explore)
-    if now != settings.plugins:
+    current = _packages(settings.physics, settings.search, settings.objective, settings.explore)
+    if current != settings.plugins:
         listener.say(
-            f"Note: the run was started with {_said(settings.plugins)}, and goes on with "
-            f"{_said(now)}."
+            f"Note: the run was started with {_in_words(settings.plugins)}, and goes on with "
+            f"{_in_words(current)}."
         )
 
 
-def _said(packages: Mapping[str, str]) -> str:
+def _in_words(packages: Mapping[str, str]) -> str:
     return ", ".join(map(" ".join, packages.items())) or "no plug-in"
 
 

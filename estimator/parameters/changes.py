@@ -104,18 +104,18 @@ def _lengths(body: Morphology, joints: Sequence[str]) -> Iterator[Parameter]:
             continue
         members = [part for part, group in enumerate(body.rigid_groups) if group == root]
         leg = f"the leg of {joints[motor]}"
-        for what, group, low, high, change in (
+        for damage, group, low, high, change in (
             ("shortened", "length", 0.03, 0.9, partial(_shortened, members)),
             ("lengthened", "longer", 1.1, 1.8, partial(_scaled, members)),
             ("broken off", "broken", 0.03, 0.9, partial(_broken, members)),
         ):
-            gauge = ", its gauge gone" if what == "broken off" else ""
+            gauge = ", its gauge gone" if damage == "broken off" else ""
             yield Within(
-                name=f"{leg} {what}",
+                name=f"{leg} {damage}",
                 group=group,
                 belongs_to="part",
                 change=change,
-                sentence=f"{leg} {what} to {{}} of its length{gauge}",
+                sentence=f"{leg} {damage} to {{}} of its length{gauge}",
                 check=f"look at {leg}",
                 factor=True,
                 wide=1.0,
@@ -148,5 +148,5 @@ def _broken(members: list[int], draft: Draft, shares: Array) -> None:
 
 def _normal(theta: Array) -> Array:
     """The standard normal distribution function; SciPy's takes as long to load as all else."""
-    shares: Array = np.array([0.5 * (1 + math.erf(one / math.sqrt(2))) for one in theta.ravel()])
+    shares: Array = np.array([0.5 * (1 + math.erf(z / math.sqrt(2))) for z in theta.ravel()])
     return shares.reshape(theta.shape)

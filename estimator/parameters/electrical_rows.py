@@ -101,8 +101,8 @@ def of_sensors(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter
         limit=LARGEST_FACTOR,
     )
     # Where parents or mounts are to be found, bodies are found turned as well.
-    known = all(part.parent is not None and part.mount is not None for part in parts)
-    for name, matrix in _QUARTER_TURNS.items() if known else ():
+    mounts_known = all(part.parent is not None and part.mount is not None for part in parts)
+    for name, matrix in _QUARTER_TURNS.items() if mounts_known else ():
         yield Parameter(
             name=name,
             group="accelerometer_wiring",
@@ -137,8 +137,8 @@ def _level_scaled(draft: Draft, factors: Array) -> None:
 
 
 def _rewired(matrix: Sequence[float], draft: Draft, amounts: Array) -> None:
-    base, on = draft.measures("base"), amounts > 0
-    base[on, LEVEL] = _product(np.array(matrix)[None], base[on, LEVEL])
+    base, rows = draft.measures("base"), amounts > 0
+    base[rows, LEVEL] = _product(np.array(matrix)[None], base[rows, LEVEL])
 
 
 def _product(ones: Array, others: Array) -> Array:
@@ -147,8 +147,8 @@ def _product(ones: Array, others: Array) -> Array:
 
 
 def _stuck(gauge: int, reads: int, draft: Draft, amounts: Array) -> None:
-    own = (draft.numbers("sensor") == gauge) & (amounts > 0)[:, None]
-    draft.numbers("stuck")[own] = reads
+    is_stuck = (draft.numbers("sensor") == gauge) & (amounts > 0)[:, None]
+    draft.numbers("stuck")[is_stuck] = reads
 
 
 # --- wiring -----------------------------------------------------------------------------------
@@ -168,13 +168,13 @@ def of_wiring(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]
                 check=f"send {part.name} to +20°, and see which way it goes",
                 switch=True,
             )
-    for (one, first), (other, second) in combinations(driven, 2):
+    for (first_index, first), (second_index, second) in combinations(driven, 2):
         if None not in (first.mount, first.hinge, second.mount, second.hinge):
             yield Parameter(
                 name=f"plugs of {first.name} and {second.name} exchanged",
                 group="servo_plugs",
                 belongs_to="joint",
-                change=partial(_exchanged, one, other),
+                change=partial(_exchanged, first_index, second_index),
                 sentence=f"the servo plugs of {first.name} and {second.name} exchanged",
                 check=f"move {first.name} alone, and see which leg moves",
                 switch=True,
@@ -185,8 +185,8 @@ def of_wiring(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]
         if part.motor is None and part.mount is None
     }
     for first_gauge, second_gauge in combinations(range(sensors), 2):
-        alike = known_by_gauge.get(first_gauge)
-        if alike and alike == known_by_gauge.get(second_gauge):
+        known = known_by_gauge.get(first_gauge)
+        if known and known == known_by_gauge.get(second_gauge):
             continue  # it is found as if the parts themselves were exchanged
         yield Parameter(
             name=f"plugs of touch sensors {first_gauge + 1} and {second_gauge + 1} exchanged",
@@ -205,11 +205,11 @@ def _reversed(part: int, draft: Draft, amounts: Array) -> None:
 
 
 def _exchanged(one: int, other: int, draft: Draft, amounts: Array) -> None:
-    motor, on = draft.numbers("motor"), np.flatnonzero(amounts > 0)
-    motor[on, one], motor[on, other] = motor[on, other], motor[on, one]
+    motor, rows = draft.numbers("motor"), np.flatnonzero(amounts > 0)
+    motor[rows, one], motor[rows, other] = motor[rows, other], motor[rows, one]
 
 
 def _gauges_exchanged(one: int, other: int, draft: Draft, amounts: Array) -> None:
-    sensor, on = draft.numbers("sensor"), (amounts > 0)[:, None]
-    first, second = (sensor == one) & on, (sensor == other) & on
+    sensor, rows = draft.numbers("sensor"), (amounts > 0)[:, None]
+    first, second = (sensor == one) & rows, (sensor == other) & rows
     sensor[first], sensor[second] = other, one

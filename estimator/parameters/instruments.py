@@ -20,11 +20,11 @@ def performed(programs: Array, bodies: Bodies) -> Array:
         programs: Motor programs, rad, shape (n, motors).
         bodies: The body that performs each program.
     """
-    odd, part = np.nonzero((bodies.travel != 1) & (bodies.motor >= 0))
-    if not odd.size:
+    row, part = np.nonzero((bodies.travel != 1) & (bodies.motor >= 0))
+    if not row.size:
         return programs
     angles = programs.copy()
-    angles[odd, bodies.motor[odd, part]] *= bodies.travel[odd, part]
+    angles[row, bodies.motor[row, part]] *= bodies.travel[row, part]
     return angles
 
 
@@ -39,26 +39,27 @@ def as_sensed(readings: PredictedReadings, bodies: Bodies) -> PredictedReadings:
     if not (odd_tilt or odd_distance or odd_touch):
         return readings
     tilt, clearance = readings.tilt, readings.clearance
-    whole, rows = bodies.origin
-    own = whole.base[:, LEVEL.start : ROUND].T.take(rows, axis=1)  # columns contiguous in memory
+    source, rows = bodies.origin
+    # Columns become contiguous in memory.
+    errors = source.base[:, LEVEL.start : ROUND].T.take(rows, axis=1)
     if odd_tilt:
-        one, other, third, fourth, *_ = own
-        odd = (one != 1) | (other != 0) | (third != 0) | (fourth != 1)
+        a, b, c, d, *_ = errors
+        odd = (a != 1) | (b != 0) | (c != 0) | (d != 1)
         measured = np.empty_like(tilt)
         left, forward = np.sin(tilt).T
-        measured[:, 0] = one * left + other * forward
-        measured[:, 1] = third * left + fourth * forward
+        measured[:, 0] = a * left + b * forward
+        measured[:, 1] = c * left + d * forward
         measured = np.arcsin(np.maximum(np.minimum(measured, 1.0), -1.0))
         tilt = np.where(odd[:, None], measured, tilt)
     if odd_distance:
-        *_, too_high, gain = own
+        *_, too_high, gain = errors
         height = np.maximum(gain * clearance + too_high, 0.0)
         clearance = np.where(readings.saturated, clearance, height)
     touch, doubtful = readings.touch, readings.touch_doubtful
     if odd_touch:
-        always = np.where(bodies.limp, 1, bodies.stuck)
-        rows, columns = np.nonzero((always != 0) & (bodies.sensor >= 0))
-        known = np.zeros(touch.shape, dtype=np.int64)
-        known[rows, bodies.sensor[rows, columns]] = always[rows, columns]
-        touch, doubtful = np.where(known == 0, touch, known > 0), doubtful & (known == 0)
+        stuck = np.where(bodies.limp, 1, bodies.stuck)
+        rows, columns = np.nonzero((stuck != 0) & (bodies.sensor >= 0))
+        fixed = np.zeros(touch.shape, dtype=np.int64)
+        fixed[rows, bodies.sensor[rows, columns]] = stuck[rows, columns]
+        touch, doubtful = np.where(fixed == 0, touch, fixed > 0), doubtful & (fixed == 0)
     return replace(readings, tilt=tilt, clearance=clearance, touch=touch, touch_doubtful=doubtful)

@@ -37,12 +37,12 @@ _AXES: Final = (
 
 def of_parts(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]:
     """Rows for the thickness and mass of parts, and for how they are mounted."""
-    every = slice(None)
+    all_parts = slice(None)
     yield Parameter(
         name="thickness of all parts",
         group="thickness",
         belongs_to="robot",
-        change=partial(_thicker, every),
+        change=partial(_thicker, all_parts),
         sentence="parts {} times as thick",
         check="measure a leg, and a foot, with a caliper",
         factor=True,
@@ -54,7 +54,7 @@ def of_parts(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]:
         name="mass of all parts",
         group="mass",
         belongs_to="robot",
-        change=partial(_denser, every),
+        change=partial(_denser, all_parts),
         sentence="parts {} times as heavy",
         check="weigh a leg",
         factor=True,
@@ -62,12 +62,12 @@ def of_parts(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]:
         limit=LARGEST_FACTOR,
     )
     for index, part in enumerate(parts):
-        name, own = part.name, slice(index, index + 1)
+        name, column = part.name, slice(index, index + 1)
         yield Parameter(
             name=f"thickness of {name}",
             group="thickness_of_each",
             belongs_to="part",
-            change=partial(_thicker, own),
+            change=partial(_thicker, column),
             sentence=f"{name}, or its foot, {{}} times as thick",
             check=f"measure {name} and its foot with a caliper",
             factor=True,
@@ -79,7 +79,7 @@ def of_parts(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]:
             name=f"mass of {name}",
             group="mass_of_each",
             belongs_to="part",
-            change=partial(_denser, own),
+            change=partial(_denser, column),
             sentence=f"{name} {{}} times as heavy",
             check=f"weigh {name}, and look for cables that pull at it",
             factor=True,
@@ -139,16 +139,16 @@ def _moved(part: int, draft: Draft, ways: Array) -> None:
 def _remounted(part: int, draft: Draft, change: Callable[[Array, slice], None]) -> None:
     mounts = draft.numbers("mount")
     on_base = draft.numbers("parent")[:, part] == BASE
-    for table, here, yaw in (
+    for table, in_table, yaw in (
         ("base_mounts", on_base, BASE_YAW),
         ("part_mounts", ~on_base, PART_YAW),
     ):
-        if not here.any():
+        if not in_table.any():
             continue
-        own = draft.measures(table)[np.where(here, mounts[:, part], 0)]
-        change(own, yaw)
-        numbers = draft.extended(table, own)
-        mounts[here, part] = numbers[here]
+        rows = draft.measures(table)[np.where(in_table, mounts[:, part], 0)]
+        change(rows, yaw)
+        numbers = draft.extended(table, rows)
+        mounts[in_table, part] = numbers[in_table]
 
 
 def _turn(vectors: Array, columns: slice | list[int], angles: Array) -> None:
@@ -206,7 +206,7 @@ def of_servos(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]
     for index, part in enumerate(parts):
         if part.motor is None:
             continue
-        name, own = part.name, slice(index, index + 1)
+        name, column = part.name, slice(index, index + 1)
         yield Parameter(
             name=f"zero of {name}",
             group="zero_deg",
@@ -224,7 +224,7 @@ def of_servos(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]
             name=f"travel of {name}",
             group="travel_of_each",
             belongs_to="joint",
-            change=partial(_farther, own),
+            change=partial(_farther, column),
             motor=part.motor,
             sentence=f"the servo of {name} turning {{}} times as far as told",
             check=f"move {name} by 30°, and hold a protractor to it",
@@ -279,9 +279,9 @@ def _off_zero(part: int, draft: Draft, angles: Array) -> None:
 def _askew(part: int, axis: int, draft: Draft, angles: Array) -> None:
     """Turns a hinge about one of the part's own axes: its length, leftward, and the vertical."""
     hinge = draft.numbers("hinge")
-    own = draft.measures("hinges")[hinge[:, part]]
-    _turn(own, [(axis + 1) % 3, (axis + 2) % 3], angles)
-    hinge[:, part] = draft.extended("hinges", own)
+    axes = draft.measures("hinges")[hinge[:, part]]
+    _turn(axes, [(axis + 1) % 3, (axis + 2) % 3], angles)
+    hinge[:, part] = draft.extended("hinges", axes)
 
 
 def _limp(part: int, draft: Draft, amounts: Array) -> None:
@@ -297,6 +297,6 @@ def _limp(part: int, draft: Draft, amounts: Array) -> None:
 
 
 def _jammed(part: int, draft: Draft, angles: Array) -> None:
-    still = angles != 0
-    draft.measures("travel")[still, part] = 0.0
-    draft.measures("zero")[still, part] = angles[still]
+    jammed = angles != 0
+    draft.measures("travel")[jammed, part] = 0.0
+    draft.measures("zero")[jammed, part] = angles[jammed]

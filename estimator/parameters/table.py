@@ -81,9 +81,9 @@ class Draft:
 
     def extended(self, table: str, rows: Array) -> Integers:
         """Adds rows to a table of mounts or hinges; returns their numbers, shape (rows,)."""
-        before = self._array(table)
-        self._changed[table] = np.vstack([before, rows])
-        return len(before) + np.arange(len(rows))
+        existing = self._array(table)
+        self._changed[table] = np.vstack([existing, rows])
+        return len(existing) + np.arange(len(rows))
 
     def done(self) -> Bodies:
         """The bodies with all changes."""
@@ -202,8 +202,8 @@ def applied(table: Sequence[Parameter], bodies: Bodies, deviations: Array) -> Bo
         return bodies
     draft = Draft(bodies)
     for column in np.flatnonzero(np.any(deviations != 0, axis=0)).tolist():
-        row, own = table[column], deviations[:, column]
-        row.change(draft, own if row.switch else row.amounts(1.0, own))
+        row, deviation = table[column], deviations[:, column]
+        row.change(draft, deviation if row.switch else row.amounts(1.0, deviation))
     return draft.done()
 
 
@@ -219,13 +219,13 @@ def prior_probabilities(table: Sequence[Parameter]) -> Array:
     Returns:
         Probabilities, shape (rows + 1,); 0 where a row has no wide component.
     """
-    sizes = Counter(one.group for one in table if one.may_deviate)
-    others = len(sizes.keys() - WIRING)
+    sizes = Counter(row.group for row in table if row.may_deviate)
+    groups = len(sizes.keys() - WIRING)
     of_rows = [
-        (MISWIRED / len(WIRING) if one.group in WIRING else DEVIATES / others) / sizes[one.group]
-        if one.may_deviate
+        (MISWIRED / len(WIRING) if row.group in WIRING else DEVIATES / groups) / sizes[row.group]
+        if row.may_deviate
         else 0.0
-        for one in table
+        for row in table
     ]
     return np.array([*of_rows, 1 - sum(of_rows)])
 
@@ -238,10 +238,10 @@ def deviating(table: Sequence[Parameter], deviations: Array) -> NDArray[np.int64
         deviations: Deviations of the bodies from what is stated, shape (n, rows); see ``applied``.
     """
     least = [
-        _UNNOTICED * one.narrow * (_CARELESSLY if one.by_care else 1.0)
-        if one.may_deviate
+        _UNNOTICED * row.narrow * (_CARELESSLY if row.by_care else 1.0)
+        if row.may_deviate
         else math.inf
-        for one in table
+        for row in table
     ]
     far = np.abs(deviations) > least
     return np.where(far.any(axis=1), far.argmax(axis=1), -1) if table else np.full(len(far), -1)

@@ -61,8 +61,8 @@ BACKENDS: Final[Registry[Any]] = Registry(
 
 MakePhysics: TypeAlias = Callable[[], Physics]
 
-_CHUNK: Final = 25  # most simulations that a worker fetches at a time: about 0.2 s of work
-_CHUNKS: Final = 32  # fewest chunks of a batch that has as many pairs; not tuned
+_CHUNK_SIZE: Final = 25  # most simulations that a worker fetches at a time: about 0.2 s of work
+_FEWEST_CHUNKS: Final = 32  # fewest chunks of a batch that has as many pairs; not tuned
 _Chunk: TypeAlias = tuple[PredictedReadings, int, int]  # readings, simulations, steps
 
 
@@ -186,15 +186,15 @@ class PhysicsPool(Physics):
         sensor_count(pairs)
         if not pairs:
             return PredictedReadings.empty(0, 0)
-        chunks = list(self._workers.map(self._read_chunk, _cut(pairs)))
+        chunks = list(self._workers.map(self._read_chunk, _chunks_of(pairs)))
         self.simulations += sum(simulations for _, simulations, _ in chunks)
         self.steps += sum(steps for _, _, steps in chunks)
         return PredictedReadings.concatenate(readings for readings, _, _ in chunks)
 
 
-def _cut(pairs: Sequence[Pair]) -> list[Sequence[Pair]]:
+def _chunks_of(pairs: Sequence[Pair]) -> list[Sequence[Pair]]:
     """Cuts a batch into chunks, small enough for several workers to share it evenly."""
-    size = max(1, min(_CHUNK, len(pairs) // _CHUNKS))
+    size = max(1, min(_CHUNK_SIZE, len(pairs) // _FEWEST_CHUNKS))
     return [pairs[start : start + size] for start in range(0, len(pairs), size)]
 
 

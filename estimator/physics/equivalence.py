@@ -38,13 +38,13 @@ AGREEMENT: Final = 0.99
 mirrored, with a leg that only rolls) agree in all of them; bodies that differ as little as by the
 direction in which one leg swings sideways, in 0.92."""
 
-_FIRST: Final = 50  # programs compared first: nearly all bodies that differ do so in these
+_FIRST_PROGRAMS: Final = 50  # programs compared first: nearly all bodies that differ do so in these
 
 MARGIN: Final = math.radians(0.05)
 """A program says something if gravity could be inclined by more than this, rad, without the body
 landing elsewhere."""
 
-_UNLIKE: Final = (
+_FAILED_DIFFERENCE: Final = (
     200.0  # difference, in tolerances, of a body that cannot perform a program; any large number
 )
 
@@ -80,18 +80,18 @@ def indistinguishable(
     pairs, programs = shape
     allowed = int((1 - AGREEMENT) * programs)
     differing = np.zeros(pairs, dtype=np.int64)
-    for some in np.split(np.arange(programs), [_FIRST]):
-        left = np.flatnonzero(differing <= allowed)
-        rows, performed = np.repeat(left, len(some)), np.tile(some, len(left))
+    for batch in np.split(np.arange(programs), [_FIRST_PROGRAMS]):
+        candidates = np.flatnonzero(differing <= allowed)
+        rows, performed = np.repeat(candidates, len(batch)), np.tile(batch, len(candidates))
         if not rows.size:
             break
         readings = one(rows, performed), other(rows, performed)
-        differ = ~agree(*readings, modalities).reshape(len(left), len(some))
+        differ = ~agree(*readings, modalities).reshape(len(candidates), len(batch))
         # Margins cost as much as many readings: they are asked for twice as many as may differ.
         asked = np.flatnonzero(differ & (np.cumsum(differ, axis=1) <= 2 * (allowed + 1)))
-        tells = np.zeros(differ.size, dtype=bool)
-        tells[asked] = margins(rows[asked], performed[asked]) > MARGIN
-        differing[left] += tells.reshape(differ.shape).sum(axis=1)
+        is_informative = np.zeros(differ.size, dtype=bool)
+        is_informative[asked] = margins(rows[asked], performed[asked]) > MARGIN
+        differing[candidates] += is_informative.reshape(differ.shape).sum(axis=1)
     return np.asarray(differing <= allowed)
 
 
@@ -130,14 +130,14 @@ class Reference:
             body: A body with the reference's motors and sensors.
         """
         informative = np.flatnonzero(self._decided)
-        (like,) = indistinguishable(
+        (is_alike,) = indistinguishable(
             lambda _, programs: self._readings[informative[programs]],
             lambda _, programs: self._read(body, informative[programs]),
             lambda _, programs: self._margins[informative[programs]],
             (1, len(informative)),
             self._modalities,
         )
-        return bool(like) and bool(informative.size)
+        return bool(is_alike) and bool(informative.size)
 
     def residuals(self, bodies: Bodies, programs: Indices) -> Array:
         """Differences of many bodies' readings from the reference's.
@@ -152,14 +152,14 @@ class Reference:
         """
         rows = np.repeat(np.arange(len(bodies)), len(programs))
         performed = np.tile(programs, len(bodies))
-        theirs = self._physics.read_bodies(bodies[rows], self._programs[performed])
+        their_readings = self._physics.read_bodies(bodies[rows], self._programs[performed])
         differences = np.hstack(
             [
-                MODALITIES[name].differences(theirs, self._readings[performed])
+                MODALITIES[name].differences(their_readings, self._readings[performed])
                 for name in self._modalities
             ]
         )
-        differences[~theirs.valid] = _UNLIKE
+        differences[~their_readings.valid] = _FAILED_DIFFERENCE
         return differences.reshape(len(bodies), len(programs), -1)
 
     def _read(self, body: Morphology, programs: Indices) -> PredictedReadings:
@@ -198,10 +198,10 @@ def mirrored(body: Morphology) -> Morphology:
         if part.parent == BASE:
             mount = _base_mount(body, part.mount, np.diag([1.0, -1.0, 1.0]))
         else:
-            own = body.part_mounts[part.mount]
-            ways = np.array([[one.fraction, *_axes(one).ravel()] for one in body.part_mounts])
-            image = _axes(replace(own, yaw=-own.yaw)).ravel()
-            mount = _nearest(ways, (own.fraction, *image), "mount")
+            carried = body.part_mounts[part.mount]
+            places = np.array([[m.fraction, *_axes(m).ravel()] for m in body.part_mounts])
+            opposite = _axes(replace(carried, yaw=-carried.yaw)).ravel()
+            mount = _nearest(places, (carried.fraction, *opposite), "mount")
         x, y, z = body.hinges[part.hinge].axis
         axes = np.array([hinge.axis for hinge in body.hinges])
         return replace(part, mount=mount, hinge=_nearest(axes, (-x, y, -z), "hinge"))
@@ -229,7 +229,7 @@ def images(body: Morphology) -> Iterator[Morphology]:
 def _base_mount(body: Morphology, mount: int, change: Array) -> int:
     """Index of the mount on the main body where a rotation or reflection carries another."""
     mounts = body.base.mounts
-    places = np.array([[one.at, *_axes(one)] for one in mounts])
+    places = np.array([[candidate.at, *_axes(candidate)] for candidate in mounts])
     wanted = (places[mount] @ change.T).ravel()
     return _nearest(places.reshape(len(mounts), -1), wanted, "mount")
 
@@ -241,16 +241,16 @@ def _axes(mount: Mount) -> Array:
 
 
 def _nearest(rows: Array, wanted: Sequence[float] | Array, what: str) -> int:
-    away = np.abs(rows - np.asarray(wanted)).max(axis=1)
-    if away.min() > _COINCIDENT:
+    distances = np.abs(rows - np.asarray(wanted)).max(axis=1)
+    if distances.min() > _COINCIDENT:
         raise MorphologyError(f"the body has no {what} where an image of another would be")
-    return int(np.argmin(away))
+    return int(np.argmin(distances))
 
 
 def agree(one: PredictedReadings, other: PredictedReadings, modalities: Sequence[str]) -> Flags:
     """Whether, in each program, two bodies' sensors read alike, or neither can perform it."""
-    same = one.valid & other.valid
+    agreed = one.valid & other.valid
     for name in modalities:
-        same &= MODALITIES[name].alike(one, other)
-    alike: Flags = same | ~(one.valid | other.valid)
+        agreed &= MODALITIES[name].alike(one, other)
+    alike: Flags = agreed | ~(one.valid | other.valid)
     return alike

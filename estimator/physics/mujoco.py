@@ -40,7 +40,7 @@ from protocol.wire.readings import up_in_body
 _YIELD: Final = 0.2  # turn under the body's weight, as a share of the joints' tolerance; not tuned
 _SOFTNESS: Final = 3.0  # time constant of a contact, in steps; MuJoCo's least is 2
 _IMPEDANCE: Final = (0.999, 0.9999, 0.001, 0.5, 2.0)  # solimp: bodies sink in by micrometres
-_SHORTEST: Final = 1e-6  # m; a capsule whose centres are closer is a sphere
+_SHORTEST_CAPSULE: Final = 1e-6  # m; a capsule whose centres are closer is a sphere
 
 
 class MuJoCoPhysics(Physics):
@@ -64,7 +64,7 @@ class MuJoCoPhysics(Physics):
             ) from error
         if self._engine.get_mju_user_warning() is None:
             # MuJoCo would write warnings into a file in the working directory.
-            self._engine.set_mju_user_warning(_ignore)
+            self._engine.set_mju_user_warning(_ignore_warning)
 
     def close(self) -> None:
         """Does nothing: no engine is kept between bodies."""
@@ -89,11 +89,11 @@ class MuJoCoPhysics(Physics):
                 self._turn(model, data, np.zeros_like(targets))
             self._turn(model, data, targets)
             # MuJoCo sorts joints and bodies depth first; actuators stay in the order added.
-            at = [int(model.joint(f"joint {index}").qposadr[0]) for index in driven]
+            addresses = [int(model.joint(f"joint {index}").qposadr[0]) for index in driven]
             if not (np.all(np.isfinite(data.qpos)) and np.all(np.isfinite(data.qvel))):
                 readings.joint_miss[row] = math.inf
                 continue  # it flew apart; the row stays invalid
-            readings.joint_miss[row] = np.abs(data.qpos[at] - targets).max(initial=0.0)
+            readings.joint_miss[row] = np.abs(data.qpos[addresses] - targets).max(initial=0.0)
             readings.valid[row] = readings.joint_miss[row] <= self._settings.joint_tolerance
             self._sense(model, data, body, readings, row)
         return readings
@@ -103,18 +103,18 @@ class MuJoCoPhysics(Physics):
         step, settings = self._engine.mj_step, self._settings
         pace = settings.slew * settings.step
         slewing = math.ceil(np.abs(targets).max(initial=0.0) / pace)
-        done = min(settings.steps, slewing)
-        for turned in pace * np.arange(1, done + 1):
+        steps_done = min(settings.steps, slewing)
+        for turned in pace * np.arange(1, steps_done + 1):
             data.ctrl[:] = np.clip(targets, -turned, turned)
             step(model, data)
         watch = RestWatch(settings)
-        while done < settings.steps and not watch.rests:
-            several = min(watch.STEPS_PER_LOOK, settings.steps - done)
-            step(model, data, several)
-            done += several
+        while steps_done < settings.steps and not watch.rests:
+            steps = min(watch.STEPS_PER_LOOK, settings.steps - steps_done)
+            step(model, data, steps)
+            steps_done += steps
             up = up_in_body(tuple(data.qpos[[4, 5, 6, 3]].tolist()))
             watch.look(MainBody(data.qvel[:3], data.qvel[3:6], float(data.qpos[2]), up))
-        self.steps += done
+        self.steps += steps_done
 
     def _sense(
         self, model: Any, data: Any, body: Morphology, readings: PredictedReadings, row: int
@@ -203,7 +203,7 @@ def _shape(engine: Any, part: Part) -> dict[str, Any]:
             "pos": (part.middle, 0, 0),
             "size": [extent / 2 for extent in part.size],
         }
-    if far - near > _SHORTEST:
+    if far - near > _SHORTEST_CAPSULE:
         return {
             "type": engine.mjtGeom.mjGEOM_CAPSULE,
             "fromto": (near, 0, 0, far, 0, 0),
@@ -212,5 +212,5 @@ def _shape(engine: Any, part: Part) -> dict[str, Any]:
     return {"type": engine.mjtGeom.mjGEOM_SPHERE, "pos": (far, 0, 0), "size": size}
 
 
-def _ignore(_: str) -> None:
+def _ignore_warning(_: str) -> None:
     """Ignores a warning of MuJoCo: ``valid`` of the readings says whether they can be believed."""

@@ -230,19 +230,19 @@ class PyBulletPhysics(Physics):
                 )
         slewing = max(map(abs, angles), default=0.0) / (settings.slew * settings.step)
         unwatched = settings.steps if settings.full_steps else slewing + 3
-        watch, done = RestWatch(settings), 0
-        while done < settings.steps and not watch.rests:
+        watch, steps_done = RestWatch(settings), 0
+        while steps_done < settings.steps and not watch.rests:
             engine.stepSimulation(physicsClientId=client)
-            done += 1
-            if done > unwatched and done % watch.STEPS_PER_LOOK == 0:
+            steps_done += 1
+            if steps_done > unwatched and steps_done % watch.STEPS_PER_LOOK == 0:
                 watch.look(self._main_body(body))
-        self.steps += done
+        self.steps += steps_done
 
     def _main_body(self, body: int) -> MainBody:
         engine, client = self._engine, self._client
-        place, (x, y, z, w) = engine.getBasePositionAndOrientation(body, physicsClientId=client)
+        position, (x, y, z, w) = engine.getBasePositionAndOrientation(body, physicsClientId=client)
         velocity, spin = engine.getBaseVelocity(body, physicsClientId=client)
-        return MainBody(velocity, spin, place[2], up_in_body((x, y, z, w)))
+        return MainBody(velocity, spin, position[2], up_in_body((x, y, z, w)))
 
     def _sense(
         self,
@@ -271,13 +271,13 @@ class PyBulletPhysics(Physics):
         readings.valid[row] = readings.joint_miss[row] <= settings.joint_tolerance
         up = up_in_body((x, y, z, w))
         # PyBullet tells where the centre of mass is.
-        above = sum(map(operator.mul, up, morphology.base.centre))
+        centre_rise = sum(map(operator.mul, up, morphology.base.centre))
         fill_row(
             readings,
             row,
             morphology,
             settings,
-            height=position[2] - above,
+            height=position[2] - centre_rise,
             up=up,
             gaps=self._gaps(body, morphology) if links else (),
         )

@@ -58,29 +58,29 @@ class RestWatch:
 
     def __init__(self, settings: WorldSettings):
         self._full_steps = settings.full_steps
-        self._calm = 0
+        self._calm_looks = 0
         self._window = round(settings.rest_window / (settings.step * self.STEPS_PER_LOOK))
-        self._seen: deque[tuple[float, ...]] = deque(maxlen=self._window + 1)
+        self._poses: deque[tuple[float, ...]] = deque(maxlen=self._window + 1)
 
     @property
     def rests(self) -> bool:
         """Whether the body rests."""
-        return not self._full_steps and self._calm >= (1 if self._window else self._LOOKS)
+        return not self._full_steps and self._calm_looks >= (1 if self._window else self._LOOKS)
 
     def look(self, body: MainBody) -> None:
         """Looks at the main body; to be called every ``STEPS_PER_LOOK`` steps."""
-        still = self._stays(body) if self._window else self._hardly_moves(body)
-        self._calm = self._calm + 1 if still else 0
+        is_still = self._stays(body) if self._window else self._hardly_moves(body)
+        self._calm_looks = self._calm_looks + 1 if is_still else 0
 
     def _hardly_moves(self, body: MainBody) -> bool:
-        slow = math.hypot(*body.velocity) < self._REST_SPEED
-        return slow and math.hypot(*body.spin) < self._REST_SPIN
+        is_slow = math.hypot(*body.velocity) < self._REST_SPEED
+        return is_slow and math.hypot(*body.spin) < self._REST_SPIN
 
     def _stays(self, body: MainBody) -> bool:
-        self._seen.append((body.height, *body.up))
-        if len(self._seen) <= self._window:
+        self._poses.append((body.height, *body.up))
+        if len(self._poses) <= self._window:
             return False
-        height, *ups = zip(*self._seen, strict=True)
+        height, *ups = zip(*self._poses, strict=True)
         if max(height) - min(height) > self._SAME_HEIGHT:
             return False
         return all(max(axis) - min(axis) < self._SAME_TILT for axis in ups)

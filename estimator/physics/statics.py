@@ -43,18 +43,22 @@ COARSE_PACE: Final = math.radians(8.0)
 """Turn of a joint in one coarse step, rad: costs three quarters as much, and one body in several
 hundred lands elsewhere. With finer steps, too, a body that lies flat is looked at only so often."""
 
-_FEWEST: Final = 100  # fewest bodies that are worth another thread: a quarter of a millisecond
+_FEWEST_BODIES: Final = (
+    100  # fewest bodies that are worth another thread: a quarter of a millisecond
+)
 _LARGEST_MARGIN: Final = math.atan(0.5)
-_WAYS: Final = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
-_SAME: Final = 1e-3  # rad; poses that differ by less count as one: far below what sensors resolve
-_LADDER: Final = (
+_INCLINED_WAYS: Final = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
+_SAME_POSE: Final = (
+    1e-3  # rad; poses that differ by less count as one: far below what sensors resolve
+)
+_MOST_RUNGS: Final = (
     5  # inclinations tried from the steepest down, each a quarter of the one before; not tuned
 )
-_FINE: Final = (
+_MARGIN_RATIO: Final = (
     1.2  # ratio of the two inclinations between which a margin is known to lie; not tuned
 )
-_UNKNOWN: Final = np.full(1, -1)  # no known stance, for all bodies
-_FARTHEST: Final = 100 * 2 * math.pi  # rad; no joint turns as far
+_UNKNOWN_STANCE: Final = np.full(1, -1)  # no known stance, for all bodies
+_FARTHEST_TURN: Final = 100 * 2 * math.pi  # rad; no joint turns as far
 
 
 class StaticsPhysics(ArrayPhysics):
@@ -129,24 +133,24 @@ class StaticsPhysics(ArrayPhysics):
         most = min(most, _LARGEST_MARGIN)
         steepest = math.tan(most)
         programs = np.atleast_2d(np.asarray(programs, dtype=float))
-        good, bad = np.zeros(len(bodies)), np.full(len(bodies), steepest)
-        tried, rungs = bad.copy(), 0
+        safe, unsafe = np.zeros(len(bodies)), np.full(len(bodies), steepest)
+        tried, rungs = unsafe.copy(), 0
         _, plumb = self._at_rest(bodies, programs, None, self._pace, plumb=False)
         searched = np.arange(len(bodies))
         while len(searched):
-            rows = searched.repeat(len(_WAYS))
-            own = programs if len(programs) == 1 else programs[rows]
-            inclined = tried[rows, None] * np.tile(_WAYS, (len(searched), 1))
-            _, up = self._at_rest(bodies[rows], own, inclined, self._pace, plumb=False)
-            away = np.abs(up - plumb[rows]).reshape(len(searched), -1).max(axis=1)
-            alike = away <= _SAME  # False where it is NaN
-            good[searched[alike]] = tried[searched[alike]]
-            bad[searched[~alike]] = tried[searched[~alike]]
+            rows = searched.repeat(len(_INCLINED_WAYS))
+            row_programs = programs if len(programs) == 1 else programs[rows]
+            inclined = tried[rows, None] * np.tile(_INCLINED_WAYS, (len(searched), 1))
+            _, up = self._at_rest(bodies[rows], row_programs, inclined, self._pace, plumb=False)
+            differences = np.abs(up - plumb[rows]).reshape(len(searched), -1).max(axis=1)
+            lands_alike = differences <= _SAME_POSE  # False where it is NaN
+            safe[searched[lands_alike]] = tried[searched[lands_alike]]
+            unsafe[searched[~lands_alike]] = tried[searched[~lands_alike]]
             rungs += 1
-            lost = (good == 0) & (rungs == _LADDER)
-            searched = searched[((bad > _FINE * good) & ~lost)[searched]]
-            tried = np.where(good > 0, np.sqrt(good * bad), 0.25 * tried)
-        return np.where(good == steepest, most, np.arctan(good))
+            is_lost = (safe == 0) & (rungs == _MOST_RUNGS)
+            searched = searched[((unsafe > _MARGIN_RATIO * safe) & ~is_lost)[searched]]
+            tried = np.where(safe > 0, np.sqrt(safe * unsafe), 0.25 * tried)
+        return np.where(safe == steepest, most, np.arctan(safe))
 
     def _at_rest(
         self,
@@ -163,16 +167,16 @@ class StaticsPhysics(ArrayPhysics):
         Without ``plumb`` gravity stays inclined, and the readings are not filled in.
         """
         settings, count, trees = self._settings, len(bodies), self._kernel.Trees
-        told, farthest = _checked_programs(bodies, programs)
-        whole, rows = bodies.origin
+        program_rows, farthest = _checked_programs(bodies, programs)
+        source, rows = bodies.origin
         readings, up = PredictedReadings.empty(count, bodies.sensors), np.empty((count, 3))
         self.steps += self._share_out(
             self._kernel.rest,
             count,
             (
-                trees(whole.count, *(getattr(whole, name) for name in trees._fields[1:])),
+                trees(source.count, *(getattr(source, name) for name in trees._fields[1:])),
                 rows,
-                told,
+                program_rows,
                 _checked_tilts(bodies, gravity_tilts),
                 _checked_stances(bodies, stances),
                 self._slew(farthest, pace),
@@ -202,7 +206,7 @@ class StaticsPhysics(ArrayPhysics):
     def _slew(self, farthest: float, pace: float) -> Any:
         """How joints turn that turn by at most ``farthest``, rad: the kernel's ``Slew``."""
         settings = self._settings
-        reach = min(settings.slew * settings.step * settings.steps, _FARTHEST)
+        reach = min(settings.slew * settings.step * settings.steps, _FARTHEST_TURN)
         angles = pace * np.arange(math.ceil(min(farthest, reach) / pace) + 2)
         stride = max(1, int(COARSE_PACE / pace))
         return self._kernel.Slew(pace, stride, reach, np.cos(angles), np.sin(angles))
@@ -215,7 +219,7 @@ class StaticsPhysics(ArrayPhysics):
                     function(0, 0, *arguments)
             self._compiled.add(function)  # asking Numba costs a tenth of a small batch
         steps = self._threads.share_out(
-            lambda start, end: int(function(start, end, *arguments)), count, fewest=_FEWEST
+            lambda start, end: int(function(start, end, *arguments)), count, fewest=_FEWEST_BODIES
         )
         return sum(steps)
 
@@ -233,7 +237,7 @@ def _checked_programs(bodies: Bodies, programs: Array) -> tuple[Array, float]:
             f"many angles, or one for each body, not an array of shape {np.shape(programs)}"
         )
     travel, zero = bodies.strays
-    farthest = travel * _farthest(rows) + zero
+    farthest = travel * _largest_magnitude(rows) + zero
     if not math.isfinite(farthest):
         row = int(np.argmin(np.all(np.isfinite(rows), axis=1)))
         raise PhysicsError(f"a motor program must be finite, not {rows[row].tolist()}")
@@ -249,14 +253,14 @@ def _checked_tilts(bodies: Bodies, gravity_tilts: Array | None) -> Array:
             f"{len(bodies)} bodies need an inclination of gravity as two tangents, or two for each "
             f"body, not an array of shape {np.shape(gravity_tilts)}"
         )
-    if not math.isfinite(_farthest(rows)):
+    if not math.isfinite(_largest_magnitude(rows)):
         raise PhysicsError("inclinations of gravity must be finite")
     return rows
 
 
 def _checked_stances(bodies: Bodies, stances: Integers | None) -> Integers:
     if stances is None:
-        return _UNKNOWN
+        return _UNKNOWN_STANCE
     rows = np.ascontiguousarray(stances)
     if rows.shape != (len(bodies),) or rows.dtype != np.int64:
         raise PhysicsError(
@@ -266,7 +270,7 @@ def _checked_stances(bodies: Bodies, stances: Integers | None) -> Integers:
     return rows
 
 
-def _farthest(rows: Array) -> float:
+def _largest_magnitude(rows: Array) -> float:
     """Largest absolute value, found from the least and the largest number; NaN where one is NaN."""
-    least, most = float(rows.min(initial=0.0)), float(rows.max(initial=0.0))
-    return most if math.isnan(most) else max(most, -least)
+    least, largest = float(rows.min(initial=0.0)), float(rows.max(initial=0.0))
+    return largest if math.isnan(largest) else max(largest, -least)

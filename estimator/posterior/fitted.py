@@ -36,7 +36,7 @@ from estimator.storage.posteriors import StoredPosterior
 from estimator.storage.store import RunStore
 from protocol.wire.capabilities import Capabilities
 
-_AT_ONCE: Final = 4096  # readings, whose bodies fit into a processor's cache
+_READINGS_AT_ONCE: Final = 4096  # whose bodies fit into a processor's cache
 
 
 class Attachment(BaseModel):
@@ -355,14 +355,14 @@ class FittedPosterior:
             EstimatorError: The programs have a wrong shape, or are not finite.
         """
         angles = self._checked(programs)
-        several = np.atleast_2d(angles)
+        stacked = np.atleast_2d(angles)
         bodies, count = self.body_arrays, len(self)
-        at_once, pieces = max(1, _AT_ONCE // max(1, count)), []
-        for start in range(0, len(several), at_once):
-            some = several[start : start + at_once]
-            pieces.append(self.predictor.read(bodies, *each_with_each(count, some)))
+        at_once, pieces = max(1, _READINGS_AT_ONCE // max(1, count)), []
+        for start in range(0, len(stacked), at_once):
+            batch = stacked[start : start + at_once]
+            pieces.append(self.predictor.read(bodies, *each_with_each(count, batch)))
         readings = PredictedReadings.concatenate(pieces)
-        return readings if angles.ndim == 1 else readings.reshaped(len(several), count)
+        return readings if angles.ndim == 1 else readings.reshaped(len(stacked), count)
 
     def margins(self, programs: ArrayLike) -> Array:
         """Path margins, rad: how far gravity may be inclined until a sample falls elsewhere.
@@ -374,22 +374,19 @@ class FittedPosterior:
             Margins of all samples, shape (n,), or (p, n).
         """
         angles = self._checked(programs)
-        several, count = np.atleast_2d(angles), len(self)
-        margins = self.predictor.margins(self.body_arrays, *each_with_each(count, several))
+        stacked, count = np.atleast_2d(angles), len(self)
+        margins = self.predictor.margins(self.body_arrays, *each_with_each(count, stacked))
         return margins.reshape(*angles.shape[:-1], count)
 
     def log_likelihood(self, program: ArrayLike, observation: Observation) -> Array:
         """Logarithm of the density of what was observed, under each sample and its noise factors.
 
-        The likelihood by which bodies are judged: with outliers, and falls to either side of a
-        fork. Sensors that do not count are left out.
+        The likelihood by which bodies are judged, shape (n,): with outliers, and falls to either
+        side of a fork. Sensors that do not count are left out.
 
         Args:
             program: Angles that the joints took, rad, shape (joints,): an observation has its own.
             observation: What was observed.
-
-        Returns:
-            Shape (n,).
 
         Raises:
             EstimatorError: The program has a wrong shape or is not finite, or another robot

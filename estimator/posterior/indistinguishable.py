@@ -21,23 +21,20 @@ from estimator.posterior.posterior import Mode, Posterior
 Indistinguishable: TypeAlias = Callable[[Array, Array], Flags]
 """Whether no sensor discriminates between the bodies of two arrays of n points, pair by pair."""
 
-_COMPARED: Final = 0.002  # probability above which a mode without samples is compared
+_LEAST_PROBABILITY: Final = 0.002  # probability above which a mode without samples is compared
 
 
 def indistinguishable_points(
     predictor: Predictor, movements: Array, modalities: Sequence[str], ones: Array, others: Array
 ) -> Flags:
-    """Whether bodies without faults are indistinguishable, pair by pair (``physics.equivalence``).
+    """Whether bodies without faults are indistinguishable (``physics.equivalence``), shape (n,).
 
     Args:
         predictor: Computes readings.
         movements: Motor programs, rad, shape (m, motors).
         modalities: Sensors that may discriminate between bodies.
         ones: Points of the cube, shape (n, size).
-        others: Points of the bodies that they are compared with, shape (n, size).
-
-    Returns:
-        Whether they are, shape (n,).
+        others: Points of the bodies that they are compared with, pair by pair, shape (n, size).
     """
     unknowns = predictor.unknowns
     first, second = (unknowns.bodies(unknowns.as_built(points)) for points in (ones, others))
@@ -63,10 +60,10 @@ def probability_of(
         indistinguishable: Tests whether bodies are indistinguishable.
     """
     unknowns = predictor.unknowns
-    others = _attached_like(point, posterior.values, unknowns)
-    (theirs,) = unknowns.keys(point[None])
-    same = np.array([key == theirs for key in unknowns.keys(posterior.values)])
-    same[~same] = indistinguishable(others[~same], posterior.values[~same])
+    attached = _attached_like(point, posterior.values, unknowns)
+    (attachments,) = unknowns.keys(point[None])
+    same = np.array([key == attachments for key in unknowns.keys(posterior.values)])
+    same[~same] = indistinguishable(attached[~same], posterior.values[~same])
     return float(posterior.weights @ same)
 
 
@@ -76,40 +73,37 @@ def indistinguishable_shares(
     predictor: Predictor,
     indistinguishable: Indistinguishable,
 ) -> Array:
-    """Share of each mode that no sensor can tell from the first mode's attachments.
+    """Share of each mode that no sensor can tell from the first mode's attachments, shape (modes,).
 
     Args:
-        modes: The first modes of the posterior.
+        modes: The first modes of the posterior; the share of the very first is 1.
         posterior: Posterior whose samples stand for the modes; for a mode without any its best body
             does.
         predictor: Knows which columns are attachments.
         indistinguishable: Tests whether bodies are indistinguishable.
-
-    Returns:
-        Shares from 0 to 1, shape (modes,); 1 for the first mode.
     """
     unknowns = predictor.unknowns
     numbers = {mode.attachments: number for number, mode in enumerate(modes)}
     of_samples = np.array([numbers.get(key, 0) for key in unknowns.keys(posterior.values)])
     rows = np.flatnonzero(of_samples)
-    bare = [
+    unsampled = [
         number
         for number, mode in enumerate(modes)
-        if number and mode.probability > _COMPARED and number not in of_samples
+        if number and mode.probability > _LEAST_PROBABILITY and number not in of_samples
     ]
-    points = np.vstack([posterior.values[rows], *(modes[number].point for number in bare)])
-    owners = np.concatenate([of_samples[rows], bare]).astype(np.int64)
-    weights = np.concatenate([posterior.weights[rows], np.ones(len(bare))])
+    points = np.vstack([posterior.values[rows], *(modes[number].point for number in unsampled)])
+    owners = np.concatenate([of_samples[rows], unsampled]).astype(np.int64)
+    weights = np.concatenate([posterior.weights[rows], np.ones(len(unsampled))])
     same = indistinguishable(_attached_like(modes[0].point, points, unknowns), points)
-    whole = np.bincount(owners, weights, len(modes))
-    part = np.bincount(owners, weights * same, len(modes))
-    shares = np.divide(part, whole, out=np.zeros(len(modes)), where=whole > 0)
+    total = np.bincount(owners, weights, len(modes))
+    equivalent = np.bincount(owners, weights * same, len(modes))
+    shares = np.divide(equivalent, total, out=np.zeros(len(modes)), where=total > 0)
     shares[0] = 1.0
     return shares
 
 
 def _attached_like(point: Array, values: Array, unknowns: Unknowns) -> Array:
     """The n points of ``values``, with the attachments of ``point``."""
-    others = values.copy()
-    others[:, unknowns.choices] = point[unknowns.choices]
-    return others
+    attached = values.copy()
+    attached[:, unknowns.choices] = point[unknowns.choices]
+    return attached

@@ -12,7 +12,7 @@ from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.posterior.model.unknowns import Attachments, Columns
 
-_TRIFLE: Final = 0.05  # share of the posterior that counts as missed in estimates of coverage
+_ALWAYS_MISSED: Final = 0.05  # share of the posterior, in estimates of coverage
 
 MOSTLY: Final = 0.5
 """Part of a mode that must be indistinguishable from the first for the mode to count as such."""
@@ -132,10 +132,10 @@ def coverage(shares: Array, found: Flags) -> float:
     """
     missed = 1.0
     for population in range(found.shape[1]):
-        others = np.delete(found, population, axis=1).any(axis=1)
-        theirs = shares[others].sum()
-        both = shares[others & found[:, population]].sum()
-        missed *= 1 - both / (theirs + _TRIFLE * (1 - theirs))
+        by_others = np.delete(found, population, axis=1).any(axis=1)
+        share_of_others = shares[by_others].sum()
+        share_of_both = shares[by_others & found[:, population]].sum()
+        missed *= 1 - share_of_both / (share_of_others + _ALWAYS_MISSED * (1 - share_of_others))
     return float(1.0 - missed)
 
 
@@ -150,8 +150,8 @@ def coverage_of_classes(shares: Array, found: Flags, indistinguishable: Array) -
         found: Which modes each population has found, shape (n, populations).
         indistinguishable: Part of each mode that is indistinguishable from the first, shape (n,).
     """
-    together = np.append(shares * (1 - indistinguishable), shares @ indistinguishable)
-    return coverage(together, np.vstack([found, found[indistinguishable >= MOSTLY].any(axis=0)]))
+    classes = np.append(shares * (1 - indistinguishable), shares @ indistinguishable)
+    return coverage(classes, np.vstack([found, found[indistinguishable >= MOSTLY].any(axis=0)]))
 
 
 def ess_of_class(shares: Array, ess: Array, indistinguishable: Array) -> float:
@@ -171,5 +171,5 @@ def ess_of_class(shares: Array, ess: Array, indistinguishable: Array) -> float:
 
 def found_by_each(keys: Sequence[Attachments], found: Sequence[Collection[Attachments]]) -> Flags:
     """Which of n sets of attachments each population has found, shape (n, populations)."""
-    flags: Flags = np.array([[key in own for own in found] for key in keys], dtype=bool)
+    flags: Flags = np.array([[key in known for known in found] for key in keys], dtype=bool)
     return flags.reshape(len(keys), len(found))

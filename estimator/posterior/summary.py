@@ -30,10 +30,10 @@ from estimator.storage.posteriors import (
     StoredPosterior,
 )
 
-_FEW: Final = 10.0  # effective sample size below which probabilities are called uncertain
-_KEPT: Final = 120  # modes that are stored, at most
+_LOW_ESS: Final = 10.0  # effective sample size below which probabilities are called uncertain
+_STORED_MODES: Final = 120  # modes that are stored, at most
 _RARITY: Final = 0.02  # probability below which a deviation is not named
-_RIVALS: Final = 20  # modes that are compared with the first where no probability is stated
+_COMPARED_MODES: Final = 20  # modes that are compared with the first where no probability is stated
 
 
 def summarise(
@@ -54,15 +54,15 @@ def summarise(
         before: The posterior before the last interaction, by which that one's information is
             measured.
     """
-    modes, unknowns = posterior.modes[:_KEPT], predictor.unknowns
-    compared = modes if posterior.adequate_fit else modes[:_RIVALS]
+    modes, unknowns = posterior.modes[:_STORED_MODES], predictor.unknowns
+    compared = modes if posterior.adequate_fit else modes[:_COMPARED_MODES]
     shares = np.zeros(len(modes))
     shares[: len(compared)] = indistinguishable_shares(
         compared, posterior, predictor, indistinguishable
     )
     chances, found = np.array([mode.probability for mode in modes]), [mode.found for mode in modes]
     coverage = coverage_of_classes(chances, np.array(found), shares)
-    behind = ess_of_class(chances, np.array([mode.ess for mode in modes]), shares)
+    class_ess = ess_of_class(chances, np.array([mode.ess for mode in modes]), shares)
     gained = None
     if before is not None:
         gained = information_gained(before, posterior, predictor, likelihood)
@@ -95,7 +95,7 @@ def summarise(
         coverage=coverage,
         causes=_causes(posterior, unknowns),
         as_stated_m=_as_stated(posterior, unknowns),
-        low_ess=bool(predictor.unknowns.choices.size) and behind < _FEW,
+        low_ess=bool(predictor.unknowns.choices.size) and class_ess < _LOW_ESS,
         too_early=len(likelihood) < unknowns.telling,
         information_gain_bits=gained,
         predicted=_predicted(posterior, predictor, likelihood),
@@ -145,10 +145,10 @@ def _middle_body(posterior: Posterior, predictor: Predictor) -> Array:
     values, weights = posterior.values[rows], posterior.weights[rows]
     for column in unknowns.continuous.tolist():
         best[column] = values[_middle(values[:, column], weights), column]
-    several = _legs_of_several_lengths(first.point, unknowns)
-    if several:
+    legs = _legs_of_several_lengths(first.point, unknowns)
+    if legs:
         lengths = leg_lengths(unknowns.decode_all(values))
-        for leg, columns in several.items():
+        for leg, columns in legs.items():
             best[columns] = values[_middle(lengths[:, leg], weights), columns]
     return best
 
@@ -169,7 +169,7 @@ def _legs_of_several_lengths(point: Array, unknowns: Unknowns) -> dict[int, list
         motor = body.parts[groups[gene.part]].motor if gene.trait == "length" else None
         if motor is not None:
             columns.setdefault(legs.index(motor), []).append(column)
-    return {leg: own for leg, own in columns.items() if len(own) > 1}
+    return {leg: leg_columns for leg, leg_columns in columns.items() if len(leg_columns) > 1}
 
 
 def _predicted(
@@ -237,7 +237,7 @@ def information_gained(
     """
     last = likelihood[-1:]
     rows = systematic(before.weights, SAMPLES - 1, 0.5)
-    others = last.normalised(predictor, before.values[rows], before.scales[rows])
-    own = last.normalised(predictor, after.values, after.scales)[:, 0]
-    mean = np.logaddexp(own, logsumexp(others)) - math.log(1 + len(others))
-    return float(after.weights @ (own - mean)) / math.log(2)
+    earlier_logs = last.normalised(predictor, before.values[rows], before.scales[rows])
+    logs = last.normalised(predictor, after.values, after.scales)[:, 0]
+    mean = np.logaddexp(logs, logsumexp(earlier_logs)) - math.log(1 + len(earlier_logs))
+    return float(after.weights @ (logs - mean)) / math.log(2)

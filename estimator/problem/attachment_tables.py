@@ -21,7 +21,7 @@ from estimator.body.mounts import (
 from estimator.problem.sections import HingeRule, MountRule, PartRule
 from estimator.problem.values import UNKNOWN
 
-_ON: Final = {True: "on the main body", False: "on a part"}
+_CARRIER_WORDS: Final = {True: "on the main body", False: "on a part"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,7 +81,7 @@ class AttachmentTables:
             if isinstance(rule.at, float)
         )
         self._on_base = on_base
-        self._further: tuple[BaseMount, ...] = ()
+        self._inline_mounts: tuple[BaseMount, ...] = ()
         self.part_mounts = on_part or PART_SIDES
         self.hinges = tuple(Hinge(name=rule.name, axis=rule.axis) for rule in hinges) or HINGES
         self._names = {
@@ -96,7 +96,7 @@ class AttachmentTables:
 
     def base_mounts(self, size: Vector) -> tuple[BaseMount, ...]:
         """Mounts on a main body with these extents, m."""
-        return (*(self._on_base or four_sides(size)), *self._further)
+        return (*(self._on_base or four_sides(size)), *self._inline_mounts)
 
     def mount_names(self, parent: int) -> Sequence[str]:
         """Names of the mounts on a parent that a gene chooses from."""
@@ -122,12 +122,12 @@ class AttachmentTables:
                 )
         for parent in range(BASE, len(parts)):
             riders = [rule.name for rule in parts if rule.parent == parent]
-            own = self.base_choices if parent == BASE else self.part_choices
-            inline = sum(key >= (parent, own) for key in owners if key[0] == parent)
-            if len(riders) > own + inline:
+            choices = self.base_choices if parent == BASE else self.part_choices
+            inline = sum(key >= (parent, choices) for key in owners if key[0] == parent)
+            if len(riders) > choices + inline:
                 raise ValueError(
                     f"share_mounts: {', '.join(riders)} sit on one carrier, which has only "
-                    f"{own + inline} mounts: add mounts, or let them be shared"
+                    f"{choices + inline} mounts: add mounts, or let them be shared"
                 )
 
     def _attached(self, index: int, part: PartRule) -> Attached:
@@ -145,47 +145,47 @@ class AttachmentTables:
                     f"fraction of the length on a part, but its parent is {part.parent + 1}"
                 )
             if isinstance(part.at, tuple):
-                on_base = self._on_main_body(part.at, part)
+                on_base = self._base_mount_index(part.at, part)
             else:
-                on_part = self._on_any_part(part.at, part)
+                on_part = self._part_mount_index(part.at, part)
         elif part.mount is not None:
             if part.parent in (None, BASE):
-                on_base = self._index(f"{where}.mount", part, part.mount, on_base=True)
+                on_base = self._mount_index(f"{where}.mount", part, part.mount, on_base=True)
             if part.parent != BASE and index:
-                on_part = self._index(f"{where}.mount", part, part.mount, on_base=False)
-        return Attached(on_base=on_base, on_part=on_part, hinge=self._hinge(where, part))
+                on_part = self._mount_index(f"{where}.mount", part, part.mount, on_base=False)
+        return Attached(on_base=on_base, on_part=on_part, hinge=self._hinge_index(where, part))
 
-    def _on_main_body(self, at: Vector, part: PartRule) -> int:
-        x, y, z = (round(1000 * value, 1) for value in at)
-        name = f"({x:g}, {y:g}, {z:g}) mm, {_said(part)}"
+    def _base_mount_index(self, at: Vector, part: PartRule) -> int:
+        x, y, z = (round(1000 * coordinate, 1) for coordinate in at)
+        name = f"({x:g}, {y:g}, {z:g}) mm, {_direction_words(part)}"
         mount = BaseMount(name=name, at=at, **_direction(part))
-        for index, other in enumerate((*self._on_base, *self._further)):
-            if replace(other, name=name) == mount:
+        for index, existing in enumerate((*self._on_base, *self._inline_mounts)):
+            if replace(existing, name=name) == mount:
                 return index if self._on_base else index + self.base_choices
-        self._further += (mount,)
-        return self.base_choices + len(self._further) - 1
+        self._inline_mounts += (mount,)
+        return self.base_choices + len(self._inline_mounts) - 1
 
-    def _on_any_part(self, fraction: float, part: PartRule) -> int:
-        name = f"{100 * fraction:g} % of the length, {_said(part)}"
+    def _part_mount_index(self, fraction: float, part: PartRule) -> int:
+        name = f"{100 * fraction:g} % of the length, {_direction_words(part)}"
         mount = PartMount(name=name, fraction=fraction, **_direction(part))
-        for index, other in enumerate(self.part_mounts):
-            if replace(other, name=name) == mount:
+        for index, existing in enumerate(self.part_mounts):
+            if replace(existing, name=name) == mount:
                 return index
         self.part_mounts += (mount,)
         return len(self.part_mounts) - 1
 
-    def _index(self, key: str, part: PartRule, name: str, *, on_base: bool) -> int:
+    def _mount_index(self, key: str, part: PartRule, name: str, *, on_base: bool) -> int:
         names = self._names[on_base]
         if name not in names:
             raise ValueError(
-                f"{key} ({part.name}): {_ON[on_base]}, must be one of {_listed(names)}, "
+                f"{key} ({part.name}): {_CARRIER_WORDS[on_base]}, must be one of {_listed(names)}, "
                 f"not {name!r}"
             )
         return names.index(name)
 
-    def _hinge(self, where: str, part: PartRule) -> int | None:
+    def _hinge_index(self, where: str, part: PartRule) -> int | None:
         if part.axis is not None:
-            x, y, z = (round(value, 3) for value in part.axis)
+            x, y, z = (round(coordinate, 3) for coordinate in part.axis)
             self.hinges += (Hinge(name=f"about ({x:g}, {y:g}, {z:g})", axis=part.axis),)
             return len(self.hinges) - 1
         if part.hinge is None:
@@ -205,7 +205,7 @@ def _direction(rule: MountRule | PartRule) -> dict[str, float]:
     }
 
 
-def _said(part: PartRule) -> str:
+def _direction_words(part: PartRule) -> str:
     raised = f", {part.elevation_deg:+g}° up" if part.elevation_deg else ""
     return f"{part.yaw_deg or 0.0:g}°{raised}"
 

@@ -108,10 +108,10 @@ class GeneColumns:
         known = {
             "parent": [0 if rule.parent is None else rule.parent - BASE for rule in rules],
             "mount": [
-                (one.on_base if rule.parent == BASE else one.on_part) or 0
-                for one, rule in zip(attached, rules, strict=True)
+                (attachment.on_base if rule.parent == BASE else attachment.on_part) or 0
+                for attachment, rule in zip(attached, rules, strict=True)
             ],
-            "hinge": [one.hinge or 0 for one in attached],
+            "hinge": [attachment.hinge or 0 for attachment in attached],
         }
         chosen = [
             places.get(place, len(genes) + number)

@@ -81,8 +81,8 @@ class Genome:
         if not self._columns.open_mounts.size:
             return np.zeros(len(genes))
         tables = self._problem.tables
-        most = max(tables.base_choices, tables.part_choices)
-        rooms: Array = np.log(most / self._mounts_of_parents(self.choices(genes))).sum(axis=1)
+        mounts = max(tables.base_choices, tables.part_choices)
+        rooms: Array = np.log(mounts / self._mounts_of_parents(self.choices(genes))).sum(axis=1)
         return rooms
 
     def _mounts_of_parents(self, chosen: Integers) -> Integers:
@@ -210,8 +210,8 @@ class Genome:
         if not self.forbids:
             return np.zeros(len(genes), dtype=bool)
         traits = self._traits(np.asarray(genes, dtype=float))
-        most = len(self._base.mounts) + len(self._problem.tables.part_mounts)
-        places = np.sort(traits.parent * most + traits.mount, axis=1)
+        stride = len(self._base.mounts) + len(self._problem.tables.part_mounts)
+        places = np.sort(traits.parent * stride + traits.mount, axis=1)
         doubles: Flags = np.any(places[:, 1:] == places[:, :-1], axis=1)
         return doubles
 
@@ -226,11 +226,11 @@ class Genome:
         values = np.array(genes, dtype=float)
         crowded = np.flatnonzero(self.forbidden(values))
         if crowded.size:
-            _, firsts, which = np.unique(
+            _, firsts, kinds = np.unique(
                 self.choices(values[crowded]), axis=0, return_index=True, return_inverse=True
             )
-            for number, first in enumerate(firsts):
-                rows = crowded[which.ravel() == number]
+            for kind, first in enumerate(firsts):
+                rows = crowded[kinds.ravel() == kind]
                 for column, gene in self._moves(values[crowded[first]]):
                     values[rows, column] = gene
         return values
@@ -321,21 +321,21 @@ def spread(problem: Problem, wanted: Sequence[Place]) -> list[Place]:
     for part, (parent, mount) in enumerate(wanted):
         if fixed[part]:
             continue
-        free = [place for place in _possible(problem, part) if place not in taken]
-        after = [place for place in free if place[0] == parent and place[1] >= mount]
+        free_places = [place for place in _possible_places(problem, part) if place not in taken]
+        next_places = [place for place in free_places if place[0] == parent and place[1] >= mount]
         places[part] = min(
-            after or [place for place in free if place[0] == parent] or free,
+            next_places or [place for place in free_places if place[0] == parent] or free_places,
             default=(parent, mount),
         )
         taken.add(places[part])
     return places
 
 
-def _possible(problem: Problem, part: int) -> list[Place]:
-    known, tables = problem.parts[part].parent, problem.tables
+def _possible_places(problem: Problem, part: int) -> list[Place]:
+    known_parent, tables = problem.parts[part].parent, problem.tables
     places = []
-    for parent in range(BASE, part) if known is None else [known]:
+    for parent in range(BASE, part) if known_parent is None else [known_parent]:
         mount = tables.attached[part].mount(parent)
         count = len(tables.mount_names(parent))
-        places += [(parent, one) for one in (range(count) if mount is None else [mount])]
+        places += [(parent, choice) for choice in (range(count) if mount is None else [mount])]
     return places

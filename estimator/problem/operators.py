@@ -83,9 +83,9 @@ class BlendCrossover:
         """Two children per pair."""
         weights = rng.uniform(-self.alpha, 1 + self.alpha, (2, *first.shape))
         crossed = rng.random((len(first), 1)) < self.rate
-        near = np.where(crossed, first + weights[0] * (second - first), first)
-        far = np.where(crossed, second + weights[1] * (first - second), second)
-        return reflect(near), reflect(far)
+        first_child = np.where(crossed, first + weights[0] * (second - first), first)
+        second_child = np.where(crossed, second + weights[1] * (first - second), second)
+        return reflect(first_child), reflect(second_child)
 
 
 @dataclass(frozen=True, kw_only=True)

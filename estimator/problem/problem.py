@@ -41,7 +41,9 @@ from estimator.readings.modalities import MODALITIES
 from protocol.text import TomlError, parse_toml
 from protocol.wire.capabilities import Capabilities
 
-_TURNED = 1.0  # degrees of uncertainty, from which the accelerometer's own tilt is read first
+_UNCERTAIN_TILT = (
+    1.0  # degrees of uncertainty, from which the accelerometer's own tilt is read first
+)
 
 
 class Problem(Strict):
@@ -91,7 +93,7 @@ class Problem(Strict):
         """
         if not name_or_path.endswith(".toml"):
             folder = resources.files("estimator") / "problem" / "library"
-            shipped = sorted(item.name.removesuffix(".toml") for item in folder.iterdir())
+            shipped = sorted(file.name.removesuffix(".toml") for file in folder.iterdir())
             if name_or_path not in shipped:
                 raise ProblemError(
                     f"there is no problem named {name_or_path!r}: give one of "
@@ -126,17 +128,17 @@ class Problem(Strict):
             raise ProblemError(f"{origin} is no valid TOML: {error}") from error
         except ValueError as error:
             raise ProblemError(f"{origin}: {error}") from error
-        wrong: ProblemError | None = None
-        for one in robots:
+        first_error: ProblemError | None = None
+        for supposed in robots:
             try:
-                problem = cls._written_out(raw, origin, one)
+                problem = cls._written_out(raw, origin, supposed)
             except ProblemError as error:
-                wrong = wrong or error
+                first_error = first_error or error
             else:
-                problem._source, problem._origin, problem._robot = text, origin, one
+                problem._source, problem._origin, problem._robot = text, origin, supposed
                 return problem
-        assert wrong is not None
-        raise wrong
+        assert first_error is not None
+        raise first_error
 
     @classmethod
     def _written_out(cls, raw: Mapping[str, Any], origin: str, robot: Inventory) -> Problem:
@@ -186,10 +188,10 @@ class Problem(Strict):
                 f"motors.driven: each driven joint must move exactly one part, but {driven} are "
                 f"driven and parts name the motors {moved}"
             )
-        held = [part.locked + 1 for part in self.parts if part.locked is not None]
-        if len({*held, *driven}) != len(held) + len(driven):
+        locked = [part.locked + 1 for part in self.parts if part.locked is not None]
+        if len({*locked, *driven}) != len(locked) + len(driven):
             raise ValueError(
-                f"parts: each joint carries one part, but {driven} are driven and {held} locked"
+                f"parts: each joint carries one part, but {driven} are driven and {locked} locked"
             )
         sensors = sorted(part.sensor + 1 for part in self.parts if part.sensor is not None)
         if sensors != list(range(1, len(sensors) + 1)):
@@ -225,7 +227,7 @@ class Problem(Strict):
 
         While the body lies flat the accelerometer reads its own tilt alone.
         """
-        return self.uncertain.spreads.get("accelerometer_deg", 0.0) >= _TURNED
+        return self.uncertain.spreads.get("accelerometer_deg", 0.0) >= _UNCERTAIN_TILT
 
     @cached_property
     def table(self) -> tuple[Parameter, ...]:
@@ -285,7 +287,7 @@ class Problem(Strict):
 
     def settings(self, capabilities: Capabilities) -> WorldSettings:
         """The world in which models of this robot are simulated."""
-        known = WorldSettings(
+        world = WorldSettings(
             steps=self.world.steps,
             step=self.world.step_s,
             friction=self.world.friction,
@@ -293,8 +295,8 @@ class Problem(Strict):
         )
         sensor = capabilities.sensor("clearance")
         if sensor is None or sensor.upper is None:
-            return known
-        return replace(known, clearance_cap=sensor.upper)
+            return world
+        return replace(world, clearance_cap=sensor.upper)
 
     def program_range(self, capabilities: Capabilities) -> Array:
         """Lowest and highest target of each joint, rad, shape (joints, 2); 0 where not driven.
@@ -362,12 +364,12 @@ class Problem(Strict):
                     f"problem {self.name!r} describes {self.sensors}: correct its parts, or leave "
                     f"{modality} out"
                 )
-        known = len(capabilities.joints)
+        joints = len(capabilities.joints)
         for part in self.parts:
-            if part.joint is not None and part.joint >= known:
+            if part.joint is not None and part.joint >= joints:
                 raise ProblemError(
                     f"problem {self.name!r}: part {part.name!r} hangs on joint {part.joint + 1}, "
-                    f"but robot {capabilities.robot!r} has only {known} joints: choose another "
+                    f"but robot {capabilities.robot!r} has only {joints} joints: choose another "
                     "problem"
                 )
         return self.differences(capabilities)
@@ -383,11 +385,11 @@ class Problem(Strict):
 
     def _check_time(self, farthest: float) -> None:
         turn, slew = math.degrees(farthest), self.motors.slew_deg_per_s
-        lasts = self.world.steps * self.world.step_s
-        if turn > slew * lasts:
+        duration = self.world.steps * self.world.step_s
+        if turn > slew * duration:
             raise ProblemError(
                 f"problem {self.name!r}: {turn:.4g} degrees at {slew:.4g} degrees per second take "
-                f"{turn / slew:.4g} s, and a simulation lasts {lasts:.4g} s: correct motors or "
+                f"{turn / slew:.4g} s, and a simulation lasts {duration:.4g} s: correct motors or "
                 "world"
             )
 
@@ -413,8 +415,8 @@ class Problem(Strict):
             if index not in but and abs(part.radius - radius) > tolerance * radius:
                 parts.setdefault((radius, part.radius), []).append(part.name)
         return tuple(
-            f"the robot states a radius of {said * 1e3:.1f} mm for {', '.join(names)}, and the "
-            f"problem {ours * 1e3:.1f} mm: write radius = {said:.4g} there, or its lengths "
+            f"the robot states a radius of {claimed * 1e3:.1f} mm for {', '.join(names)}, and the "
+            f"problem {modelled * 1e3:.1f} mm: write radius = {claimed:.4g} there, or its lengths "
             "will be wrong"
-            for (said, ours), names in parts.items()
+            for (claimed, modelled), names in parts.items()
         )

@@ -55,15 +55,15 @@ def supposed_robots(raw: Mapping[str, Any]) -> Iterator[Inventory]:
     names = _supposed_names(raw)
     first = replace(_supposed_joints(_by_number(raw, names)), names=names)
     yield first
-    if any("each" in rule for rule in _rules(raw)):
-        others = (size for size in range(1, MAX_ITEMS + 1) if size != first.joints)
-        for size in sorted(others, key=lambda size: abs(size - first.joints)):
+    if any("each" in rule for rule in _part_rules(raw)):
+        other_sizes = (size for size in range(1, MAX_ITEMS + 1) if size != first.joints)
+        for size in sorted(other_sizes, key=lambda size: abs(size - first.joints)):
             yield replace(first, joints=size)
 
 
 def _supposed_names(raw: Mapping[str, Any]) -> tuple[str, ...]:
-    said = (holder[key] for _, holder, key in _joints(raw))
-    return tuple(dict.fromkeys(one for one in said if isinstance(one, str) and one))
+    entries = (holder[key] for _, holder, key in _joint_places(raw))
+    return tuple(dict.fromkeys(entry for entry in entries if isinstance(entry, str) and entry))
 
 
 def _supposed_joints(raw: Mapping[str, Any]) -> Inventory:
@@ -73,14 +73,14 @@ def _supposed_joints(raw: Mapping[str, Any]) -> Inventory:
         if str(PAPERS_ROBOT.joints) in driven:
             return PAPERS_ROBOT
         if "other" not in driven:
-            known = [int(key) for key in driven if key.isdecimal()]
-            return replace(PAPERS_ROBOT, joints=known[0]) if known else PAPERS_ROBOT
+            sizes = [int(key) for key in driven if key.isdecimal()]
+            return replace(PAPERS_ROBOT, joints=sizes[0]) if sizes else PAPERS_ROBOT
         driven = driven["other"]
-    named = _joints_named(_rules(raw))
+    named = _joints_named(_part_rules(raw))
     return replace(PAPERS_ROBOT, joints=max(named)) if driven == "all" and named else PAPERS_ROBOT
 
 
-def _rules(raw: Mapping[str, Any]) -> list[dict[str, Any]]:
+def _part_rules(raw: Mapping[str, Any]) -> list[dict[str, Any]]:
     rules = raw.get("parts")
     return [rule for rule in rules if isinstance(rule, dict)] if isinstance(rules, list) else []
 
@@ -90,7 +90,7 @@ def _joints_named(parts: Sequence[Mapping[str, Any]]) -> list[int]:
     if any("each" in rule for rule in parts):
         return []
     numbers = [rule.get(key) for rule in parts for key in ("motor", "locked")]
-    return [item for item in numbers if isinstance(item, int) and 1 <= item <= MAX_ITEMS]
+    return [number for number in numbers if isinstance(number, int) and 1 <= number <= MAX_ITEMS]
 
 
 def write_out(raw: Mapping[str, Any], robot: Inventory) -> tuple[dict[str, Any], list[int]]:
@@ -112,7 +112,7 @@ def write_out(raw: Mapping[str, Any], robot: Inventory) -> tuple[dict[str, Any],
     driven = None
     motors = raw.get("motors")
     if isinstance(motors, dict) and "driven" in motors:
-        driven = _driven(motors["driven"], robot.joints)
+        driven = _driven_joints(motors["driven"], robot.joints)
         written["motors"] = {**motors, "driven": driven}
     parts: list[Any] = []
     origins: list[int] = []
@@ -126,7 +126,7 @@ def write_out(raw: Mapping[str, Any], robot: Inventory) -> tuple[dict[str, Any],
     return written, origins
 
 
-def _joints(raw: Mapping[str, Any]) -> Iterator[tuple[str, Any, Any]]:
+def _joint_places(raw: Mapping[str, Any]) -> Iterator[tuple[str, Any, Any]]:
     """Each place where the file says a joint: its name, what holds it, and under which key."""
     motors, rules = raw.get("motors"), raw.get("parts")
     driven = motors.get("driven") if isinstance(motors, dict) else None
@@ -147,16 +147,16 @@ def _by_number(raw: Mapping[str, Any], names: Sequence[str]) -> Mapping[str, Any
     """
     written = deepcopy(raw)
     named, numbered = "", ""
-    for where, holder, key in _joints(written):
+    for where, holder, key in _joint_places(written):
         name = holder[key]
         if isinstance(name, int):
             numbered = numbered or f"{where} has {name}"
         if isinstance(name, str):
             named = named or f"{where} has {name!r}"
             if not name or name not in names:
-                known = ", ".join(names)
+                joint_names = ", ".join(names)
                 raise ValueError(
-                    f"{where}: the robot has no joint named {name!r}; its joints are {known}"
+                    f"{where}: the robot has no joint named {name!r}; its joints are {joint_names}"
                 )
             holder[key] = names.index(name) + 1
     if named and numbered:
@@ -166,12 +166,12 @@ def _by_number(raw: Mapping[str, Any], names: Sequence[str]) -> Mapping[str, Any
     return written
 
 
-def _driven(value: Any, joints: int) -> Any:
+def _driven_joints(value: Any, joints: int) -> Any:
     if isinstance(value, dict):
-        wrong = [key for key in value if key != "other" and not key.isdecimal()]
-        if wrong:
+        wrong_keys = [key for key in value if key != "other" and not key.isdecimal()]
+        if wrong_keys:
             raise ValueError(
-                f"motors.driven: {wrong[0]!r} must be a number of joints or 'other', as in "
+                f"motors.driven: {wrong_keys[0]!r} must be a number of joints or 'other', as in "
                 '{ 8 = [1, 2, 3, 4], other = "all" }'
             )
         if str(joints) not in value and "other" not in value:
@@ -193,10 +193,10 @@ def _copies(rule: dict[str, Any], driven: Any, index: int) -> list[dict[str, Any
     where, name = f"parts[{index + 1}]", rule.get("name", "part")
     if rule["each"] != "driven":
         raise ValueError(f'{where}.each ({name}): must be "driven", not {rule["each"]!r}')
-    given = [key for key in ("motor", "locked", "sensor") if key in rule]
-    if given:
+    keys = [key for key in ("motor", "locked", "sensor") if key in rule]
+    if keys:
         raise ValueError(
-            f'{where}.{given[0]} ({name}): follows from each = "driven" and the robot; leave it '
+            f'{where}.{keys[0]} ({name}): follows from each = "driven" and the robot; leave it '
             'out, and say touch = "outermost" where parts feel touch'
         )
     common = {key: value for key, value in rule.items() if key != "each"}

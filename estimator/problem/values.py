@@ -203,12 +203,12 @@ def complaint(
             from; a complaint about several that come from one is made once.
     """
     lines: list[str] = []
-    items = error.errors()
-    places = [item["loc"] for item in items]
-    for item in items:
-        if item["type"] == "too_short" and sum(place[:1] == item["loc"] for place in places) > 1:
+    flaws = error.errors()
+    places = [flaw["loc"] for flaw in flaws]
+    for flaw in flaws:
+        if flaw["type"] == "too_short" and sum(place[:1] == flaw["loc"] for place in places) > 1:
             continue  # there are entries, each of them wrong
-        place = list(item["loc"])
+        place = list(flaw["loc"])
         if len(place) > 1 and place[0] == "parts" and isinstance(place[1], int):
             place[1] = parts[place[1]] if parts else place[1]
         key = ""
@@ -217,18 +217,18 @@ def complaint(
                 key += f"[{step + 1}]"
             else:
                 key += f".{step}" if key else str(step)
-        name = _name(raw, place)
-        reason = item["msg"].removeprefix("Value error, ")
-        if item["type"] in _REASONS:
-            context = item.get("ctx", {})
-            reason = _REASONS[item["type"]].format(key=key, input=item["input"], **context)
+        name = _entry_name(raw, place)
+        reason = flaw["msg"].removeprefix("Value error, ")
+        if flaw["type"] in _REASONS:
+            context = flaw.get("ctx", {})
+            reason = _REASONS[flaw["type"]].format(key=key, input=flaw["input"], **context)
         line = f"{key}{name}: {reason}" if key else reason
         if line not in lines:
             lines.append(line)
     return f"{origin}: " + "; ".join(lines)
 
 
-def _name(raw: Mapping[str, Any], place: Sequence[int | str]) -> str:
+def _entry_name(raw: Mapping[str, Any], place: Sequence[int | str]) -> str:
     """The name of the entry of a table that a place is in, in brackets."""
     table = raw.get(str(place[0])) if place else None
     if len(place) < 2 or not isinstance(place[1], int) or not isinstance(table, list):

@@ -338,13 +338,13 @@ class Clearance(Quantity):
         height = observation.clearance
         if height is None or sensor is None:
             return None
-        below = self._TOO_LITTLE + self._OUTLIER * sensor.noise
+        slack = self._TOO_LITTLE + self._OUTLIER * sensor.noise
         upper = math.inf if sensor.upper is None else sensor.upper + ROUNDING
-        if -below <= height <= upper:
+        if -slack <= height <= upper:
             return None
         return (
             f"a clearance of {height * 1000:.4g} mm, which must lie in "
-            f"{-below * 1000:.4g} to {upper * 1000:.4g} mm"
+            f"{-slack * 1000:.4g} to {upper * 1000:.4g} mm"
         )
 
 
@@ -379,12 +379,12 @@ def parse_number(where: str, column: str, cell: str, least: float, largest: floa
     if not text:
         return None
     try:
-        value = float(text)
+        number = float(text)
     except ValueError:
         comma = ": write a point" if "," in text else ""
         raise ReadingsError(
             f"{where}: {column} must be a number or empty, not {text!r}{comma}."
         ) from None
-    if not least <= value <= largest:  # also refuses NaN
+    if not least <= number <= largest:  # also refuses NaN
         raise ReadingsError(f"{where}: {column} must lie in {least:g} to {largest:g}, not {text}.")
-    return value
+    return number

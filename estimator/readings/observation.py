@@ -193,5 +193,5 @@ def touched(sensors: Collection[int], observations: Sequence[Observation]) -> bo
         for sensor in sensors
         if sensor < len(observation.touch)
     ]
-    known = [bit for bit in bits if bit is not None]
-    return any(known) if known else None
+    read_bits = [bit for bit in bits if bit is not None]
+    return any(read_bits) if read_bits else None

@@ -88,8 +88,8 @@ class AnswerChecks:
         coincidences = self._coincidences + self._repeated(observation)
         wrong = (
             impossible_reading(observation, self._robot)
-            or self._other_angles(program, observation)
-            or self._earlier(observation)
+            or self._wrong_angles(program, observation)
+            or self._backward_time(observation)
         )
         if wrong is None and coincidences >= _COINCIDENCES:
             wrong = (
@@ -100,29 +100,29 @@ class AnswerChecks:
             self._last, self._coincidences = observation, coincidences
         return wrong
 
-    def _other_angles(self, program: Program, observation: Observation) -> str | None:
+    def _wrong_angles(self, program: Program, observation: Observation) -> str | None:
         """What is wrong with angles: they lie within one step of their targets (SPEC.md, 7.4)."""
         joints = self._robot.joints
         for joint, target, angle in zip(joints, program, observation.angles, strict=True):
             if abs(angle - target) > joint.resolution + ROUNDING:
-                others = [
-                    other.name
-                    for other, its in zip(joints, program, strict=True)
-                    if abs(angle - its) <= other.resolution + ROUNDING
+                matches = [
+                    candidate.name
+                    for candidate, its_target in zip(joints, program, strict=True)
+                    if abs(angle - its_target) <= candidate.resolution + ROUNDING
                 ]
                 return (
                     f"an angle of {_degrees(angle)} of joint {joint.name}, which was told to go to "
                     f"{_degrees(target)} and has steps of {_degrees(joint.resolution)}"
-                    + (f"; that is the target of {' and '.join(others)}" if others else "")
+                    + (f"; that is the target of {' and '.join(matches)}" if matches else "")
                 )
         return None
 
-    def _earlier(self, observation: Observation) -> str | None:
-        before = None if self._last is None else self._last.robot_time
-        now = observation.robot_time
-        if before is None or now is None or now >= before:
+    def _backward_time(self, observation: Observation) -> str | None:
+        last_time = None if self._last is None else self._last.robot_time
+        time = observation.robot_time
+        if last_time is None or time is None or time >= last_time:
             return None
-        return f"a robot time of {now:.2f} s, after one of {before:.2f} s"
+        return f"a robot time of {time:.2f} s, after one of {last_time:.2f} s"
 
     def _repeated(self, observation: Observation) -> int:
         """How many noisy values equal those of the last observation, after another movement.
@@ -131,10 +131,10 @@ class AnswerChecks:
         """
         if self._last is None or observation.angles == self._last.angles:
             return -self._coincidences
-        before, now = self._noisy(self._last), self._noisy(observation)
-        return len(now) if now == before else -self._coincidences
+        last_values, values = self._noisy_values(self._last), self._noisy_values(observation)
+        return len(values) if values == last_values else -self._coincidences
 
-    def _noisy(self, observation: Observation) -> list[Value]:
+    def _noisy_values(self, observation: Observation) -> list[Value]:
         """Values of sensors that announce noise, except those at the end of a range."""
         return [
             value

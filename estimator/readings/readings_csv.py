@@ -57,14 +57,14 @@ def write(path: Path, joints: Sequence[str], observations: Sequence[Observation]
         count = max((len(modality.values(item)) for item in observations), default=0)
         header += modality.columns(count)
     with path.open("w", newline="", encoding="utf-8") as file:
-        rows = csv.writer(file)
-        rows.writerow(header)
+        writer = csv.writer(file)
+        writer.writerow(header)
         for item in observations:
             angles = [f"{math.degrees(angle):.4f}" for angle in item.taken]
             cells = [
                 modality.cell(value) for modality in modalities for value in modality.values(item)
             ]
-            rows.writerow([*angles, *cells])
+            writer.writerow([*angles, *cells])
 
 
 def read(path: Path) -> Table:
@@ -114,14 +114,14 @@ def read(path: Path) -> Table:
 def _check_separator(path: Path, text: str) -> None:
     """Refuses separators that a spreadsheet writes where commas stand in numbers."""
     header = text.lstrip("\r\n").partition("\n")[0].strip()
-    known = [column for one in MODALITIES.values() for column in one.columns(MAX_ITEMS)]
-    for separator, said in ((";", "';'"), ("\t", "tabs"), ("|", "'|'")):
+    known = [column for modality in MODALITIES.values() for column in modality.columns(MAX_ITEMS)]
+    for separator, words in ((";", "';'"), ("\t", "tabs"), ("|", "'|'")):
         _, *columns = (column.strip().strip('"') for column in header.split(separator))
         if header == f"sep={separator}" or any(
             column.startswith(ANGLE) or column in known for column in columns
         ):
             raise ReadingsError(
-                f"{path}: its columns are separated by {said}: save it with commas, and points in "
+                f"{path}: its columns are separated by {words}: save it with commas, and points in "
                 "numbers."
             )
 
@@ -129,8 +129,8 @@ def _check_separator(path: Path, text: str) -> None:
 def _check_header(path: Path, header: list[str], columns: Mapping[str, Sequence[str]]) -> None:
     known_columns = [column for group in columns.values() for column in group]
     for name in header:
-        known = name.startswith(ANGLE) and name != ANGLE
-        if not known and name not in known_columns:
+        is_angle = name.startswith(ANGLE) and name != ANGLE
+        if not is_angle and name not in known_columns:
             raise ReadingsError(
                 f"{path}: there is no column {name!r}. Columns are {ANGLE}<joint>, {_offered()}."
             )

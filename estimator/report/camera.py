@@ -27,12 +27,12 @@ _FOCAL_LENGTH: Final = 4.0  # in half-widths of what is seen: hardly any perspec
 _ZOOM: Final = 1.3  # the sphere around the main body fills the height
 _LIGHT: Final = np.array([0.28, -0.39, 0.88])
 _AMBIENT: Final = 0.55  # share of the light that comes from everywhere
-_GROUND: Final = (0.93, 0.93, 0.90)
+_GROUND_COLOUR: Final = (0.93, 0.93, 0.90)
 _SHADE: Final = 0.86  # brightness of shadows and lines on the ground, relative to the ground's
-_MESH: Final = 0.1
+_LINE_DISTANCE: Final = 0.1
 """Distance between the lines on the ground, m; lengths can be read off them."""
-_SEEN: Final = 3.0  # ground that is drawn on either side, in radii
-_BODY: Final = (0.36, 0.41, 0.50)
+_GROUND_RADII: Final = 3.0  # ground that is drawn on either side, in radii
+_BODY_COLOUR: Final = (0.36, 0.41, 0.50)
 _AROUND: Final = 20  # faces around a cylinder or a sphere
 _ALONG: Final = 6  # faces along a box's edge or cylinder: small ones are sorted by distance rightly
 
@@ -57,17 +57,17 @@ def take_picture(solids: Sequence[Solid], radius: float) -> Picture:
     """
     figure = new_figure(WIDTH / DPI, HEIGHT / DPI)
     figure.set_layout_engine("none")  # its one panel fills the figure
-    figure.set_facecolor(_GROUND)
+    figure.set_facecolor(_GROUND_COLOUR)
     canvas = importlib.import_module("matplotlib.backends.backend_agg").FigureCanvasAgg(figure)
     square = (0, (1 - WIDTH / HEIGHT) / 2, 1, WIDTH / HEIGHT)  # as wide as the picture
     axes: Any = figure.add_axes(square, projection="3d", computed_zorder=False)
-    middle = next(item.place for item in solids if item.limb == MAIN_BODY).copy()
-    top = max(item.place[2] + max(item.size) / 2 for item in solids)
+    middle = next(solid.place for solid in solids if solid.limb == MAIN_BODY).copy()
+    top = max(solid.place[2] + max(solid.size) / 2 for solid in solids)
     middle[2] = top / 2  # so that a tall body is in the picture from head to feet
     _aim(axes, middle, radius)
     faces, colours = _shaded(solids)
     art3d = importlib.import_module("mpl_toolkits.mplot3d.art3d")
-    dark = tuple(_SHADE * light for light in _GROUND)
+    dark = tuple(_SHADE * channel for channel in _GROUND_COLOUR)
     # Along the light onto the ground; the same colour everywhere, so shadows do not add up.
     shadows = faces - faces[..., 2:] * (_LIGHT / _LIGHT[2])
     axes.add_collection3d(art3d.Line3DCollection(_mesh(radius), colors=[dark], linewidths=0.8))
@@ -83,8 +83,8 @@ def take_picture(solids: Sequence[Solid], radius: float) -> Picture:
 
 
 def _aim(axes: Any, middle: Array, radius: float) -> None:
-    for name, at in zip("xyz", middle.tolist(), strict=True):
-        getattr(axes, f"set_{name}lim")(at - radius, at + radius)
+    for name, centre in zip("xyz", middle.tolist(), strict=True):
+        getattr(axes, f"set_{name}lim")(centre - radius, centre + radius)
     axes.set_proj_type("persp", focal_length=_FOCAL_LENGTH)
     axes.view_init(_ELEVATION, _AZIMUTH)
     axes.set_box_aspect((1, 1, 1), zoom=_ZOOM)
@@ -94,27 +94,27 @@ def _aim(axes: Any, middle: Array, radius: float) -> None:
 
 def _mesh(radius: float) -> Array:
     """Two ends of each line on the ground, m, shape (lines, 2, 3)."""
-    count = math.ceil(_SEEN * radius / _MESH)
-    at, end = _MESH * np.arange(-count, count + 1), _MESH * count
-    lines = np.zeros((2, len(at), 2, 3))
-    for line, along in zip(lines, (0, 1), strict=True):
-        line[..., 1 - along] = at[:, None]
-        line[..., along] = [-end, end]
+    count = math.ceil(_GROUND_RADII * radius / _LINE_DISTANCE)
+    offsets, end = _LINE_DISTANCE * np.arange(-count, count + 1), _LINE_DISTANCE * count
+    lines = np.zeros((2, len(offsets), 2, 3))
+    for parallels, axis in zip(lines, (0, 1), strict=True):
+        parallels[..., 1 - axis] = offsets[:, None]
+        parallels[..., axis] = [-end, end]
     return lines.reshape(-1, 2, 3)
 
 
 def _shaded(solids: Sequence[Solid]) -> tuple[Array, Array]:
     """All faces, m, shape (n, 4, 3), and their colours, shape (n, 3)."""
     faces, colours = [], []
-    for item in solids:
-        own = np.concatenate([grid.reshape(-1, 4, 3) for grid in _surfaces(item)])
-        placed = own @ item.turn.T + item.place
+    for solid in solids:
+        local_faces = np.concatenate([grid.reshape(-1, 4, 3) for grid in _surfaces(solid)])
+        placed = local_faces @ solid.turn.T + solid.place
         normals = np.cross(placed[:, 2] - placed[:, 0], placed[:, 3] - placed[:, 1])
         sizes = np.linalg.norm(normals, axis=1, keepdims=True)
         light = (normals / np.where(sizes, sizes, 1.0)) @ _LIGHT
         shade = _AMBIENT + (1 - _AMBIENT) * np.clip(light, 0, None)
         faces.append(placed)
-        colours.append(shade[:, None] * np.array(_colour(item.limb)))
+        colours.append(shade[:, None] * np.array(_colour(solid.limb)))
     return np.concatenate(faces), np.concatenate(colours).clip(0, 1)
 
 
@@ -157,15 +157,15 @@ def _quads(grid: Array) -> Array:
 
 def _colour(limb: int) -> tuple[float, ...]:
     if limb == MAIN_BODY:
-        return _BODY
-    text = leg_colour(limb)
-    return tuple(int(text[start : start + 2], 16) / 255 for start in (1, 3, 5))
+        return _BODY_COLOUR
+    hex_colour = leg_colour(limb)
+    return tuple(int(hex_colour[start : start + 2], 16) / 255 for start in (1, 3, 5))
 
 
 PANELS: Final = 3
 """Largest number of bodies in a picture: the best, a rival or two, the true body."""
 
-_WIDTH: Final = 38  # characters in a line of a note
+_NOTE_WIDTH: Final = 38  # characters in a line of a note
 
 
 def body_picture(bodies: Sequence[ShownBody], legs: Sequence[str]) -> Figure:
@@ -175,17 +175,17 @@ def body_picture(bodies: Sequence[ShownBody], legs: Sequence[str]) -> Figure:
         bodies: Bodies that the page shows; at least one.
         legs: Names of the legs' joints.
     """
-    truth = [item for item in bodies if item.true]
-    chosen = [item for item in bodies if not item.true][: PANELS - len(truth)] + truth
-    radius = max(reach(item.standing) for item in chosen)
+    truth = [body for body in bodies if body.true]
+    chosen = [body for body in bodies if not body.true][: PANELS - len(truth)] + truth
+    radius = max(reach(body.standing) for body in chosen)
     figure = new_figure(4.0 * len(chosen), 4.4)
-    for axes, item in zip(figure.subplots(1, len(chosen), squeeze=False)[0], chosen, strict=True):
-        axes.imshow(take_picture(item.standing, radius))
+    for axes, body in zip(figure.subplots(1, len(chosen), squeeze=False)[0], chosen, strict=True):
+        axes.imshow(take_picture(body.standing, radius))
         axes.set_xticks([])
         axes.set_yticks([])
         axes.spines[:].set_visible(False)
-        axes.set_title(item.title, loc="left")
-        note = textwrap.fill(printable(item.note), _WIDTH)
+        axes.set_title(body.title, loc="left")
+        note = textwrap.fill(printable(body.note), _NOTE_WIDTH)
         axes.set_xlabel(note, loc="left", fontsize="small", parse_math=False)
     legend = figure.legend(
         handles=leg_patches(legs),

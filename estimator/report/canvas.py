@@ -23,9 +23,9 @@ _NO_METADATA: Final = dict.fromkeys(("Creator", "Date", "Format", "Type"))
 def new_figure(width: float, height: float) -> Figure:
     """Returns an empty figure; width and height are in inches."""
     with interrupts_deferred():
-        make: type[Figure] = importlib.import_module("matplotlib.figure").Figure
+        figure_class: type[Figure] = importlib.import_module("matplotlib.figure").Figure
         importlib.import_module("matplotlib.backends.backend_agg")  # draws the figure
-    return make(figsize=(width, height), dpi=DPI, layout="constrained")
+    return figure_class(figsize=(width, height), dpi=DPI, layout="constrained")
 
 
 def new_axes() -> tuple[Figure, Axes]:
@@ -53,9 +53,9 @@ def as_svg(figure: Figure) -> str:
     for background in (figure.patch, *(axes.patch for axes in figure.axes)):
         background.set_facecolor("none")
     _laid_out(figure)
-    fixed = {"svg.fonttype": "none", "svg.hashsalt": "bodyschema"}
+    svg_options = {"svg.fonttype": "none", "svg.hashsalt": "bodyschema"}
     backend = importlib.import_module("matplotlib.backends.backend_svg")
-    with importlib.import_module("matplotlib").rc_context(fixed):
+    with importlib.import_module("matplotlib").rc_context(svg_options):
         backend.FigureCanvasSVG(figure).print_svg(content, metadata=_NO_METADATA)
     text = content.getvalue()
     return text[text.index("<svg") :]
@@ -84,9 +84,9 @@ COLOURS: Final = (
 )
 """Colours of the first legs, distinct to the colour-blind."""
 
-_GOLDEN: Final = 0.381966  # step between hues, in circles: however many are taken, none recurs
+_HUE_STEP: Final = 0.381966  # step between hues, in circles: however many are taken, none recurs
 _LIGHTNESS: Final = (0.33, 0.52, 0.70)
-_LONGEST: Final = 20  # largest number of characters of a name in a legend
+_MAX_NAME_LENGTH: Final = 20  # largest number of characters of a name in a legend
 
 
 def leg_colour(leg: int) -> str:
@@ -95,13 +95,13 @@ def leg_colour(leg: int) -> str:
         return COLOURS[leg]
     further = leg - len(COLOURS)
     lightness = _LIGHTNESS[further % len(_LIGHTNESS)]
-    channels = colorsys.hls_to_rgb(further * _GOLDEN % 1, lightness, 0.6)
+    channels = colorsys.hls_to_rgb(further * _HUE_STEP % 1, lightness, 0.6)
     return "#" + "".join(f"{round(255 * channel):02x}" for channel in channels)
 
 
 def leg_label(name: str) -> str:
     """A name for a legend: printable, short, without an underscore at its start, which hides it."""
-    short = name if len(name) <= _LONGEST else f"{name[: _LONGEST - 1]}…"
+    short = name if len(name) <= _MAX_NAME_LENGTH else f"{name[: _MAX_NAME_LENGTH - 1]}…"
     return printable(f" {short}" if short.startswith("_") else short)
 
 
@@ -113,7 +113,7 @@ def leg_markers(mounts: Sequence[str]) -> list[str]:
     """
     markers: list[str] = []
     for leg, mount in enumerate(mounts, 1):
-        wanted = [MARKERS[mount]] if mount in MARKERS else []
-        free = [mark for mark in (*wanted, *OTHER_MARKERS) if mark not in markers]
+        preferred = [MARKERS[mount]] if mount in MARKERS else []
+        free = [mark for mark in (*preferred, *OTHER_MARKERS) if mark not in markers]
         markers.append(free[0] if free else f"${leg}$")
     return markers

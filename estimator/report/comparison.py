@@ -79,22 +79,22 @@ def comparison_picture(runs: Sequence[ComparedRun]) -> Figure:
     figure = new_figure(max(7.0, 3.2 * len(runs)), 7.0)
     grid = figure.add_gridspec(2, 1)
     above, below = (figure.add_subfigure(grid[row]) for row in range(2))
-    solids = [
+    bodies = [
         at_rest(solids_of(model_links(run.body), np.zeros(run.body.motors)), None)
         if run.body
         else []
         for run in runs
     ]
-    radius = max((reach(item) for item in solids if item), default=1.0)
+    radius = max((reach(body) for body in bodies if body), default=1.0)
     panels = above.subplots(1, len(runs), squeeze=False)[0]
-    for number, (axes, item) in enumerate(zip(panels, solids, strict=True), 1):
+    for number, (axes, body) in enumerate(zip(panels, bodies, strict=True), 1):
         axes.set_xticks([])
         axes.set_yticks([])
         axes.spines[:].set_visible(False)
         axes.set_title(_label(number, runs[number - 1]), loc="left", fontsize="small")
         axes.title.set_parse_math(False)
-        if item:
-            axes.imshow(take_picture(item, radius))
+        if body:
+            axes.imshow(take_picture(body, radius))
         else:
             axes.set_xlabel("no picture")
     _draw_lengths(below.subplots(), runs)
@@ -119,9 +119,9 @@ def _draw_lengths(axes: Axes, runs: Sequence[ComparedRun]) -> None:
                 color=leg_colour(leg),
             )
         if run.score is not None:
-            places = [joints.index(joint) for joint in run.score.joints]
-            true = 100 * np.array(run.score.true_lengths_m)
-            axes.plot(places, true, "_", color="0.3", markersize=40, zorder=0)
+            positions = [joints.index(joint) for joint in run.score.joints]
+            true_lengths = 100 * np.array(run.score.true_lengths_m)
+            axes.plot(positions, true_lengths, "_", color="0.3", markersize=40, zorder=0)
     axes.set_xticks(range(len(joints)), [leg_label(joint) for joint in joints], parse_math=False)
     axes.set_ylabel("leg length (cm)")
     axes.set_ylim(bottom=0)

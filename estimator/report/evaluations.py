@@ -29,9 +29,9 @@ SCORE: Final = "score.json"
 TRUTH: Final = "truth.urdf"
 VALIDATION: Final = "validation.json"
 
-_FEW_WRONG: Final = 0.2  # largest share of programs (near forks) that a right body mispredicts
+_MAX_WRONG: Final = 0.2  # largest share of programs (near forks) that a right body mispredicts
 _NOT_IDENTIFIABLE: Final = Text("not identifiable", style="dim")
-_FORK: Final = 0.2  # degrees of path margin; docs/accuracy.md shows what happens below
+_FORK_MARGIN: Final = 0.2  # degrees of path margin; docs/accuracy.md shows what happens below
 
 _Document = TypeVar("_Document", bound=BaseModel)
 
@@ -97,9 +97,9 @@ def print_score(console: Console, score: Score) -> None:
     ):
         table.add_row(*row)
     console.print(table)
-    apart = "; ".join(
-        f"legs that {what} {mm(error)} mm"
-        for what, error in (
+    by_touch = "; ".join(
+        f"legs that {condition} {mm(error)} mm"
+        for condition, error in (
             ("touched the ground", score.mean_leg_error_touched_m),
             ("never did", score.mean_leg_error_never_touched_m),
         )
@@ -107,7 +107,7 @@ def print_score(console: Console, score: Score) -> None:
     )
     console.print(
         f"Mean leg error {mm(score.mean_leg_error_m)} mm (signed "
-        f"{score.mean_signed_leg_error_m * 1000:+.1f} mm){apart and '; '}{apart}."
+        f"{score.mean_signed_leg_error_m * 1000:+.1f} mm){by_touch and '; '}{by_touch}."
     )
     console.print(_errors_of_truth(score.true_body_errors, score.true_body_margins_deg))
     _print_configurations(console, score)
@@ -117,29 +117,29 @@ def print_score(console: Console, score: Score) -> None:
 
 def _errors_of_truth(errors: Sequence[float | None], margins: Sequence[float]) -> str:
     """Sentence: how badly the true body fits; if worse than the best model, no search finds it."""
-    known = [math.inf if error is None else error for error in errors]
-    worst = max(range(len(known)), key=known.__getitem__)
-    others = known[:worst] + known[worst + 1 :]
-    rest = f", at most {max(others):.2f} in the others" if others else ""
-    forks = [str(number) for number, margin in enumerate(margins, 1) if margin < _FORK]
-    where = (
-        f" On ground inclined by {_FORK:g}° it would land elsewhere in interaction "
+    comparable = [math.inf if error is None else error for error in errors]
+    worst = max(range(len(comparable)), key=comparable.__getitem__)
+    other_errors = comparable[:worst] + comparable[worst + 1 :]
+    others_clause = f", at most {max(other_errors):.2f} in the others" if other_errors else ""
+    forks = [str(number) for number, margin in enumerate(margins, 1) if margin < _FORK_MARGIN]
+    forks_clause = (
+        f" On ground inclined by {_FORK_MARGIN:g}° it would land elsewhere in interaction "
         f"{', '.join(forks)}: there a trifle decides, for the robot as well."
         if forks
         else ""
     )
     return (
-        f"The true body, simulated, has a subjective error of {known[worst]:.2f} in interaction "
-        f"{worst + 1}{rest}.{where}"
+        f"The true body, simulated, has a subjective error of {comparable[worst]:.2f} in "
+        f"interaction {worst + 1}{others_clause}.{forks_clause}"
     )
 
 
 def _print_configurations(console: Console, score: Score) -> None:
     """Prints how many attachments are right and, if the problem left any open, each part's."""
-    known = "" if score.configurations_informative else " (given by the problem, not searched)"
+    given_note = "" if score.configurations_informative else " (given by the problem, not searched)"
     console.print(
         f"Configurations right: {score.configurations_right} of {score.configurations_total}"
-        f"{known}, {score.configurations_right_up_to_equivalence} up to equivalence."
+        f"{given_note}, {score.configurations_right_up_to_equivalence} up to equivalence."
     )
     if not score.configurations_informative:
         return
@@ -150,9 +150,9 @@ def _print_configurations(console: Console, score: Score) -> None:
         f"{score.configurations_chance:.2f} of {score.configurations_total} would be."
     )
     table = plain_table("part", "P: sits on", "O: mount", "J: positive angle", justify="left")
-    parts = dict.fromkeys(item.part for item in score.configurations)
+    parts = dict.fromkeys(cell.part for cell in score.configurations)
     for part in parts:
-        cells = {item.trait: item for item in score.configurations if item.part == part}
+        cells = {cell.trait: cell for cell in score.configurations if cell.part == part}
         table.add_row(
             part,
             *(
@@ -173,20 +173,20 @@ def _marked(cell: Configuration) -> Text:
 def print_validation(console: Console, validation: Validation) -> None:
     """Prints whether the best model predicts the robot, and its errors beside other models'."""
     right, wrong = validation.as_predicted, validation.programs - validation.as_predicted
-    said = f"{right} of {validation.programs} read as predicted, to 1.5° and 5 mm"
-    if wrong <= _FEW_WRONG * validation.programs:
-        verdict, style = f"This body predicts the robot: {said}.", "bold green"
+    summary = f"{right} of {validation.programs} read as predicted, to 1.5° and 5 mm"
+    if wrong <= _MAX_WRONG * validation.programs:
+        verdict, style = f"This body predicts the robot: {summary}.", "bold green"
     elif right >= wrong:
-        verdict, style = f"This body predicts the robot in part: {said}.", "bold yellow"
+        verdict, style = f"This body predicts the robot in part: {summary}.", "bold yellow"
     else:
-        verdict, style = f"This body does not predict the robot: {said}.", "bold red"
+        verdict, style = f"This body does not predict the robot: {summary}.", "bold red"
     if 0 < wrong <= right:
         verdict += " Where a body stands near a fork, a trifle decides how it falls."
     console.print(Text(verdict, style=style))
     table = plain_table("models", *(modality.heading for modality in MODALITIES.values()))
     for name, errors in validation.groups:
-        shown = (modality.shown(errors[modality.error_name]) for modality in MODALITIES.values())
-        table.add_row(name, *map(number, shown))
+        values = (modality.shown(errors[modality.error_name]) for modality in MODALITIES.values())
+        table.add_row(name, *map(number, values))
     console.print(f"Prediction error on {validation.programs} fresh motor programs:")
     console.print(table)
     if validation.invalid_predictions:

@@ -52,19 +52,19 @@ def headline(result: Result) -> str:
 
 def _how_well(posterior: PosteriorReport) -> str:
     """How well lengths are known where nothing else is to be found."""
-    known = f"to ± {worst_length(posterior):.0f} mm"
+    accuracy = f"to ± {worst_length(posterior):.0f} mm"
     if not posterior.knows_cause(_SURE):
-        return f"{known}; whether the robot is as the problem says is not known yet"
+        return f"{accuracy}; whether the robot is as the problem says is not known yet"
     if posterior.stated(1.0) < _SURE:
-        return f"probably {known}: {percent(posterior.stated(1.0))} probable"
-    return f"found {known}"
+        return f"probably {accuracy}: {percent(posterior.stated(1.0))} probable"
+    return f"found {accuracy}"
 
 
 def _may_have_something_else(posterior: PosteriorReport) -> bool:
     """Whether all is sure, except that the named cause may only read like the real one."""
-    named = posterior.causes and posterior.causes[0].probability >= _SURE
-    within = posterior.probability_within_problem or 0.0
-    return bool(named) and within >= _SURE > posterior.stated(1.0)
+    has_cause = posterior.causes and posterior.causes[0].probability >= _SURE
+    within_problem = posterior.probability_within_problem or 0.0
+    return bool(has_cause) and within_problem >= _SURE > posterior.stated(1.0)
 
 
 def _subject(result: Result) -> str:
@@ -86,7 +86,7 @@ def _how_sure(probability: float | None) -> str:
 
 def worst_length(posterior: PosteriorReport) -> float:
     """Half of the widest 90 % interval of a length, mm."""
-    return max((500 * (one.high - one.low) for one in posterior.lengths_m), default=0.0)
+    return max((500 * (length.high - length.low) for length in posterior.lengths_m), default=0.0)
 
 
 def print_result(
@@ -101,8 +101,8 @@ def print_result(
         details: Whether to print everything else that is known, too.
     """
     judged = result.judged
-    good = judged is not None and judged.explained
-    style = "bold green" if good else "bold red" if judged is not None else "bold"
+    is_explained = judged is not None and judged.explained
+    style = "bold green" if is_explained else "bold red" if judged is not None else "bold"
     state = "" if result.complete else "Not finished. "
     console.print(Text(f"{state}{headline(result)}.", style=style))
     if judged is not None:
@@ -112,8 +112,8 @@ def print_result(
     for table in _body(result):
         console.print(table)
     posterior = result.posterior
-    for known in () if posterior is None else posterior.sums:
-        console.print(Text(sum_of_lengths(result, known)))
+    for known_sum in () if posterior is None else posterior.sums:
+        console.print(Text(sum_of_lengths(result, known_sum)))
     if result.best_models and posterior is None:
         console.print(
             f"Sensor (subjective) error of the best model: {number(result.sensor_error, 3)}. A "
@@ -136,31 +136,31 @@ def _body(result: Result) -> Iterator[Table]:
     by_joint = {leg.joint: leg for leg in result.legs}
     open_parts = any(not name.startswith("length") for name in result.searched)
     if model is not None and open_parts:
-        alike = len(model.parts) == len(by_joint) == len({part.joint for part in model.parts})
-        yield _parts(result, model, by_joint if alike else {})
-        if alike:
+        are_legs = len(model.parts) == len(by_joint) == len({part.joint for part in model.parts})
+        yield _parts(result, model, by_joint if are_legs else {})
+        if are_legs:
             return
-    known = "in the population (mm)" if result.posterior is None else "90 % interval (mm)"
-    table = plain_table("leg", "mount", "length (mm)", known, "touched")
+    heading = "in the population (mm)" if result.posterior is None else "90 % interval (mm)"
+    table = plain_table("leg", "mount", "length (mm)", heading, "touched")
     for leg, interval in zip(result.legs, _intervals(result), strict=True):
         table.add_row(leg.joint, leg.mount, *interval, leg.touched_in_words)
     yield table
 
 
 def _parts(result: Result, model: ModelResult, legs: dict[str, LegResult]) -> Table:
-    sure = result.posterior is not None
+    has_posterior = result.posterior is not None
     columns = ["part", "sits on", "mount", "hinge"]
     table = Table(box=None, pad_edge=False, header_style="bold")
-    for column in (*columns, *(["sure"] if sure else [])):
+    for column in (*columns, *(["sure"] if has_posterior else [])):
         table.add_column(column)
     intervals = dict(zip(legs, _intervals(result), strict=True)) if legs else {}
-    for column in ("length (mm)", "90 % interval" if sure else "in the population"):
+    for column in ("length (mm)", "90 % interval" if has_posterior else "in the population"):
         table.add_column(column, justify="right")
     if legs:
         table.add_column("touched")
     for part in model.parts:
         row = [part.name, part.parent, part.mount, part.hinge if part.joint else "–"]
-        if sure:
+        if has_posterior:
             row.append(_agreement(part))
         if part.joint in intervals:
             row += [*intervals[part.joint], legs[part.joint].touched_in_words]
@@ -177,7 +177,7 @@ def _agreement(part: PartResult) -> str:
 def _intervals(result: Result) -> list[tuple[str, str]]:
     """Length of each leg and its interval, mm."""
     if result.posterior is not None:
-        return [(mm(one.median), between(one, 1000)) for one in result.posterior.lengths_m]
+        return [(mm(length.median), between(length, 1000)) for length in result.posterior.lengths_m]
     return [
         (mm(leg.length_m), "–" if leg.population_m is None else "–".join(map(mm, leg.population_m)))
         for leg in result.legs
@@ -194,7 +194,7 @@ def next_steps(result: Result, directory: Path | None) -> list[str]:
         return []
     if not result.complete:
         return ["Next:", f"  estimator resume {directory}    goes on"]
-    robot, more = result.robot_uri, result.interactions + 3
+    robot, interactions = result.robot_uri, result.interactions + 3
     steps = [
         (f"validate {directory} --robot {robot}", "predicts fresh movements, then makes them"),
         (f"pose {directory} --robot {robot} --highest", "a pose by what it knows"),
@@ -213,8 +213,8 @@ def next_steps(result: Result, directory: Path | None) -> list[str]:
         (posterior.probability or 0.0) >= _SURE and posterior.knows_cause(_SURE)
     ):
         problem = result.problem_asked or result.problem
-        again = f"identify --robot {robot} --problem {problem} --interactions {more}"
-        steps[0] = (again, "more movements make it surer")
+        command = f"identify --robot {robot} --problem {problem} --interactions {interactions}"
+        steps[0] = (command, "more movements make it surer")
     return ["Next:", *_commands(steps)]
 
 

@@ -126,7 +126,7 @@ def mark_iterations(axes: Axes, generations: Sequence[Generation]) -> None:
         axes.axvline(number + 0.5, color="0.2", linewidth=0.7, linestyle=":")
 
 
-_APART: Final = 0.08  # distance between the legs' marks, in interactions
+_MARK_DISTANCE: Final = 0.08  # distance between the legs' marks, in interactions
 
 
 def plot_interval_lengths(
@@ -144,18 +144,18 @@ def plot_interval_lengths(
     figure, axes = new_axes()
     label(axes, "leg length (cm), 90 % interval")
     axes.set_xlabel("interaction")
-    intervals = [length_intervals(one.leg_lengths, one.weights) for one in history]
-    last = history[-1].best_body
-    assert last is not None
-    markers = leg_markers([limb.mount for limb in driven_limbs(last)])
+    intervals = [length_intervals(fitted.leg_lengths, fitted.weights) for fitted in history]
+    last_body = history[-1].best_body
+    assert last_body is not None
+    markers = leg_markers([limb.mount for limb in driven_limbs(last_body)])
     for leg, name in enumerate(names):
         low, median, high = (
             100 * np.array([(one[leg].low, one[leg].median, one[leg].high) for one in intervals]).T
         )
         colour = leg_colour(leg)
-        at = np.arange(1, len(history) + 1) + _APART * (leg - (len(names) - 1) / 2)
+        positions = np.arange(1, len(history) + 1) + _MARK_DISTANCE * (leg - (len(names) - 1) / 2)
         axes.errorbar(
-            at,
+            positions,
             median,
             yerr=[median - low, high - median],
             linestyle="none",
@@ -191,32 +191,32 @@ def plot_probability(
     numbers = np.arange(1, len(summaries) + 1)
     axes.plot(
         numbers,
-        [np.nan if one.probability is None else one.probability for one in summaries],
+        [np.nan if summary.probability is None else summary.probability for summary in summaries],
         "o-",
         color=leg_colour(0),
         label="probability",
     )
     axes.set_ylim(0, 1.02)
     axes.set_xticks(numbers)
-    bits = axes.twinx()
-    bits.set_ylabel("information (bits)")
-    bits.spines["top"].set_visible(False)
-    expectation = [np.nan if one is None else one for one in expected]
+    twin = axes.twinx()
+    twin.set_ylabel("information (bits)")
+    twin.spines["top"].set_visible(False)
+    expectation = [np.nan if gain is None else gain for gain in expected]
     gained = [
-        np.nan if one.information_gain_bits is None else one.information_gain_bits
-        for one in summaries
+        np.nan if summary.information_gain_bits is None else summary.information_gain_bits
+        for summary in summaries
     ]
-    bits.bar(
+    twin.bar(
         numbers - 0.15, expectation, width=0.28, color=leg_colour(5), alpha=0.5, label="expected"
     )
-    bits.bar(numbers + 0.15, gained, width=0.28, color=leg_colour(2), alpha=0.5, label="gained")
+    twin.bar(numbers + 0.15, gained, width=0.28, color=leg_colour(2), alpha=0.5, label="gained")
     handles, labels = axes.get_legend_handles_labels()
-    more, names = bits.get_legend_handles_labels()
-    axes.legend(handles + more, labels + names, ncols=3, **ABOVE)
+    bar_handles, bar_labels = twin.get_legend_handles_labels()
+    axes.legend(handles + bar_handles, labels + bar_labels, ncols=3, **ABOVE)
     return figure
 
 
-_PANELS: Final = ("tilt left/right (°)", "tilt forward/back (°)", "clearance (mm)")
+_PANEL_LABELS: Final = ("tilt left/right (°)", "tilt forward/back (°)", "clearance (mm)")
 
 
 def plot_predictions(
@@ -230,20 +230,20 @@ def plot_predictions(
     """
     figure = new_figure(9.0, 3.2)
     numbers = np.arange(1, len(predicted) + 1)
-    one, other = (
-        np.array([_numbers(item) for item in items])
-        for items in (measured[: len(predicted)], predicted)
+    robot, body = (
+        np.array([_numbers(observation) for observation in readings])
+        for readings in (measured[: len(predicted)], predicted)
     )
-    panels = figure.subplots(1, len(_PANELS))
-    for column, (axes, quantity) in enumerate(zip(panels, _PANELS, strict=True)):
+    panels = figure.subplots(1, len(_PANEL_LABELS))
+    for column, (axes, quantity) in enumerate(zip(panels, _PANEL_LABELS, strict=True)):
         axes.set_xlabel("interaction")
         axes.set_ylabel(quantity)
         axes.set_xticks(numbers)
         axes.spines[["top", "right"]].set_visible(False)
         axes.plot(
-            numbers, one[:, column], "o", color="0.25", markerfacecolor="none", label="measured"
+            numbers, robot[:, column], "o", color="0.25", markerfacecolor="none", label="measured"
         )
-        axes.plot(numbers, other[:, column], "x", color=COLOURS[0], label="predicted")
+        axes.plot(numbers, body[:, column], "x", color=COLOURS[0], label="predicted")
     panels[-1].legend(ncols=2, **ABOVE)
     return figure
 
@@ -252,7 +252,7 @@ def _numbers(item: Observation | None) -> Array:
     if item is None:
         return np.full(3, np.nan)
     shown = (MODALITIES[name] for name in ("tilt", "clearance"))
-    return np.concatenate([one.error_factor * one.observed(item) for one in shown])
+    return np.concatenate([modality.error_factor * modality.observed(item) for modality in shown])
 
 
 LENGTHS: Final = "lengths"
@@ -283,10 +283,10 @@ def run_plots(
         names: Names of the legs' joints.
         true_lengths: True length of each leg, m, where they are known.
     """
-    true = "; dots at the right: the true lengths" if true_lengths else ""
+    truth_note = "; dots at the right: the true lengths" if true_lengths else ""
     history = FittedPosterior.history(store)
     if history:
-        summaries = [one.summary for one in history if one.summary is not None]
+        summaries = [fitted.summary for fitted in history if fitted.summary is not None]
         expected = [item.bits for item in store.interactions()][: len(summaries)]
         return (
             RunPlot(
@@ -298,7 +298,7 @@ def run_plots(
             RunPlot(
                 name=LENGTHS,
                 caption="Length of each leg after each interaction: median and 90 % interval"
-                f"{true}.",
+                f"{truth_note}.",
                 figure=plot_interval_lengths(history, names, true_lengths),
             ),
         )
@@ -317,7 +317,7 @@ def run_plots(
         ),
         RunPlot(
             name=LENGTHS,
-            caption=f"Length of each leg of the best model over generations{true}.",
+            caption=f"Length of each leg of the best model over generations{truth_note}.",
             figure=lengths,
         ),
     )
@@ -334,11 +334,11 @@ def with_last_word(store: RunStore) -> list[Generation]:
     if finish is None or not finish.models or fitted is None or fitted.best is None:
         return generations
     last = generations[-1]
-    word = replace(
+    last_word = replace(
         last,
         number=last.number + 1,
         iteration=last.iteration + 1,
         errors=finish.simulated,
         best=tuple(fitted.best.tolist()),
     )
-    return [*generations, word]
+    return [*generations, last_word]

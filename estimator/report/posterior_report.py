@@ -19,12 +19,12 @@ from estimator.report.verdict import verdict_on_posterior
 from estimator.storage.posteriors import RIVAL, Interval, PosteriorSummary, StoredPosterior
 from estimator.storage.store import RunStore
 
-_RIVALS: Final = 5
-_INTERVAL: Final = (0.05, 0.5, 0.95)
-_LEARNT_MUCH: Final = 0.3  # largest width of a posterior's interval, relative to the prior's
+_MAX_RIVALS: Final = 5
+_QUANTILES: Final = (0.05, 0.5, 0.95)
+_LEARNT_WIDTH: Final = 0.3  # largest width of a posterior's interval, relative to the prior's
 _PRIOR_WIDTH: Final = 3.29  # width of a 90 % interval, in standard deviations
-_TOGETHER: Final = 0.5  # largest width of a sum's interval, relative to either length's
-_VAGUE: Final = 0.02  # m; narrower intervals of single lengths need no sums
+_SUM_WIDTH: Final = 0.5  # largest width of a sum's interval, relative to either length's
+_VAGUE_WIDTH: Final = 0.02  # m; narrower intervals of single lengths need no sums
 _SQUARE: Final = 0.05  # tolerance relative to the longer side; else sensors tell where a leg sits
 
 
@@ -160,20 +160,20 @@ def posterior_report(store: RunStore) -> PosteriorReport | None:
             Step(
                 reason=interaction.reason,
                 expected_gain_bits=interaction.bits,
-                information_gain_bits=one.information_gain_bits,
-                probability=one.probability,
-                explained=one.explained and not contradictions,
+                information_gain_bits=summary.information_gain_bits,
+                probability=summary.probability,
+                explained=summary.explained and not contradictions,
             )
-            for interaction, one in zip(store.interactions(), summaries, strict=False)
+            for interaction, summary in zip(store.interactions(), summaries, strict=False)
         ),
         samples=len(genes),
-        changes=tuple(f"{one.sentence} ({one.probability:.2f})" for one in stored.changes),
+        changes=tuple(f"{change.sentence} ({change.probability:.2f})" for change in stored.changes),
     )
 
 
 def _rivals(genome: Genome, stored: StoredPosterior) -> tuple[Rival, ...]:
     rivals, best = [], np.array([stored.best])
-    for mode in stored.modes[1 : 1 + _RIVALS]:
+    for mode in stored.modes[1 : 1 + _MAX_RIVALS]:
         if mode.probability < RIVAL:
             break
         differs = []
@@ -242,11 +242,11 @@ def sums_of_lengths(lengths: Array, weights: Array) -> tuple[SumOfLengths, ...]:
     """
     widths = [_width(_interval(column, weights)) for column in lengths.T]
     sums = []
-    for one, other in combinations(range(lengths.shape[1]), 2):
-        vaguest = min(widths[one], widths[other])
-        together = _interval(lengths[:, one] + lengths[:, other], weights)
-        if vaguest > _VAGUE and _width(together) < _TOGETHER * vaguest:
-            sums.append(SumOfLengths(legs=(one, other), length_m=together))
+    for first, second in combinations(range(lengths.shape[1]), 2):
+        narrower = min(widths[first], widths[second])
+        total = _interval(lengths[:, first] + lengths[:, second], weights)
+        if narrower > _VAGUE_WIDTH and _width(total) < _SUM_WIDTH * narrower:
+            sums.append(SumOfLengths(legs=(first, second), length_m=total))
     return tuple(sums)
 
 
@@ -258,14 +258,14 @@ def _parameters(fitted: FittedPosterior) -> tuple[ParameterEstimate, ...]:
     """Estimates of the parameters of which the readings say much more than was known before."""
     estimates = []
     for name, deviations in fitted.unknowns.amounts(fitted.points).items():
-        row = next(one for one in fitted.problem.table if one.name == name)
-        known = _interval(deviations, fitted.weights)
-        off = known.low > 0 or known.high < 0
-        learnt = off or _width(known) < _LEARNT_MUCH * _PRIOR_WIDTH * row.narrow
-        if row.switch or not row.narrow or not learnt:
+        row = next(row for row in fitted.problem.table if row.name == name)
+        interval = _interval(deviations, fitted.weights)
+        excludes_zero = interval.low > 0 or interval.high < 0
+        is_learnt = excludes_zero or _width(interval) < _LEARNT_WIDTH * _PRIOR_WIDTH * row.narrow
+        if row.switch or not row.narrow or not is_learnt:
             continue
         low, median, high = row.amounts(
-            1.0, np.array([known.low, known.median, known.high])
+            1.0, np.array([interval.low, interval.median, interval.high])
         ).tolist()
         estimates.append(
             ParameterEstimate(
@@ -279,10 +279,10 @@ def _parameters(fitted: FittedPosterior) -> tuple[ParameterEstimate, ...]:
 
 def _interval(values: Array, weights: Array) -> Interval:
     order = np.argsort(values)
-    share = np.cumsum(weights[order])
+    shares = np.cumsum(weights[order])
     low, median, high = (
-        float(values[order][min(int(np.searchsorted(share, at)), len(values) - 1)])
-        for at in _INTERVAL
+        float(values[order][min(int(np.searchsorted(shares, quantile)), len(values) - 1)])
+        for quantile in _QUANTILES
     )
     if not math.isfinite(median):
         raise ValueError("a posterior holds values that are not finite")

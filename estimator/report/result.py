@@ -220,10 +220,10 @@ class Result(_Record):
         if not (store.complete and (store.directory / PAGE).exists()):
             return None
         try:
-            kept = cls.model_validate_json((store.directory / RESULT).read_bytes())
+            result = cls.model_validate_json((store.directory / RESULT).read_bytes())
         except (OSError, ValidationError):
             return None
-        return kept if kept.complete and kept.versions == versions_of(store) else None
+        return result if result.complete and result.versions == versions_of(store) else None
 
     @property
     def judged(self) -> PosteriorReport | FitReport | None:

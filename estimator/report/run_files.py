@@ -93,10 +93,10 @@ def write_samples(path: Path, fitted: FittedPosterior) -> None:
     columns = [_values(genome, column, fitted.samples) for column in range(len(names))]
     samples = zip(fitted.weights.tolist(), *columns, fitted.scales.tolist(), strict=True)
     with path.open("w", newline="", encoding="utf-8") as file:
-        rows = csv.writer(file)
-        rows.writerow(["weight", *names, "tilt noise factor", "clearance noise factor"])
+        writer = csv.writer(file)
+        writer.writerow(["weight", *names, "tilt noise factor", "clearance noise factor"])
         for weight, *values, scales in samples:
-            rows.writerow(
+            writer.writerow(
                 [f"{weight:.12g}", *values, *(f"{math.exp(scale):.3f}" for scale in scales)]
             )
 

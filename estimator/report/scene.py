@@ -154,7 +154,7 @@ def robot_links(urdf: Urdf, joints: Sequence[str], limbs_of: Mapping[str, int]) 
         parent, child = numbered[joint.parent.link], joint.child.link
         turn, place = _frame_of(joint.origin)
         axis = np.array(numbers(joint.axis.xyz))
-        moved = joint.type == "revolute" and joint.name in joints
+        is_driven = joint.type == "revolute" and joint.name in joints
         numbered[child] = len(links)
         links.append(
             Link(
@@ -163,7 +163,7 @@ def robot_links(urdf: Urdf, joints: Sequence[str], limbs_of: Mapping[str, int]) 
                 place=_numbers(place),
                 turn=_numbers(turn),
                 axis=_numbers(axis / np.linalg.norm(axis)),
-                joint=joints.index(joint.name) if moved else -1,
+                joint=joints.index(joint.name) if is_driven else -1,
                 limb=limbs_of.get(joint.name, links[parent].limb),
                 shapes=shapes[child],
             )
@@ -185,9 +185,9 @@ def _limb_numbers(body: Morphology) -> list[int]:
 def _frame_of(origin: Origin) -> tuple[Array, Array]:
     """Rotation and place, m, that a URDF's origin stands for."""
     roll, pitch, yaw = numbers(origin.rpy)
-    inner = rotation((0.0, 0.0, 1.0), yaw) @ rotation((0.0, 1.0, 0.0), pitch)
-    inner = inner @ rotation((1.0, 0.0, 0.0), roll)
-    return inner, np.array(numbers(origin.xyz))
+    turn = rotation((0.0, 0.0, 1.0), yaw) @ rotation((0.0, 1.0, 0.0), pitch)
+    turn = turn @ rotation((1.0, 0.0, 0.0), roll)
+    return turn, np.array(numbers(origin.xyz))
 
 
 def _shape_of(shape: Box | Cylinder | Sphere | None) -> tuple[Kind, tuple[float, ...]]:
@@ -250,12 +250,12 @@ def solids_of(links: Sequence[Link], angles: Sequence[float] | Array) -> list[So
             x, y, z = link.axis
             turn = turn @ rotation((x, y, z), float(angles[link.joint]))
         if link.parent >= 0:
-            outer, at = frames[link.parent]
-            turn, place = outer @ turn, at + outer @ place
+            parent_turn, parent_place = frames[link.parent]
+            turn, place = parent_turn @ turn, parent_place + parent_turn @ place
         frames.append((turn, place))
         for shape in link.shapes:
-            own, middle = turn @ np.reshape(shape.turn, (3, 3)), place + turn @ shape.place
-            solids += _solids(shape, own, middle, link.limb)
+            shape_turn, middle = turn @ np.reshape(shape.turn, (3, 3)), place + turn @ shape.place
+            solids += _solids(shape, shape_turn, middle, link.limb)
     return solids
 
 
@@ -321,7 +321,7 @@ def _lowest(solids: Sequence[Solid], up: Array) -> float:
 
 def _belly_ray(solids: Sequence[Solid], up: Array) -> float:
     """Distance from the belly's middle to the ground, m, if the body rests with ``up`` upwards."""
-    main = next((item for item in solids if item.limb == MAIN_BODY), None)
+    main = next((solid for solid in solids if solid.limb == MAIN_BODY), None)
     if main is None or main.kind == "sphere":  # its belly is not known
         return math.inf
     belly = main.place - np.array([0.0, 0.0, main.size[-1] / 2])

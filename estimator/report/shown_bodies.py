@@ -45,7 +45,7 @@ def predict(store: RunStore, bodies: Sequence[Morphology]) -> list[list[Observat
         return [[] for _ in bodies]
     posterior = store.settings.keeps_samples
     name = store.settings.physics if posterior else store.settings.reference
-    pairs = [(body, np.array(item.taken)) for body in bodies for item in seen]
+    pairs = [(body, np.array(observation.taken)) for body in bodies for observation in seen]
     with closing(in_this_process(name, store.world)) as physics:
         readings = physics.read(pairs)
     rows = [observation_of(readings, row, pair[1].tolist()) for row, pair in enumerate(pairs)]
@@ -161,8 +161,8 @@ def shown_bodies(store: RunStore, result: Result, true_body: Urdf | None) -> Sho
     predicted = predict(store, bodies)
     if summary is not None:
         predicted[0][: len(summary.predicted)] = [
-            _predicted(observation, item)
-            for observation, item in zip(seen, summary.predicted, strict=False)
+            _predicted(observation, prediction)
+            for observation, prediction in zip(seen, summary.predicted, strict=False)
         ]
     certainties = [part.agreement or 0.0 for part in result.best_models[0].parts] if summary else []
     shown = []
@@ -211,10 +211,10 @@ def _stands(
     """
     stands: list[tuple[float, ...] | None] = []
     standing: list[Solid] = []
-    for item, rest in zip(seen, readings, strict=False):
-        solids = solids_of(links, item.angles)
-        standing = at_rest(solids, rest)
-        turn = None if rest is None or None in rest.tilt else turn_at_rest(solids, rest)
+    for observation, reading in zip(seen, readings, strict=False):
+        solids = solids_of(links, observation.angles)
+        standing = at_rest(solids, reading)
+        turn = None if reading is None or None in reading.tilt else turn_at_rest(solids, reading)
         stands.append(None if turn is None else tuple(np.round(turn, _DIGITS).ravel().tolist()))
     return tuple(stands), tuple(standing)
 

@@ -36,7 +36,7 @@ _BEST_MODELS: Final = 10
 def summarise(store: RunStore) -> Result:
     """The outcome of a run as far as it has come."""
     settings, capabilities, problem = store.settings, store.capabilities, store.problem
-    observations, paper = store.observations(), not settings.keeps_samples
+    observations, is_paper = store.observations(), not settings.keeps_samples
     latest, posteriors = store.latest_generation(), store.posteriors()
     counters = Counters() if latest is None else latest.counters
     if posteriors:
@@ -65,21 +65,21 @@ def summarise(store: RunStore) -> Result:
         searched=tuple(gene.name for gene in store.genome.genes),
         physics=settings.physics,
         reference=settings.reference,
-        search=settings.search if paper else None,
-        objective=settings.objective if paper else None,
+        search=settings.search if is_paper else None,
+        objective=settings.objective if is_paper else None,
         explore=settings.explore,
         modalities=settings.modalities,
         seed=settings.seed,
-        population=settings.population if paper else None,
-        generations=settings.generations if paper else None,
+        population=settings.population if is_paper else None,
+        generations=settings.generations if is_paper else None,
         versions=versions_of(store),
         robot_uri=settings.robot,
         robot=capabilities.to_map(),
         interactions=len(observations),
         simulations_requested=counters.simulations_requested,
         simulations_run=counters.simulations_run,
-        simulations_invalid=counters.simulations_invalid if paper else None,
-        simulations_undecided=counters.simulations_undecided if paper else None,
+        simulations_invalid=counters.simulations_invalid if is_paper else None,
+        simulations_undecided=counters.simulations_undecided if is_paper else None,
         steps=counters.steps,
         wall_seconds=counters.wall_seconds,
         sensor_error=error,
@@ -87,12 +87,12 @@ def summarise(store: RunStore) -> Result:
         best_models=tuple(
             _model(
                 body,
-                both,
+                model_errors,
                 problem,
                 capabilities,
                 bodies if posteriors else [],
             )
-            for body, both in list(zip(bodies, errors, strict=True))[:_BEST_MODELS]
+            for body, model_errors in list(zip(bodies, errors, strict=True))[:_BEST_MODELS]
         ),
         finish=_finish(end),
         fit=_fit(store),
@@ -190,9 +190,9 @@ def _known(error: float) -> float | None:
 
 
 def _agreement(row: int, part: Part, samples: Sequence[Morphology]) -> float:
-    others = (sample.parts[row] for sample in samples)
+    sampled = (sample.parts[row] for sample in samples)
     attached = part.parent, part.mount, part.hinge
-    return float(np.mean([(one.parent, one.mount, one.hinge) == attached for one in others]))
+    return float(np.mean([(one.parent, one.mount, one.hinge) == attached for one in sampled]))
 
 
 def _joint(motor: int | None, capabilities: Capabilities) -> str | None:
@@ -225,13 +225,13 @@ def _warnings(legs: Sequence[LegResult], observations: Sequence[Observation]) ->
     at_end = sorted({name for item in observations for name in item.saturated_joints})
     if at_end:
         warnings.append(f"At the end of what they can reach stood, at times: {', '.join(at_end)}.")
-    off = {name: kind for item in observations for name, kind in item.off_target.items()}
-    for name, kind in off.items():  # each as it was last called: the robot knows most by then
-        where = [
+    kinds = {name: kind for item in observations for name, kind in item.off_target.items()}
+    for name, kind in kinds.items():  # each as it was last called: the robot knows most by then
+        interactions = [
             str(number) for number, item in enumerate(observations, 1) if name in item.off_target
         ]
         warnings.append(
             f"The joint {name} is {kind}: it was not where it was sent in interaction "
-            f"{', '.join(where)}."
+            f"{', '.join(interactions)}."
         )
     return tuple(warnings)

@@ -46,8 +46,8 @@ def _print_posterior(console: Console, result: Result, posterior: PosteriorRepor
     if posterior.attachments:
         console.print(probability_sentence(posterior))
         table = plain_table("what", "best body", "share of samples", justify="left")
-        for item in posterior.attachments:
-            table.add_row(item.what, item.value, percent(item.probability))
+        for attachment in posterior.attachments:
+            table.add_row(attachment.what, attachment.value, percent(attachment.probability))
         console.print(table)
     _print_otherwise(console, result, posterior)
     _print_rivals(console, result, posterior)
@@ -75,8 +75,8 @@ def as_stated_in_words(result: Result, posterior: PosteriorReport) -> str:
     if not posterior.as_stated_m:
         return ""
     listed = ", ".join(
-        f"{leg.joint} {mm(one.median)} ± {mm((one.high - one.low) / 2)}"
-        for leg, one in zip(result.legs, posterior.as_stated_m, strict=True)
+        f"{leg.joint} {mm(length.median)} ± {mm((length.high - length.low) / 2)}"
+        for leg, length in zip(result.legs, posterior.as_stated_m, strict=True)
     )
     return f"If the robot is exactly as stated: {listed} mm."
 
@@ -86,7 +86,7 @@ def _print_otherwise(console: Console, result: Result, posterior: PosteriorRepor
     if stated:
         console.print(Text(stated))
     if posterior.parameters:
-        learnt = "; ".join(one.sentence for one in posterior.parameters)
+        learnt = "; ".join(parameter.sentence for parameter in posterior.parameters)
         console.print(Text(f"What the readings say besides: {learnt}."))
     for cause in posterior.causes:
         console.print(
@@ -99,16 +99,16 @@ def _print_otherwise(console: Console, result: Result, posterior: PosteriorRepor
 
 def _print_rivals(console: Console, result: Result, posterior: PosteriorReport) -> None:
     for rival in posterior.rivals:
-        what = "Indistinguishable" if rival.indistinguishable else "Rival"
-        console.print(Text(f"{what} ({percent(rival.probability)}): {'; '.join(rival.differs)}."))
+        label = "Indistinguishable" if rival.indistinguishable else "Rival"
+        console.print(Text(f"{label} ({percent(rival.probability)}): {'; '.join(rival.differs)}."))
     if posterior.equivalent:
         console.print(Text(f"Not identifiable by any movement: {'; '.join(posterior.equivalent)}."))
     movement = posterior.next_movement
     if movement is not None:
         names = [joint["name"] for joint in result.robot["joints"]]
         angles = program_in_words(movement.program, names)
-        told = information_in_words(movement.bits)
-        gain = told if movement.bits else "it is expected to tell little"
+        information = information_in_words(movement.bits)
+        gain = information if movement.bits else "it is expected to tell little"
         console.print(Text(f"Most informative next movement: {angles}; {movement.reason}; {gain}."))
 
 
@@ -118,8 +118,8 @@ def _print_steps(console: Console, posterior: PosteriorReport) -> None:
     )
     for place, step in enumerate(posterior.steps, 1):
         bits = (
-            "–" if one is None else f"{one:.1f}"
-            for one in (step.expected_gain_bits, step.information_gain_bits)
+            "–" if value is None else f"{value:.1f}"
+            for value in (step.expected_gain_bits, step.information_gain_bits)
         )
         table.add_row(str(place), *bits, probability_after(step), Text(step.reason))
     console.print(table)
@@ -130,8 +130,8 @@ def _print_residuals(console: Console, posterior: PosteriorReport) -> None:
     console.print("Measured minus predicted by the best body, in standard deviations of the noise:")
     table = plain_table("interaction", *MODALITIES, "outlier")
     for number, prediction in enumerate(posterior.predicted, 1):
-        off = (f"{prediction.residuals.get(name, 0.0):+.1f}" for name in MODALITIES)
-        table.add_row(str(number), *off, percent(prediction.outlier_probability))
+        residuals = (f"{prediction.residuals.get(name, 0.0):+.1f}" for name in MODALITIES)
+        table.add_row(str(number), *residuals, percent(prediction.outlier_probability))
     console.print(table)
 
 
@@ -159,9 +159,9 @@ def probability_sentence(posterior: PosteriorReport) -> str:
 
 def sum_of_lengths(result: Result, known: SumOfLengths) -> str:
     """A sentence: two legs of whose lengths only the sum is known."""
-    one, other = (result.legs[leg].joint for leg in known.legs)
+    first, second = (result.legs[leg].joint for leg in known.legs)
     return (
-        f"Of {one} and {other} the sum is known: {mm(known.length_m.median)} mm "
+        f"Of {first} and {second} the sum is known: {mm(known.length_m.median)} mm "
         f"({between(known.length_m, 1000)})."
     )
 
@@ -187,11 +187,11 @@ def _print_search(console: Console, result: Result) -> None:
         f"requested, {result.simulations_run:,} run ({uncounted}), {result.wall_seconds:.0f} s."
     )
     if result.finish is not None and result.best_models:
-        end, best = result.finish, result.best_models[0]
+        finish, best = result.finish, result.best_models[0]
         console.print(
-            f"{result.reference} had the last word on {end.models} leading models: of "
-            f"{end.pairs} pairs it orders {end.pairs_turned} otherwise than "
-            f"{result.physics}, and it {'prefers another' if end.best_changed else 'keeps the'} "
+            f"{result.reference} had the last word on {finish.models} leading models: of "
+            f"{finish.pairs} pairs it orders {finish.pairs_turned} otherwise than "
+            f"{result.physics}, and it {'prefers another' if finish.best_changed else 'keeps the'} "
             f"best model (whose error is {number(best.sensor_error, 3)}, "
             f"{number(best.searched_error, 3)} by {result.physics})."
         )

@@ -17,9 +17,9 @@ from estimator.storage.posteriors import (
 )
 from estimator.storage.records import BestFit
 
-_WORTH_SAYING: Final = 1 - SURE
-_NAMED: Final = 3  # causes, at most
-_TELLS: Final = 0.25  # bits about causes, from which on a movement tells them apart
+_NEGLIGIBLE: Final = 1 - SURE
+_MAX_CAUSES: Final = 3
+_MIN_CAUSE_BITS: Final = 0.25  # bits about causes, from which on a movement tells them apart
 
 
 def verdict_on_best_model(fit: BestFit, contradictions: Sequence[str] = ()) -> str:
@@ -56,14 +56,14 @@ def verdict_on_posterior(
     if contradictions:
         return f"{_not_the_robots(contradictions)} {verdict_on_posterior(summary, (), joints)}"
     if summary.explained:
-        rest = _but_outliers(summary)
+        reservation = _but_outliers(summary)
         if summary.not_known is NotKnown.POOR_FIT:
-            rest += (
+            reservation += (
                 ", but poorly: a better one may have been missed, the problem may be another "
                 "robot's, or the sensors noisier than announced"
             )
         return (
-            f"Some body that this problem allows explains every interaction{rest}"
+            f"Some body that this problem allows explains every interaction{reservation}"
             f"{_otherwise(summary)}.{_what_tells(summary, joints)}"
         )
     reasons = _reasons(summary, len(summary.predicted))
@@ -77,24 +77,24 @@ def verdict_on_posterior(
             "is as probable as that the robot is built otherwise, or has changed on the way "
             f"({100 * summary.misspecification_probability:.0f} %)"
         )
-    listed = ", or ".join(reasons)
+    clauses = ", or ".join(reasons)
     if summary.coverage < SUFFICIENT_COVERAGE:
         return (
-            f"NO BODY THAT WAS FOUND {listed}. But the searches found different ones, so that a "
+            f"NO BODY THAT WAS FOUND {clauses}. But the searches found different ones, so that a "
             "better one may have been missed: more movements help, and a problem that leaves less "
             "open."
         )
     otherwise = _otherwise(summary).removeprefix(", ")
     best = f" The one that explains most is {otherwise}." if otherwise else ""
-    return f"NO BODY THAT THIS PROBLEM ALLOWS {listed}.{best}"
+    return f"NO BODY THAT THIS PROBLEM ALLOWS {clauses}.{best}"
 
 
 def _otherwise(summary: PosteriorSummary) -> str:
     """Clause: what the robot has otherwise than its problem says, or which causes compete."""
     competing = not summary.knows_cause(SURE)
-    listed = [one for one in summary.causes if one.probability > _WORTH_SAYING][:_NAMED]
-    listed = listed or list(summary.causes[:1] if competing else ())
-    if not listed:
+    causes = [cause for cause in summary.causes if cause.probability > _NEGLIGIBLE][:_MAX_CAUSES]
+    causes = causes or list(summary.causes[:1] if competing else ())
+    if not causes:
         return ""
     # Where no body explains the readings, probabilities are shares of what the table holds.
     unlisted = summary.misspecification_probability if summary.explained else 0.0
@@ -102,24 +102,24 @@ def _otherwise(summary: PosteriorSummary) -> str:
     def percent(share: float) -> str:
         return f"{100 * share * (1 - unlisted):.0f} %"
 
-    said = [f"{one.sentence} ({percent(one.probability)}: {one.check})" for one in listed]
-    if unlisted > _WORTH_SAYING:
-        said.append(f"something that no check looks for ({100 * unlisted:.0f} %)")
+    words = [f"{cause.sentence} ({percent(cause.probability)}: {cause.check})" for cause in causes]
+    if unlisted > _NEGLIGIBLE:
+        words.append(f"something that no check looks for ({100 * unlisted:.0f} %)")
     stated = summary.probability_as_stated
-    if stated <= _WORTH_SAYING:
-        return f", on a robot that is not as the problem says: it has {' or '.join(said)}"
-    has = f"has {' or '.join(said)}"
+    if stated <= _NEGLIGIBLE:
+        return f", on a robot that is not as the problem says: it has {' or '.join(words)}"
+    differs = f"has {' or '.join(words)}"
     as_stated = f"is as the problem says ({percent(stated)})"
-    first = stated >= listed[0].probability
-    both = f"{as_stated}, or {has}" if first else f"{has}, or {as_stated}"
-    return f", on a robot that {both}"
+    stated_first = stated >= causes[0].probability
+    clauses = f"{as_stated}, or {differs}" if stated_first else f"{differs}, or {as_stated}"
+    return f", on a robot that {clauses}"
 
 
 def _what_tells(summary: PosteriorSummary, joints: Sequence[str]) -> str:
     movement = summary.next_movement
     if movement is None or summary.knows_cause(SURE):
         return ""
-    if movement.bits_about_causes < _TELLS:
+    if movement.bits_about_causes < _MIN_CAUSE_BITS:
         return " No movement was found that tells them apart."
     return f" A movement that tells them apart: {program_in_words(movement.program, joints)}."
 
@@ -155,24 +155,24 @@ def _reasons(fit: FitVerdict, interactions: int) -> list[str]:
     numbers = [str(item.interaction + 1) for item in fit.unexplained]
     if not fit.has_only_outliers(interactions):
         sensors = sorted({name for item in fit.unexplained for name in item.sensors})
-        listed = f"interactions {', '.join(numbers[:-1])} and {numbers[-1]}"
+        misfits = f"interactions {', '.join(numbers[:-1])} and {numbers[-1]}"
         where = f" ({', '.join(sensors)})" if sensors else ""
         if len(numbers) == 1:
-            listed = f"interaction {numbers[0]}" + (", the only one" if interactions == 1 else "")
+            misfits = f"interaction {numbers[0]}" + (", the only one" if interactions == 1 else "")
             (only,) = fit.unexplained
             if only.residual > LARGEST_OUTLIER:
                 where += (
                     ", in which something happened that this model does not contain: readings lie "
                     f"{only.residual:.0f} standard deviations off"
                 )
-        reasons.append(f"explains {listed}{where}")
+        reasons.append(f"explains {misfits}{where}")
     if fit.noisy:
         reasons.append(
             f"explains {' and '.join(fit.noisy)} without more than twice the noise that is expected"
         )
     if fit.contradicting:
-        several = len(fit.contradicting) > 1
+        is_plural = len(fit.contradicting) > 1
         numbered = " and ".join(str(sensor + 1) for sensor in fit.contradicting)
-        measured = f"sensors {numbered} measure" if several else f"sensor {numbered} measures"
+        measured = f"sensors {numbered} measure" if is_plural else f"sensor {numbered} measures"
         reasons.append(f"explains what touch {measured}")
     return reasons

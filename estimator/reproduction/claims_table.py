@@ -56,11 +56,11 @@ class ClaimsTable:
         """Writes ``claims.csv`` and ``claims.json``."""
         rows = [
             (
-                *(item.panel, item.better, item.worse, item.pairs, *item.means),
-                *(astuple(item.difference) if item.difference else (None, None, None)),
-                *(item.p, item.corrected, item.corrected_opposite, item.verdict),
+                *(finding.panel, finding.better, finding.worse, finding.pairs, *finding.means),
+                *(astuple(finding.difference) if finding.difference else (None, None, None)),
+                *(finding.p, finding.corrected, finding.corrected_opposite, finding.verdict),
             )
-            for item in self.findings
+            for finding in self.findings
         ]
         write_csv(root / f"{NAME}.csv", HEADER, rows)
         write_json(root / f"{NAME}.json", asdict(self))
@@ -69,17 +69,17 @@ class ClaimsTable:
         """The table for people, as paragraphs."""
         paragraphs = []
         for statement in STATEMENTS if self.findings else ():
-            rows = [item for item in self.findings if item.panel == statement.panel]
-            held = sum(item.verdict == "holds" for item in rows)
+            findings = [finding for finding in self.findings if finding.panel == statement.panel]
+            held = sum(finding.verdict == "holds" for finding in findings)
             paragraphs += [
-                f"**Figure {statement.panel}: {verdict_on(statement, rows)}** "
-                f'({held} of {len(rows)} hold). "{statement.words}"',
+                f"**Figure {statement.panel}: {verdict_on(statement, findings)}** "
+                f'({held} of {len(findings)} hold). "{statement.words}"',
                 "\n".join(
                     [
                         "| better | than | pairs | means (mm) | difference (mm) | p | p, Holm | "
                         "verdict |",
                         "|---|---|---|---|---|---|---|---|",
-                        *map(_row, rows),
+                        *map(_row, findings),
                     ]
                 ),
             ]
@@ -124,13 +124,13 @@ def _row(item: VariantComparison) -> str:
 def _aside(item: TiltAloneComparison) -> str:
     if item.p is None:
         return f"Figure {item.panel}: not run."
-    alone, other = item.means
-    word = "not told apart from"
-    if item.p < SIGNIFICANT and alone is not None and other is not None:
-        word = "better than" if alone < other else "worse than"
+    of_tilt, of_other = item.means
+    verdict = "not told apart from"
+    if item.p < SIGNIFICANT and of_tilt is not None and of_other is not None:
+        verdict = "better than" if of_tilt < of_other else "worse than"
     return (
-        f"Figure {item.panel}: variant {_variant(TILT_ALONE)} is {word} {_variant(item.other)}: "
-        f"{_mm(alone)} against {_mm(other)} mm, difference {_difference(item.difference)}, "
+        f"Figure {item.panel}: variant {_variant(TILT_ALONE)} is {verdict} {_variant(item.other)}: "
+        f"{_mm(of_tilt)} against {_mm(of_other)} mm, difference {_difference(item.difference)}, "
         f"p = {_p(item.p)}."
     )
 

@@ -80,13 +80,13 @@ def history_rows(run: FinishedRun, panels: tuple[str, str]) -> Iterator[Row]:
     """
     for item in run.generations:
         for model, error in enumerate(item.errors, start=1):
-            known = f"{error:.6g}" if math.isfinite(error) else None
-            yield panels[0], item.number, item.iteration + 1, "subjective_error", model, known
+            error_text = f"{error:.6g}" if math.isfinite(error) else None
+            yield panels[0], item.number, item.iteration + 1, "subjective_error", model, error_text
     for item in run.generations:
         lengths = run.best_lengths(item).tolist()
         for joint, length in zip(run.score.joints, lengths, strict=True):
-            value = f"{length:.6g}"
-            yield panels[1], item.number, item.iteration + 1, "leg_length_m", joint, value
+            length_text = f"{length:.6g}"
+            yield panels[1], item.number, item.iteration + 1, "leg_length_m", joint, length_text
 
 
 def _finite(error: float) -> float | None:
@@ -102,9 +102,9 @@ def history_numbers(run: FinishedRun) -> dict[str, Any]:
         "modalities": list(run.planned.variant.modalities),
         "joints": list(run.score.joints),
         "true_lengths_m": list(run.score.true_lengths_m),
-        "last_generations": [item.number for item in ends],
-        "best_errors": [_finite(min(item.errors)) for item in ends],
-        "best_lengths_m": [run.best_lengths(item).tolist() for item in ends],
+        "last_generations": [generation.number for generation in ends],
+        "best_errors": [_finite(min(generation.errors)) for generation in ends],
+        "best_lengths_m": [run.best_lengths(generation).tolist() for generation in ends],
     }
 
 
@@ -167,9 +167,9 @@ class FinishedRun:
     @classmethod
     def read(cls, run: PlannedRun, root: Path) -> FinishedRun:
         """Reads a run that is finished."""
-        written = Summary.read(run, root)
-        assert written.result is not None
-        assert written.score is not None
+        summary = Summary.read(run, root)
+        assert summary.result is not None
+        assert summary.score is not None
         with RunStore.open(run.directory(root), to_write=False) as store:
             validations = store.validations.all()
             return cls(
@@ -181,9 +181,9 @@ class FinishedRun:
                 generations=_generations(store),
                 interactions=tuple(store.interactions()),
                 predictions=tuple(validations[-1]) if validations else (),
-                result=written.result,
-                score=written.score,
-                validation=written.validation,
+                result=summary.result,
+                score=summary.score,
+                validation=summary.validation,
             )
 
     @property

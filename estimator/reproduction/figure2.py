@@ -39,19 +39,19 @@ def make(root: Path, budget: Budget) -> DrawnFigure:
     picture = new_figure(11, 7.4)
     axes = picture.subplots(2, 2)
     rows: list[Row] = []
-    for line, (run, panels) in enumerate(zip(finished, PANELS, strict=True)):
-        draw_errors(axes[line, 0], run.generations)
+    for row, (run, panels) in enumerate(zip(finished, PANELS, strict=True)):
+        draw_errors(axes[row, 0], run.generations)
         draw_lengths(
-            axes[line, 1],
+            axes[row, 1],
             run.generations,
             run.genome,
             run.score.joints,
             targets=run.score.true_lengths_m,
             mounts=run.true_mounts,
         )
-        for panel, column in zip(panels, axes[line], strict=True):
-            what = ", ".join(run.planned.variant.modalities)
-            column.set_title(f"{panel}   {what}", loc="left", fontsize="medium", pad=22)
+        for panel, panel_axes in zip(panels, axes[row], strict=True):
+            modalities = ", ".join(run.planned.variant.modalities)
+            panel_axes.set_title(f"{panel}   {modalities}", loc="left", fontsize="medium", pad=22)
         rows += history_rows(run, panels)
     numbers = {
         "caption": CAPTION,

@@ -121,11 +121,11 @@ def make(root: Path, budget: Budget, runs: int | None) -> Figure3:
         "variance_m2": chance.variance,
     }
     picture = new_figure(11, 8)
-    for axes, (panel, measure, words, scale) in zip(picture.subplots(2, 1), _MEASURES, strict=True):
+    for axes, (panel, measure, label, scale) in zip(picture.subplots(2, 1), _MEASURES, strict=True):
         _draw(axes, cells, iterations, measure, scale)
         level = float(np.mean(by_chance[measure])) * scale
         axes.axhline(level, color="0.25", linestyle="--", linewidth=1, label="random models")
-        axes.set_ylabel(words)
+        axes.set_ylabel(label)
         axes.set_title(panel, loc="left")
         axes.set_ylim(bottom=0)
     picture.legend(
@@ -160,18 +160,18 @@ def make(root: Path, budget: Budget, runs: int | None) -> Figure3:
 
 def _cells(run: FinishedRun) -> list[_Cell]:
     ends = run.iteration_ends
-    lengths = np.array([run.best_lengths(item) for item in ends])
+    lengths = np.array([run.best_lengths(generation) for generation in ends])
     measured = quality(lengths, run.true_lengths)
     return [
         _Cell(
             variant=run.planned.variant.number,
-            iteration=item.iteration + 1,
+            iteration=generation.iteration + 1,
             seed=run.planned.seed,
             mean_leg_error_m=float(measured.mean_error[index]),
             longest_minus_shortest_m=float(measured.spread[index]),
             variance_m2=float(measured.variance[index]),
         )
-        for index, item in enumerate(ends)
+        for index, generation in enumerate(ends)
     ]
 
 
@@ -192,9 +192,9 @@ def _draw(axes: Axes, cells: Sequence[_Cell], iterations: int, measure: str, sca
             mean, deviation = mean_and_deviation(values)
             heights.append((mean or 0.0) * scale)
             whiskers.append((deviation or 0.0) * scale)
-        places = np.arange(1, iterations + 1) + (column - (len(VARIANTS) - 1) / 2) * width
+        positions = np.arange(1, iterations + 1) + (column - (len(VARIANTS) - 1) / 2) * width
         axes.bar(
-            places,
+            positions,
             heights,
             width * 0.9,
             yerr=whiskers,

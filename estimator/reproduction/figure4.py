@@ -87,10 +87,10 @@ def _names(run: FinishedRun) -> list[str]:
 
 
 def _draw_ends(axes: Axes, run: FinishedRun, right: Any, names: list[str]) -> None:
-    for item in run.iteration_ends:
-        for row, correct in enumerate(right[item.number]):
+    for generation in run.iteration_ends:
+        for row, correct in enumerate(right[generation.number]):
             axes.scatter(
-                item.iteration + 1,
+                generation.iteration + 1,
                 row,
                 s=110,
                 marker="s",
@@ -98,7 +98,7 @@ def _draw_ends(axes: Axes, run: FinishedRun, right: Any, names: list[str]) -> No
                 edgecolor="black",
                 linewidth=0.8,
             )
-    axes.set_xticks([item.iteration + 1 for item in run.iteration_ends])
+    axes.set_xticks([generation.iteration + 1 for generation in run.iteration_ends])
     axes.set_xlim(0.4, len(run.iteration_ends) + 0.6)
     axes.set_xlabel("iteration")
     _rows(axes, names)
@@ -145,23 +145,23 @@ def _sentences(run: FinishedRun, right: Any) -> tuple[str, ...]:
     score, first = run.score, _first_with_all(right)
     total = score.configurations_total
     if run.successful and first is not None:
-        item = run.generations[first]
-        start = (
+        generation = run.generations[first]
+        opening = (
             f"Seed {run.planned.seed} is the first whose best model has all {total} configurations "
-            f"right; it had them for the first time in iteration {item.iteration + 1} (the "
+            f"right; it had them for the first time in iteration {generation.iteration + 1} (the "
             "paper's run: in the eighth)."
         )
     else:
-        start = (
+        opening = (
             f"No run found all {total} configurations. Shown is seed {run.planned.seed}, the first "
             f"of those with most right, {score.configurations_right}."
         )
     fits = _fits(run)
     lengths = ", ".join(
-        f"{length * 1000:.0f} ({true * 1000:.0f})"
-        for length, true in zip(score.lengths_m, score.true_lengths_m, strict=True)
+        f"{length * 1000:.0f} ({true_length * 1000:.0f})"
+        for length, true_length in zip(score.lengths_m, score.true_lengths_m, strict=True)
     )
-    return start, fits, f"Leg lengths of its last best model, and the robot's (mm): {lengths}."
+    return opening, fits, f"Leg lengths of its last best model, and the robot's (mm): {lengths}."
 
 
 def _fits(run: FinishedRun) -> str:

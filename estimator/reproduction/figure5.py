@@ -63,26 +63,26 @@ def make(root: Path, budget: Budget, runs: int | None) -> DrawnFigure:
             name=NAME, caption=CAPTION, sentences=("All runs are missing.",), complete=False
         )
     (run,) = read_finished(root, [chosen])
-    poses = [observed(item) for item in (run.interactions[0], *run.predictions[:1])]
+    poses = [observed(interaction) for interaction in (run.interactions[0], *run.predictions[:1])]
     subjects = [[_robot(run, root, pose), *_models(run, pose)] for pose in poses]
-    radius = max(reach(item.solids) for line in subjects for item in line)
+    radius = max(reach(subject.solids) for line in subjects for subject in line)
     picture = new_figure(14, 6.2)
     axes = picture.subplots(len(poses), len(subjects[0]), squeeze=False)
     for line, (name, pose) in enumerate(zip(ROWS, poses, strict=False)):
-        for panel, column, item in zip("abcd", axes[line], subjects[line], strict=False):
-            column.imshow(take_picture(item.solids, radius))
-            column.set_xticks([])
-            column.set_yticks([])
-            column.set_xlabel(_reading(item), fontsize="small")
+        for panel, panel_axes, subject in zip("abcd", axes[line], subjects[line], strict=False):
+            panel_axes.imshow(take_picture(subject.solids, radius))
+            panel_axes.set_xticks([])
+            panel_axes.set_yticks([])
+            panel_axes.set_xlabel(_reading(subject), fontsize="small")
             if not line:
-                column.set_title(f"{panel}   {item.name}", loc="left")
+                panel_axes.set_title(f"{panel}   {subject.name}", loc="left")
         axes[line, 0].set_ylabel(f"{name}\n{_angles(run, pose)}")
     patches = leg_patches(run.score.joints)
     picture.legend(handles=patches, loc="outside lower center", ncols=len(patches), frameon=False)
     rows = [
-        _row(name, panel, item, _angles(run, pose))
+        _row(name, panel, subject, _angles(run, pose))
         for name, pose, line in zip(ROWS, poses, subjects, strict=False)
-        for panel, item in zip("abcd", line, strict=False)
+        for panel, subject in zip("abcd", line, strict=False)
     ]
     numbers: dict[str, Any] = {
         "caption": CAPTION,
@@ -95,8 +95,8 @@ def make(root: Path, budget: Budget, runs: int | None) -> DrawnFigure:
 
 def _robot(run: FinishedRun, root: Path, pose: Observation) -> _Subject:
     joints = [joint["name"] for joint in run.result.robot["joints"]]
-    driven = {joints[motor]: leg for leg, motor in enumerate(sorted(run.problem.motors.driven))}
-    links = robot_links(read_urdf(root / TRUTH), joints, driven)
+    limbs = {joints[motor]: leg for leg, motor in enumerate(sorted(run.problem.motors.driven))}
+    links = robot_links(read_urdf(root / TRUTH), joints, limbs)
     return _subject("robot", links, pose)
 
 
@@ -142,22 +142,22 @@ def _touched(item: _Subject) -> str:
 def _reading(item: _Subject) -> str:
     left, ahead = (round(angle, 1) + 0.0 for angle in _tilt(item))
     height = item.observation.clearance
-    clear = "?" if height is None else f"{height * 1000:.0f} mm"
-    return f"touch {_touched(item)}, tilt {left:+.1f}°, {ahead:+.1f}°, clearance {clear}"
+    clearance = "?" if height is None else f"{height * 1000:.0f} mm"
+    return f"touch {_touched(item)}, tilt {left:+.1f}°, {ahead:+.1f}°, clearance {clearance}"
 
 
 def _row(name: str, panel: str, item: _Subject, angles: str) -> Row:
     left, ahead = (round(angle, 3) for angle in _tilt(item))
     height = item.observation.clearance
-    clear = None if height is None else round(height * 1000, 2)
-    return name, panel, item.name, angles, _touched(item), left, ahead, clear
+    clearance = None if height is None else round(height * 1000, 2)
+    return name, panel, item.name, angles, _touched(item), left, ahead, clearance
 
 
 def _sentence(run: FinishedRun, subjects: Sequence[Sequence[_Subject]]) -> str:
     parts = []
     for name, line in zip(ROWS, subjects, strict=False):
-        miss = max(abs(a - b) for a, b in zip(_tilt(line[0]), _tilt(line[-1]), strict=True))
-        parts.append(f"{miss:.1f}° in the {name}")
+        difference = max(abs(a - b) for a, b in zip(_tilt(line[0]), _tilt(line[-1]), strict=True))
+        parts.append(f"{difference:.1f}° in the {name}")
     return (
         f"Seed {run.planned.seed}: the tilt of the last model differs from the robot's by at most "
         f"{' and '.join(parts)}."

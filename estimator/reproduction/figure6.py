@@ -74,7 +74,7 @@ def make(
     successes = share(sum(run.successful for run in finished), len(finished))
     picture = new_figure(max(6.0, 0.42 * len(finished) + 2.5), 5)
     _draw(picture.subplots(), finished, chance)
-    alike = sum(
+    equivalent = sum(
         run.score.configurations_right_up_to_equivalence == run.score.configurations_total
         for run in finished
     )
@@ -90,7 +90,7 @@ def make(
         "informative_configurations": informative,
         "by_chance": chance,
         "successes": successes.successes,
-        "successes_up_to_equivalence": alike,
+        "successes_up_to_equivalence": equivalent,
         "runs": successes.trials,
         "wilson_95": [successes.low, successes.high],
         "truth_fits_worse_than_the_best_model": hidden,
@@ -105,7 +105,7 @@ def make(
     )
     sentences = (
         f"{successes.successes} of {successes.trials} runs found all {total} configurations "
-        f"(95 % interval {successes.low:.0%} to {successes.high:.0%}), {alike} of "
+        f"(95 % interval {successes.low:.0%} to {successes.high:.0%}), {equivalent} of "
         f"{successes.trials} up to equivalence; the paper: 1 of 10, all of its 12.",
         f"By chance {chance:.2f} of {total} would be right. "
         f"{total - informative} of the {total} cannot be wrong: the "
@@ -125,19 +125,19 @@ def _is_hidden(run: FinishedRun) -> bool:
 
 def _draw(axes: Axes, finished: Sequence[FinishedRun], chance: float) -> None:
     total = max(run.score.configurations_total for run in finished)
-    for place, run in enumerate(finished):
+    for column, run in enumerate(finished):
         right = run.score.configurations_right
-        alike = run.score.configurations_right_up_to_equivalence
+        equivalent = run.score.configurations_right_up_to_equivalence
         for cell in range(run.score.configurations_total):
             axes.bar(
-                place,
+                column,
                 1,
                 0.8,
                 bottom=cell,
                 color="black" if cell < right else "white",
                 edgecolor="0.4",
                 linewidth=0.6,
-                hatch="////" if right <= cell < alike else None,
+                hatch="////" if right <= cell < equivalent else None,
             )
     axes.axhline(
         chance,
@@ -157,16 +157,16 @@ def _draw(axes: Axes, finished: Sequence[FinishedRun], chance: float) -> None:
 
 
 def _row(run: FinishedRun) -> Row:
-    scored, errors = run.score, run.validation and run.validation.best_model
+    score, errors = run.score, run.validation and run.validation.best_model
     return (
         run.planned.seed,
-        scored.configurations_right,
-        scored.configurations_right_up_to_equivalence,
-        scored.configurations_total,
-        scored.configurations_informative_right,
-        scored.configurations_informative,
+        score.configurations_right,
+        score.configurations_right_up_to_equivalence,
+        score.configurations_total,
+        score.configurations_informative_right,
+        score.configurations_informative,
         run.result.sensor_error,
-        scored.true_body_error,
-        scored.mean_leg_error_m,
+        score.true_body_error,
+        score.mean_leg_error_m,
         *(errors and errors[modality.error_name] for modality in MODALITIES.values()),
     )

@@ -39,7 +39,7 @@ from protocol.system.files import replace_file
 
 TURN: Final = 60.0
 """Least time of a turn that does not end the run, s. Starting a robot anew takes two or three."""
-_LOOK: Final = 5.0  # s, between two looks at how far runs are
+_LOOK_INTERVAL: Final = 5.0  # s, between two looks at how far runs are
 _FAILURES: Final = (BodyschemaError, OSError, sqlite3.Error)  # end one run; the others go on
 
 
@@ -174,22 +174,24 @@ def complete(
     with Ledger(root, asked or {}, command, at_once()) as ledger:
         for name, content in (shared or {}).items():
             ledger.keep(name, content())
-        left = [run for run in runs if not run.is_finished(root)]
-        if len(left) < len(runs):
-            listener.say(f"{len(runs) - len(left)} of {len(runs)} runs are finished already.")
+        unfinished = [run for run in runs if not run.is_finished(root)]
+        if len(unfinished) < len(runs):
+            listener.say(f"{len(runs) - len(unfinished)} of {len(runs)} runs are finished already.")
         progress = Progress(
             listener,
-            {run.name: run.work for run in left},
-            {run.name: run.work_done(root) for run in left},
+            {run.name: run.work for run in unfinished},
+            {run.name: run.work_done(root) for run in unfinished},
         )
         failures: dict[str, str] = {}
         try:
             with WorkerProcesses(jobs) if cluster is None else nullcontext(cluster) as workers:
-                for run, failure in _ended(root, left, partial(start, workers), at_once, progress):
+                for run, failure in _ended(
+                    root, unfinished, partial(start, workers), at_once, progress
+                ):
                     if failure is not None:
                         failures[run.name] = failure
-                    how = run.sentence(root) if failure is None else f"failed: {failure}"
-                    progress.ended(run.name, how)
+                    outcome = run.sentence(root) if failure is None else f"failed: {failure}"
+                    progress.ended(run.name, outcome)
                     ledger.note()
         except KeyboardInterrupt:
             listener.say("The same command goes on from here.")
@@ -211,7 +213,7 @@ def made_by(root: Path, runs: Iterable[Run]) -> str:
     if len(counts) == 1:
         return f"Made at {next(iter(counts))}."
     total = counts.total()
-    parts = [f"{count} of {total} runs at {made}" for made, count in counts.items()]
+    parts = [f"{count} of {total} runs at {commits}" for commits, count in counts.items()]
     return f"Made: {'; '.join(parts) or 'no run'}."
 
 
@@ -243,18 +245,18 @@ class Progress:
 
     def stands(self, name: str, done: float) -> None:
         """Notes how much of a run's work is done by now."""
-        more = min(done, self._works[name]) - self._done[name]
-        if more > 0:
-            self._done[name] += more
-            self._listener.worked(more, f"{self._ended}/{len(self._works)} runs, {name}")
+        newly_done = min(done, self._works[name]) - self._done[name]
+        if newly_done > 0:
+            self._done[name] += newly_done
+            self._listener.worked(newly_done, f"{self._ended}/{len(self._works)} runs, {name}")
 
     def ended(self, name: str, sentence: str) -> None:
         """Notes that a run is over; the sentence says how it went."""
         self._ended += 1
         self.stands(name, math.inf)
-        left = self.seconds_left()
-        later = f"; {in_words(left)} left" if left else ""
-        self._listener.say(f"{self._ended}/{len(self._works)} {name}: {sentence}{later}")
+        remaining = self.seconds_left()
+        remaining_note = f"; {in_words(remaining)} left" if remaining else ""
+        self._listener.say(f"{self._ended}/{len(self._works)} {name}: {sentence}{remaining_note}")
 
     def said(self, name: str, sentence: str) -> None:
         """Passes on a sentence of a run."""
@@ -305,16 +307,16 @@ def _ended(
 ) -> Iterator[tuple[Run, str | None]]:
     """Does runs; yields each run that has ended, and why it failed, or ``None``."""
     waiting = deque(runs)
-    busy: dict[Future[_Turn], Run] = {}
+    running: dict[Future[_Turn], Run] = {}
     try:
-        while waiting or busy:
-            while waiting and len(busy) < at_once():
+        while waiting or running:
+            while waiting and len(running) < at_once():
                 run = waiting.popleft()
                 note_commit(directory(run, root), resumed=run.work_done(root) > 0)
-                busy[start(run)] = run
-            done, _ = wait(busy, timeout=_LOOK, return_when=FIRST_COMPLETED)
-            for future in done:
-                run = busy.pop(future)
+                running[start(run)] = run
+            done_futures, _ = wait(running, timeout=_LOOK_INTERVAL, return_when=FIRST_COMPLETED)
+            for future in done_futures:
+                run = running.pop(future)
                 try:
                     turn = future.result()
                 except WorkerError as error:
@@ -329,17 +331,17 @@ def _ended(
                     progress.stands(run.name, run.work_done(root))
                 else:
                     yield run, None if finished else turn.failure or "not finished"
-            for run in busy.values():
+            for run in running.values():
                 progress.stands(run.name, run.work_done(root))
     finally:
-        for future in busy:
+        for future in running:
             future.cancel()
 
 
 def _take_turn(run: Run, files: Mapping[str, bytes], seconds: float) -> _Turn:
     """Takes a run further, on a worker of a cluster."""
-    with tempfile.TemporaryDirectory(prefix="study-") as name:
-        root = Path(name)
+    with tempfile.TemporaryDirectory(prefix="study-") as folder:
+        root = Path(folder)
         for path, content in files.items():
             (root / path).parent.mkdir(parents=True, exist_ok=True)
             (root / path).write_bytes(content)
@@ -383,8 +385,8 @@ class _TurnListener(Listener):
         self.sentences.append(sentence)
 
     def worked(self, work: float, what: str) -> None:
-        late = time.monotonic() >= self._end and self._done() > self._before
-        if late or not self._wanted():
+        is_late = time.monotonic() >= self._end and self._done() > self._before
+        if is_late or not self._wanted():
             raise _TurnOver
 
 

@@ -20,8 +20,8 @@ from protocol.system.process import Closable
 
 RUNS: Final = "runs"
 LEDGER: Final = "study.json"
-_LOCK: Final = "study.lock"
-_MADE: Final = "made.json"
+_LOCK_FILE: Final = "study.lock"
+_COMMITS_FILE: Final = "made.json"
 
 
 class Session(BaseModel):
@@ -70,7 +70,7 @@ class Ledger(Closable):
     def __init__(self, root: Path, asked: Mapping[str, str], command: str, jobs: int):
         self._path = root / LEDGER
         self._started = time.monotonic()
-        self._lock = lock(root, _LOCK)
+        self._lock = lock(root, _LOCK_FILE)
         try:
             self._content = self._read(dict(asked))
         except BaseException:
@@ -142,15 +142,15 @@ class Ledger(Closable):
 
 def note_commit(place: Path, *, resumed: bool) -> None:
     """Notes which commit begins or resumes a run, in the run's directory."""
-    before = commits_of(place) if resumed else ()
-    if before[-1:] != (commit(),):
+    earlier = commits_of(place) if resumed else ()
+    if earlier[-1:] != (commit(),):
         place.mkdir(parents=True, exist_ok=True)
-        replace_text(place / _MADE, json.dumps({"commits": [*before, commit()]}) + "\n")
+        replace_text(place / _COMMITS_FILE, json.dumps({"commits": [*earlier, commit()]}) + "\n")
 
 
 def commits_of(place: Path) -> tuple[str, ...]:
     """The commits that had a part in a run, in order; none where nobody knows."""
     try:
-        return tuple(map(str, json.loads((place / _MADE).read_text("utf-8"))["commits"]))
+        return tuple(map(str, json.loads((place / _COMMITS_FILE).read_text("utf-8"))["commits"]))
     except (OSError, ValueError, KeyError, TypeError):
         return ()

@@ -79,8 +79,8 @@ def mean_difference(differences: Sequence[float]) -> MeanDifference:
     """
     mean = float(np.mean(differences))
     if min(differences) == max(differences):
-        known = mean if len(differences) > 1 else None
-        return MeanDifference(mean=mean, low=known, high=known)
+        bound = mean if len(differences) > 1 else None
+        return MeanDifference(mean=mean, low=bound, high=bound)
     interval = (
         _scipy()
         .bootstrap((differences,), np.mean, n_resamples=_RESAMPLES, method="BCa", rng=_SEED)
@@ -102,7 +102,7 @@ def holm(values: Sequence[float]) -> list[float]:
 
 def rates_differ(one: Share, other: Share) -> float:
     """Two-sided p of Fisher's exact test that two rates are the same."""
-    table = [[item.successes, item.trials - item.successes] for item in (one, other)]
+    table = [[rate.successes, rate.trials - rate.successes] for rate in (one, other)]
     return float(_scipy().fisher_exact(table).pvalue)
 
 
@@ -296,13 +296,13 @@ def judge(samples: Samples) -> tuple[VariantComparison, ...]:
     ]
     pairs = [_Paired.of(samples, *claim) for claim in claims]
     tested = [index for index, pair in enumerate(pairs) if len(pair)]
-    values = [smaller(pairs[index].differences) for index in tested]
-    opposite = [smaller([-item for item in pairs[index].differences]) for index in tested]
-    triples = zip(values, holm(values), holm(opposite), strict=True)
+    p_values = [smaller(pairs[index].differences) for index in tested]
+    opposite = [smaller([-value for value in pairs[index].differences]) for index in tested]
+    triples = zip(p_values, holm(p_values), holm(opposite), strict=True)
     corrected = dict(zip(tested, triples, strict=True))
     comparisons = []
     for index, ((panel, better, worse), pair) in enumerate(zip(claims, pairs, strict=True)):
-        p, less, more = corrected.get(index, (None, None, None))
+        p, p_holm, p_opposite = corrected.get(index, (None, None, None))
         comparisons.append(
             VariantComparison(
                 panel=panel,
@@ -312,9 +312,9 @@ def judge(samples: Samples) -> tuple[VariantComparison, ...]:
                 means=pair.means,
                 difference=pair.mean_difference,
                 p=p,
-                corrected=less,
-                corrected_opposite=more,
-                verdict=_verdict(less, more),
+                corrected=p_holm,
+                corrected_opposite=p_opposite,
+                verdict=_verdict(p_holm, p_opposite),
             )
         )
     return tuple(comparisons)
@@ -356,9 +356,9 @@ def judge_successes(ours: Share) -> SuccessRateComparison:
     papers = share(PAPERS_SUCCESSES, PAPERS_RUNS)
     p = rates_differ(ours, papers)
     rate = papers.successes / papers.trials
-    more = range(math.ceil(rate * ours.trials), ours.trials + 1)
+    counts = range(math.ceil(rate * ours.trials), ours.trials + 1)
     refuting = (
-        number for number in more if rates_differ(share(number, ours.trials), papers) < SIGNIFICANT
+        count for count in counts if rates_differ(share(count, ours.trials), papers) < SIGNIFICANT
     )
     return SuccessRateComparison(
         ours=ours,

@@ -46,7 +46,7 @@ from protocol.system.files import replace_text
 
 _ATTEMPTS: Final = 3  # at reaching the simulated robot, before a run counts as failed; not tuned
 
-_write = partial(write_report, plots=False)
+_without_plots = partial(write_report, plots=False)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,7 +141,7 @@ class PlannedRun:
             searched = sum(
                 item.iteration + 1 if item.number % length else 1 for item in store.generations()
             )
-            predicted = [item for one in store.validations.all() for item in one]
+            predicted = [item for validation in store.validations.all() for item in validation]
             performed = sum(item.observation is not None for item in predicted)
             return store.settings.population * (searched + (len(predicted) + performed) / 2)
 
@@ -195,22 +195,22 @@ class PlannedRun:
         self._score(root)
 
     def _search_and_validate(self, root: Path, uri: str, listener: Listener) -> None:
-        directory, quietly = self.directory(root), _WorkOnly(listener)
+        directory, quiet = self.directory(root), _WorkOnly(listener)
         if holds_run(directory):
             with RunStore.open(directory, to_write=False) as store:
                 catch_up(store, uri)
-            resume(directory, IN_THIS_PROCESS, quietly, robot=uri, report=_write)
+            resume(directory, IN_THIS_PROCESS, quiet, robot=uri, report=_without_plots)
         else:
-            identify(directory, self.order(uri), IN_THIS_PROCESS, quietly, report=_write)
+            identify(directory, self.order(uri), IN_THIS_PROCESS, quiet, report=_without_plots)
         if self.predicts and read_validation(directory) is None:
-            self._validate(directory, uri, quietly)
+            self._validate(directory, uri, quiet)
 
     def _validate(self, directory: Path, uri: str, listener: Listener) -> None:
         with RunStore.open(directory) as store:
-            made = store.validations.all()
-            seen = [item.observation for item in made[-1] if item.observation] if made else []
-            if made and len(seen) == len(made[-1]):  # ended just before the file was written
-                validation = compare(made[-1], seen)
+            stored = store.validations.all()
+            seen = [item.observation for item in stored[-1] if item.observation] if stored else []
+            if stored and len(seen) == len(stored[-1]):  # ended just before the file was written
+                validation = compare(stored[-1], seen)
             else:
                 with (
                     closing(in_this_process(store.settings.physics, store.world)) as physics,

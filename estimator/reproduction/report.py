@@ -68,15 +68,15 @@ def write_report(
     ]
     if claims is not None:
         paragraphs += ["## Claims", *claims.markdown()]
-    for item in figures:
-        paragraphs.append(f"## Figure {item.name.removeprefix('fig')}")
-        if item.complete:
-            paragraphs.append(f"![Figure {item.name.removeprefix('fig')}]({item.name}.png)")
-        paragraphs += [f"*{item.caption}*", *item.sentences]
-        if item.complete:
+    for figure in figures:
+        paragraphs.append(f"## Figure {figure.name.removeprefix('fig')}")
+        if figure.complete:
+            paragraphs.append(f"![Figure {figure.name.removeprefix('fig')}]({figure.name}.png)")
+        paragraphs += [f"*{figure.caption}*", *figure.sentences]
+        if figure.complete:
             paragraphs.append(
-                f"Numbers: [{item.name}.csv]({item.name}.csv), "
-                f"[{item.name}.json]({item.name}.json)."
+                f"Numbers: [{figure.name}.csv]({figure.name}.csv), "
+                f"[{figure.name}.json]({figure.name}.json)."
             )
     paragraphs += ["## Runs", *_runs(runs)]
     replace_text(root / REPORT, "\n\n".join(paragraphs) + "\n")
@@ -101,8 +101,8 @@ def reproduction_page(root: Path) -> str:
     parser = MarkdownIt("commonmark", {"html": False}).enable("table")
     tokens = parser.parse(text)
     for token in tokens:
-        for item in token.children or ():
-            _contain(item, root)
+        for child in token.children or ():
+            _contain(child, root)
     body = Markup(parser.renderer.render(tokens, parser.options, {}))  # the parser escapes all HTML
     return render("reproduction.html", body=body)
 
@@ -110,10 +110,10 @@ def reproduction_page(root: Path) -> str:
 def _how(
     root: Path, budget: Budget, sessions: Sequence[Session], runs: Sequence[Summary]
 ) -> list[str]:
-    finished = [item.result for item in runs if item.result is not None]
-    seeds = sorted({item.run.seed for item in runs})
+    finished = [summary.result for summary in runs if summary.result is not None]
+    seeds = sorted({summary.run.seed for summary in runs})
     requested = sum(result.simulations_requested for result in finished)
-    done = sum(result.simulations_run for result in finished)
+    simulated = sum(result.simulations_run for result in finished)
     invalid = sum(result.simulations_invalid or 0 for result in finished)
     undecided = sum(result.simulations_undecided or 0 for result in finished)
     used = sorted(
@@ -126,14 +126,14 @@ def _how(
         f"- `{item.command}` ({item.started}, {item.jobs} at a time, {in_words(item.seconds)})"
         for item in sessions
     )
-    own = "The paper's budgets: population, generations, interactions as in the problems."
+    note = "The paper's budgets: population, generations, interactions as in the problems."
     if not budget.is_the_papers:
         cut = ", ".join(
             f"{name} {value}"
             for name in ("interactions", "population", "generations")
             if (value := getattr(budget, name)) is not None
         )
-        own = f"**Not the paper's budgets**: {cut}. So nothing here says anything about the paper."
+        note = f"**Not the paper's budgets**: {cut}. So nothing here says anything about the paper."
     last_word = ""
     if budget.physics != REFERENCE:
         last_word = (
@@ -142,16 +142,16 @@ def _how(
         )
     return [
         "Made by:\n\n" + commands,
-        f"Physics: {budget.physics}{last_word}. {own} Motor programs are random, as the paper's.",
+        f"Physics: {budget.physics}{last_word}. {note} Motor programs are random, as the paper's.",
         f"{len(finished)} of {len(runs)} runs finished, seeds {seeds[0]} to {seeds[-1]}: "
         f"{_counts(runs)}. Each went through the protocol, with a sim-robotd process of its own "
         "whose noise has the run's seed.",
         f"Wall clock: {in_words(sum(item.seconds for item in sessions))}; the runs' own times "
         f"add up to {in_words(sum(result.wall_seconds for result in finished))}. "
-        f"{requested:,} simulations requested, {done:,} simulated; of these {invalid:,} were "
+        f"{requested:,} simulations requested, {simulated:,} simulated; of these {invalid:,} were "
         f"invalid and {undecided:,} undecided.",
         *(f"Versions: {item}." for item in used),
-        made_by(root, [item.run for item in runs if item.failure is None]),
+        made_by(root, [summary.run for summary in runs if summary.failure is None]),
     ]
 
 
@@ -163,15 +163,15 @@ def _counts(runs: Sequence[Summary]) -> str:
         TOPOLOGICAL_8X4: TOPOLOGICAL_RUNS,
     }
     counts = []
-    for problem, wanted in papers.items():
-        planned = [item.run for item in runs if item.run.problem == problem]
+    for problem, papers_runs in papers.items():
+        planned = [summary.run for summary in runs if summary.run.problem == problem]
         variants = len({run.variant for run in planned})
         if variants > 1:
             counts.append(
-                f"{len(planned)} {problem}, {variants} variants; the paper: {wanted} each"
+                f"{len(planned)} {problem}, {variants} variants; the paper: {papers_runs} each"
             )
         elif planned:
-            counts.append(f"{len(planned)} {problem}; the paper: {wanted}")
+            counts.append(f"{len(planned)} {problem}; the paper: {papers_runs}")
     return ". ".join(counts)
 
 
@@ -206,7 +206,7 @@ def _markdown_row(item: Summary) -> str:
     predictions = "–"
     if errors and None not in errors.values():
         terms = MODALITIES.values()
-        predictions = ", ".join(one.say_error(errors[one.error_name]) for one in terms)
+        predictions = ", ".join(term.say_error(errors[term.error_name]) for term in terms)
     score, result = item.score, item.result
     total = score.configurations_total
     searched = score.configurations_informative > 0

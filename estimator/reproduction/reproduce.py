@@ -120,19 +120,19 @@ def _draw(
     if "fig2" in figures:
         drawn.append(figure2.make(root, budget))
     if "fig3" in figures:
-        models = figure3.make(root, budget, runs)
-        samples = models.samples
-        drawn.append(models.drawn)
+        figure_3 = figure3.make(root, budget, runs)
+        samples = figure_3.samples
+        drawn.append(figure_3.drawn)
     if "fig4" in figures:
         drawn.append(figure4.make(root, budget, runs))
     if "fig5" in figures:
         drawn.append(figure5.make(root, budget, runs))
     if "fig6" in figures:
-        counted, successes = figure6.make(root, budget, runs, figure6.FOUR_BY_FOUR)
-        drawn.append(counted)
+        figure_6, successes = figure6.make(root, budget, runs, figure6.FOUR_BY_FOUR)
+        drawn.append(figure_6)
     if "fig6-8x4" in figures:
-        counted, _ = figure6.make(root, budget, runs, figure6.EIGHT_BY_FOUR)
-        drawn.append(counted)
+        figure_6, _ = figure6.make(root, budget, runs, figure6.EIGHT_BY_FOUR)
+        drawn.append(figure_6)
     if samples is None and successes is None:
         return tuple(drawn), None
     table = ClaimsTable.of(samples, successes)

@@ -29,10 +29,10 @@ from protocol.system.process import Closable
 from protocol.transport.client import RobotClient
 
 COMMAND: Final = "sim-robotd"
-_START: Final = 60.0  # s; not tuned
-_PARK: Final = 10.0  # s; it parks within 5
+_START_LIMIT: Final = 60.0  # s; not tuned
+_PARK_LIMIT: Final = 10.0  # s; it parks within 5
 _LAST_LINES: Final = 20
-_SERVING: Final = re.compile(r"serving \S+ on (tcp://[^\s,]+)")
+_SERVING_LINE: Final = re.compile(r"serving \S+ on (tcp://[^\s,]+)")
 
 
 class RobotProcess(Closable):
@@ -63,16 +63,16 @@ class RobotProcess(Closable):
             preexec_fn=partial(die_with, os.getpid(), signal.SIGTERM),  # noqa: PLW1509 - system calls
         )
         self.uri = ""
-        self._said: deque[str] = deque(maxlen=_LAST_LINES)
+        self._last_lines: deque[str] = deque(maxlen=_LAST_LINES)
         self._ready = threading.Event()
         self._reader = threading.Thread(target=self._read, name=COMMAND, daemon=True)
         self._reader.start()
         try:
-            heard = self._ready.wait(_START)
+            heard = self._ready.wait(_START_LIMIT)
             if not self.uri:
-                why = "".join(self._said).strip() or "it said nothing"
-                how = "ended at once" if heard else f"was not ready after {_START:.0f} s"
-                raise InteractionError(f"{COMMAND} {how}: {why}")
+                reason = "".join(self._last_lines).strip() or "it said nothing"
+                outcome = "ended at once" if heard else f"was not ready after {_START_LIMIT:.0f} s"
+                raise InteractionError(f"{COMMAND} {outcome}: {reason}")
         except BaseException:
             self.close()
             raise
@@ -81,7 +81,7 @@ class RobotProcess(Closable):
         """Lets the robot park, and ends it."""
         self._process.terminate()
         try:
-            self._process.wait(_PARK)
+            self._process.wait(_PARK_LIMIT)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
@@ -91,8 +91,8 @@ class RobotProcess(Closable):
         assert self._process.stderr is not None
         with self._process.stderr as lines:
             for line in lines:
-                self._said.append(line)
-                address = _SERVING.search(line)
+                self._last_lines.append(line)
+                address = _SERVING_LINE.search(line)
                 if address is not None:
                     self.uri = address[1]
                     self._ready.set()
@@ -105,16 +105,16 @@ def print_body() -> str:
     Raises:
         EstimatorError: ``sim-robotd`` is not installed, or failed.
     """
-    ended = subprocess.run(
+    completed = subprocess.run(
         [_command(), "--print-body"],
         check=False,
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,
     )
-    if ended.returncode != 0:
-        raise EstimatorError(f"{COMMAND} --print-body failed: {ended.stderr.strip()}")
-    return ended.stdout
+    if completed.returncode != 0:
+        raise EstimatorError(f"{COMMAND} --print-body failed: {completed.stderr.strip()}")
+    return completed.stdout
 
 
 def catch_up(store: RunStore, uri: str) -> None:
@@ -138,10 +138,10 @@ def catch_up(store: RunStore, uri: str) -> None:
         return
     with RobotClient(uri, software="estimator") as client:
         client.acquire()
-        for program, before in performed:
+        for program, recorded in performed:
             reply = client.perform(by_joint_name(program, client.capabilities))
-            now = Observation.from_wire(reply, client.capabilities)
-            if _readings(now) != _readings(before):
+            repeated = Observation.from_wire(reply, client.capabilities)
+            if _readings(repeated) != _readings(recorded):
                 raise RunDirectoryError(
                     f"The simulated robot does not read again what it read in {store.directory}, "
                     f"so it was another version's: delete {store.directory}, and it is run anew."
@@ -154,8 +154,8 @@ def _readings(observation: Observation) -> tuple[object, ...]:
 
 def _command() -> str:
     """The ``sim-robotd`` of this installation, or else the one on the PATH."""
-    beside = Path(sys.executable).with_name(COMMAND)
-    path = str(beside) if beside.is_file() else shutil.which(COMMAND)
+    installed = Path(sys.executable).with_name(COMMAND)
+    path = str(installed) if installed.is_file() else shutil.which(COMMAND)
     if path is None:
         raise EstimatorError(f"{COMMAND} is not installed: {install_command('sim')}")
     return path

@@ -147,9 +147,9 @@ def check_tables(database: sqlite3.Connection, names: Collection[str] = ()) -> N
     rows = database.execute(
         "SELECT name, sql FROM sqlite_master WHERE name NOT LIKE 'sqlite\\_%' ESCAPE '\\'"
     )
-    found = dict(rows)
-    for name in names or {*ours, *found}:
-        if found.get(name) != ours.get(name):
+    existing = dict(rows)
+    for name in names or {*ours, *existing}:
+        if existing.get(name) != ours.get(name):
             raise ValueError(f"what it holds as {name} is not the table of a run")
 
 
@@ -174,10 +174,10 @@ def reading(directory: Path) -> Iterator[None]:
 
 def _first_reason(error: Exception) -> str:
     if isinstance(error, ValidationError):
-        first = error.errors(include_url=False, include_input=False)[0]
-        where = ".".join(map(str, first["loc"]))
-        said = first["msg"].removeprefix("Value error, ")
-        return f"{error.title}: {where}: {said}" if where else said
+        detail = error.errors(include_url=False, include_input=False)[0]
+        place = ".".join(map(str, detail["loc"]))
+        message = detail["msg"].removeprefix("Value error, ")
+        return f"{error.title}: {place}: {message}" if place else message
     return str(error).partition("\n")[0].rstrip(".")
 
 

@@ -86,9 +86,9 @@ class FitVerdict(_Record):
 
     def has_only_outliers(self, interactions: int) -> bool:
         """Whether the unexplained interactions, of so many in all, may be outliers."""
-        near = all(one.residual <= LARGEST_OUTLIER for one in self.unexplained)
-        few = len(self.unexplained) <= OUTLIERS < interactions
-        return not self.unexplained or (few and near)
+        are_near = all(interaction.residual <= LARGEST_OUTLIER for interaction in self.unexplained)
+        are_few = len(self.unexplained) <= OUTLIERS < interactions
+        return not self.unexplained or (are_few and are_near)
 
     def is_adequate(self, interactions: int) -> bool:
         """Whether the body explains so many interactions, but for outliers."""

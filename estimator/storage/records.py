@@ -147,10 +147,10 @@ def performed(
     if request_id is not None and session is not None:
         ticket = Ticket(request_id=request_id, session=session)
     targets = tuple(map(float, json.loads(program)))
-    seen = None if observation is None else Observation.model_validate_json(observation)
-    if len(targets) != joints or (seen is not None and len(seen.angles) != joints):
+    observed = None if observation is None else Observation.model_validate_json(observation)
+    if len(targets) != joints or (observed is not None and len(observed.angles) != joints):
         raise ValueError(f"a motor program is not one of {joints} joints")
-    return {"program": targets, "ticket": ticket, "observation": seen}
+    return {"program": targets, "ticket": ticket, "observation": observed}
 
 
 @dataclass(frozen=True, kw_only=True)

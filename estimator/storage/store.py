@@ -97,8 +97,8 @@ class RunStore(Closable):
         Raises:
             ProblemError: The problem's text is damaged, or of another version.
         """
-        asked = Problem.parse(self.settings.problem_text, f"problem of {self.directory}")
-        return asked.for_robot(self.capabilities)
+        stated = Problem.parse(self.settings.problem_text, f"problem of {self.directory}")
+        return stated.for_robot(self.capabilities)
 
     @cached_property
     def genome(self) -> Genome:
@@ -141,14 +141,14 @@ class RunStore(Closable):
                         f"{directory}`, or give another --out."
                     )
                 make_tables(database)
-                first = {
+                meta = {
                     "format": json.dumps(FORMAT),
                     "settings": settings.model_dump_json(),
                     "capabilities": json.dumps(capabilities.to_map()),
                     "client_id": json.dumps(client_id),
                     "connections": json.dumps(1),
                 }
-                database.executemany("INSERT INTO meta VALUES (?, ?)", first.items())
+                database.executemany("INSERT INTO meta VALUES (?, ?)", meta.items())
                 claim(database)
             return cls(directory, database, held)
         except BaseException:

@@ -101,8 +101,8 @@ class Weighed:
     @property
     def unchanged(self) -> float:
         """Probability that nothing has changed."""
-        same = [one.cause is None for one in self.particles]
-        return float(self.probabilities[same].sum())
+        unchanged = [particles.cause is None for particles in self.particles]
+        return float(self.probabilities[unchanged].sum())
 
 
 @dataclass(frozen=True)
@@ -125,8 +125,8 @@ class _Round:
         """Log-density by which amounts, shape (n,), were drawn; ``prior``: their log-prior."""
         if self.centres is None:
             return prior
-        away = (theta[:, None] - self.centres) / self.spread
-        normal = -0.5 * away**2 - math.log(self.spread * math.sqrt(2 * math.pi))
+        offsets = (theta[:, None] - self.centres) / self.spread
+        normal = -0.5 * offsets**2 - math.log(self.spread * math.sqrt(2 * math.pi))
         density: Array = logsumexp(normal, axis=1) - math.log(len(self.centres))
         return density
 
@@ -162,14 +162,14 @@ class Weigher:
             named: Particles of these causes, each with its share.
         """
         drawn = [
-            one.drawn(max(1, round(share * len(self.known))), float(self.rng.random()))
-            for one, share in named
+            particles.drawn(max(1, round(share * len(self.known))), float(self.rng.random()))
+            for particles, share in named
         ]
-        other = Weigher(self.known, self.causes, self.rng)
-        other._bodies = Bodies.joined([self.bodies(one) for one in drawn])
-        other._scales = np.concatenate([self.scales(one) for one in drawn])
-        other._weights = np.full(len(other._scales), 1 / len(other._scales))
-        return other
+        weigher = Weigher(self.known, self.causes, self.rng)
+        weigher._bodies = Bodies.joined([self.bodies(particles) for particles in drawn])
+        weigher._scales = np.concatenate([self.scales(particles) for particles in drawn])
+        weigher._weights = np.full(len(weigher._scales), 1 / len(weigher._scales))
+        return weigher
 
     def bodies(self, particles: Particles) -> Bodies:
         """The bodies of particles."""
@@ -235,36 +235,36 @@ class Weigher:
 
     def weigh(self, observations: Sequence[Observation]) -> Weighed:
         """Weighs all causes by all observations, from scratch."""
-        first = [self.prior(cause, _PARTICLES) for cause in self.causes]
+        priors = [self.prior(cause, _PARTICLES) for cause in self.causes]
         if not observations:
-            everyone = [self.prior(None, len(self._weights)), *first]
-            return self._sorted(everyone)
-        bodies = Bodies.joined([self.bodies(one) for one in first])
-        scales = np.concatenate([self.scales(one) for one in first])
+            all_particles = [self.prior(None, len(self._weights)), *priors]
+            return self._sorted(all_particles)
+        bodies = Bodies.joined([self.bodies(particles) for particles in priors])
+        scales = np.concatenate([self.scales(particles) for particles in priors])
         coarse = self.fits_of(bodies, scales, observations, surely=True).sum(axis=1)
-        coarse = coarse.reshape(len(first), _PARTICLES)
+        coarse = coarse.reshape(len(priors), _PARTICLES)
         unchanged = self._unchanged(observations)
         guesses = logsumexp(coarse, axis=1) - math.log(_PARTICLES)
-        best = max(float(guesses.max(initial=-np.inf)), unchanged.log_evidence)
+        best_evidence = max(float(guesses.max(initial=-np.inf)), unchanged.log_evidence)
         weighed = [unchanged]
-        for one, fits, guess in zip(first, coarse, guesses.tolist(), strict=True):
-            if np.max(fits) > best - _HOPELESS:
-                weighed.append(self._refined(one, observations, best - _UNLIKELY))
+        for particles, fits, guess in zip(priors, coarse, guesses.tolist(), strict=True):
+            if np.max(fits) > best_evidence - _HOPELESS:
+                weighed.append(self._refined(particles, observations, best_evidence - _UNLIKELY))
             else:
-                weighed.append(replace(one, weights=softmax(fits), log_evidence=guess))
+                weighed.append(replace(particles, weights=softmax(fits), log_evidence=guess))
         return self._sorted(weighed)
 
     def _unchanged(self, observations: Sequence[Observation]) -> Particles:
         rows = np.arange(len(self._weights))
-        one = Particles(
+        particles = Particles(
             cause=None,
             rows=rows,
             theta=np.zeros(len(rows)),
             weights=self._weights,
             log_evidence=0.0,
         )
-        logs = np.log(self._weights) + self.fits(one, observations).sum(axis=1)
-        return replace(one, weights=softmax(logs), log_evidence=float(logsumexp(logs)))
+        logs = np.log(self._weights) + self.fits(particles, observations).sum(axis=1)
+        return replace(particles, weights=softmax(logs), log_evidence=float(logsumexp(logs)))
 
     def _refined(
         self, first: Particles, observations: Sequence[Observation], least: float
@@ -286,21 +286,21 @@ class Weigher:
             if float(logsumexp(logs)) - math.log(len(rows)) < least:
                 break
             weights = softmax(logs)
-            good = np.bincount(rows, np.sqrt(weights), minlength=len(self._weights))
-            chances = _PRIOR * self._weights + (1 - _PRIOR) * good / good.sum()
+            body_weights = np.bincount(rows, np.sqrt(weights), minlength=len(self._weights))
+            chances = _PRIOR * self._weights + (1 - _PRIOR) * body_weights / body_weights.sum()
             centres = self._centres(theta, weights)
             spread = float(np.clip(np.std(np.abs(centres)), *_SPREADS))
             drawn = np.resize(centres, count)
             if not cause.row.switch:
                 drawn = drawn + rng.normal(0, spread, count)
-            some = replace(
+            proposed = replace(
                 first,
                 rows=rng.permutation(systematic(chances, count, float(rng.random()))),
                 theta=drawn,
             )
             rounds.append(_Round(count, chances, centres, spread))
-            rows, theta = np.append(rows, some.rows), np.append(theta, some.theta)
-            fits = np.append(fits, self.fits(some, observations).sum(axis=1))
+            rows, theta = np.append(rows, proposed.rows), np.append(theta, proposed.theta)
+            fits = np.append(fits, self.fits(proposed, observations).sum(axis=1))
         logs = self._log_weights(cause, rows, theta, fits, rounds)
         return Particles(
             cause=cause,

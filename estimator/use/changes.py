@@ -21,7 +21,7 @@ from estimator.readings.observation import PredictedReadings
 
 _PROBES: Final = 64  # programs on which a change must show
 _SHOWS: Final = 0.1  # smallest share of the programs in which it must show
-_BY: Final = 5.0  # standard deviations by which it must show: less may be errors of models
+_SIGMAS: Final = 5.0  # standard deviations by which it must show: less may be errors of models
 _MIDDLE: Final = 0.6745  # tried for an amount that is uniform between two ends, standard normal
 _SIZES: Final = np.linspace(0.1, 3.0, 30)  # tried for other amounts, in their spreads
 
@@ -79,12 +79,12 @@ def causes_of(known: FittedPosterior, rng: np.random.Generator) -> tuple[Cause, 
     low, high = known.program_range.T
     programs = rng.uniform(low, high, (_PROBES, len(low)))
     bodies = known.body_arrays[systematic(known.weights, 1, 0.5)]
-    found = [(row, _least(known, row, bodies, programs)) for row in rows]
-    there = [(row, least) for row, least in found if least is not None]
-    sizes = Counter(row.group for row, _ in there)
+    leasts = [(row, _least(known, row, bodies, programs)) for row in rows]
+    detectable = [(row, least) for row, least in leasts if least is not None]
+    sizes = Counter(row.group for row, _ in detectable)
     return tuple(
         Cause(row=row, log_prior=-math.log(len(sizes) * sizes[row.group]), least=least)
-        for row, least in there
+        for row, least in detectable
     )
 
 
@@ -96,23 +96,23 @@ def _least(known: FittedPosterior, row: Parameter, bodies: Bodies, programs: Arr
         thetas = np.concatenate([_SIZES, -_SIZES, np.zeros(1)])
     amounts = row.amounts(row.wide or 1.0, thetas)
     rows = np.repeat(np.arange(len(thetas)), len(programs))
-    each = np.tile(programs, (len(thetas), 1))
+    programs_tiled = np.tile(programs, (len(thetas), 1))
     changed = row.applied(bodies[np.zeros(len(thetas), dtype=np.intp)], amounts)
     before = known.predictor.read(bodies, np.zeros(len(programs), dtype=np.intp), programs)
-    after = known.predictor.read(changed, rows, each)
-    again = before[np.tile(np.arange(len(programs)), len(thetas))]
-    shows = _apart(again, after, known.noise).reshape(len(thetas), -1).mean(axis=1) >= _SHOWS
+    after = known.predictor.read(changed, rows, programs_tiled)
+    repeated = before[np.tile(np.arange(len(programs)), len(thetas))]
+    shows = _differ(repeated, after, known.noise).reshape(len(thetas), -1).mean(axis=1) >= _SHOWS
     if shows[-1]:  # even an amount of 0 shows, such as a servo that jammed at 0
         return 0.0
-    both = shows[:-1].reshape(2, -1).all(axis=0)
-    always = np.flip(np.logical_and.accumulate(np.flip(both)))  # from here on
-    return float(_SIZES[np.argmax(always)]) if always.any() else None
+    both_signs = shows[:-1].reshape(2, -1).all(axis=0)
+    onwards = np.flip(np.logical_and.accumulate(np.flip(both_signs)))  # from here on
+    return float(_SIZES[np.argmax(onwards)]) if onwards.any() else None
 
 
-def _apart(one: PredictedReadings, other: PredictedReadings, noise: Noise) -> Array:
-    tilt = np.max(np.abs(one.tilt - other.tilt), axis=1) > _BY * noise.tilt
-    clearance = np.abs(one.clearance - other.clearance) > _BY * noise.clearance
+def _differ(one: PredictedReadings, other: PredictedReadings, noise: Noise) -> Array:
+    tilt = np.max(np.abs(one.tilt - other.tilt), axis=1) > _SIGMAS * noise.tilt
+    clearance = np.abs(one.clearance - other.clearance) > _SIGMAS * noise.clearance
     doubtful = one.touch_doubtful | other.touch_doubtful
     touch = np.any((one.touch != other.touch) & ~doubtful, axis=1)
-    apart: Array = (tilt | clearance | touch).astype(float)
-    return apart
+    differ: Array = (tilt | clearance | touch).astype(float)
+    return differ

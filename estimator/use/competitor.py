@@ -20,12 +20,12 @@ from estimator.use.causes import Particles, Rows, Weigher
 _CHAINS: Final = 64
 _TEMPERATURES: Final = np.concatenate([[0.0], np.geomspace(2e-3, 1.0, 32)])
 _MOVES: Final = 2  # of each chain at each temperature
-_SEVERAL: Final = 1.5  # changes, expected before any reading
+_EXPECTED: Final = 1.5  # changes, expected before any reading
 
 
 def chances_of(weigher: Weigher) -> Array:
     """Probability that each change is on, before any reading, shape (causes,)."""
-    return np.minimum(_SEVERAL * np.exp([one.log_prior for one in weigher.causes]), 0.5)
+    return np.minimum(_EXPECTED * np.exp([cause.log_prior for cause in weigher.causes]), 0.5)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -51,29 +51,29 @@ class Competitor:
         """Samples bodies by annealed importance sampling from the prior (Neal 2001)."""
         rng, causes = weigher.rng, weigher.causes
         chances, count = chances_of(weigher), _CHAINS
-        theta = np.column_stack([one.drawn(rng.random(count)) for one in causes])
-        now = cls(
+        theta = np.column_stack([cause.drawn(rng.random(count)) for cause in causes])
+        state = cls(
             rows=systematic(weigher.known.weights, count, 0.5)[rng.permutation(count)],
             on=rng.random((count, len(causes))) < chances,
             theta=theta,
             weights=np.full(count, 1 / count),
         )
-        logs, fits = np.zeros(count), now._fits(weigher, observations)
-        for before, after in itertools.pairwise(_TEMPERATURES):
-            logs += (after - before) * fits
+        logs, fits = np.zeros(count), state._fits(weigher, observations)
+        for previous, temperature in itertools.pairwise(_TEMPERATURES):
+            logs += (temperature - previous) * fits
             for _ in range(_MOVES):
-                new, odds = now._moved(weigher, chances)
-                new_fits = new._fits(weigher, observations)
-                take = np.log(rng.random(count)) < after * (new_fits - fits) + odds
-                now = replace(
-                    now,
-                    rows=np.where(take, new.rows, now.rows),
-                    on=np.where(take[:, None], new.on, now.on),
-                    theta=np.where(take[:, None], new.theta, now.theta),
+                proposed, odds = state._moved(weigher, chances)
+                new_fits = proposed._fits(weigher, observations)
+                take = np.log(rng.random(count)) < temperature * (new_fits - fits) + odds
+                state = replace(
+                    state,
+                    rows=np.where(take, proposed.rows, state.rows),
+                    on=np.where(take[:, None], proposed.on, state.on),
+                    theta=np.where(take[:, None], proposed.theta, state.theta),
                 )
                 fits = np.where(take, new_fits, fits)
         return replace(
-            now,
+            state,
             weights=softmax(logs),
             log_evidence=float(logsumexp(logs)) - math.log(count),
         )
@@ -94,29 +94,29 @@ class Competitor:
         rows, on, theta = self.rows.copy(), self.on.copy(), self.theta.copy()
         odds = np.zeros(len(rows))
         kinds = rng.integers(4, size=len(rows))
-        shares = np.exp([one.log_prior for one in causes])
+        shares = np.exp([cause.log_prior for cause in causes])
         chosen = rng.choice(len(causes), size=(len(rows), 2), p=shares / shares.sum())
         for chain in range(len(rows)):
-            one, other = chosen[chain].tolist()
-            there = np.flatnonzero(on[chain])
+            change, another = chosen[chain].tolist()
+            present = np.flatnonzero(on[chain])
             if kinds[chain] == 0:
-                on[chain, one] = not on[chain, one]
-                sign = 1 if on[chain, one] else -1
-                odds[chain] = sign * math.log(chances[one] / (1 - chances[one]))
-                if on[chain, one]:
-                    theta[chain, one] = causes[one].drawn(rng.random(1))[0]
-            elif kinds[chain] == 1 and on[chain, one] != on[chain, other]:
-                on[chain, [one, other]] = on[chain, [other, one]]
-                new, old = (one, other) if on[chain, one] else (other, one)
+                on[chain, change] = not on[chain, change]
+                sign = 1 if on[chain, change] else -1
+                odds[chain] = sign * math.log(chances[change] / (1 - chances[change]))
+                if on[chain, change]:
+                    theta[chain, change] = causes[change].drawn(rng.random(1))[0]
+            elif kinds[chain] == 1 and on[chain, change] != on[chain, another]:
+                on[chain, [change, another]] = on[chain, [another, change]]
+                new, old = (change, another) if on[chain, change] else (another, change)
                 theta[chain, new] = causes[new].drawn(rng.random(1))[0]
                 odds[chain] = math.log(chances[new] / (1 - chances[new])) - math.log(
                     chances[old] / (1 - chances[old])
                 )
-            elif kinds[chain] == 2 and there.size:
-                at = int(rng.choice(there))
-                was = theta[chain, at]
-                theta[chain, at] = was + rng.normal(0, rng.choice([0.3, 0.1, 0.03]))
-                densities = causes[at].log_density(np.array([theta[chain, at], was]))
+            elif kinds[chain] == 2 and present.size:
+                at = int(rng.choice(present))
+                old_amount = theta[chain, at]
+                theta[chain, at] = old_amount + rng.normal(0, rng.choice([0.3, 0.1, 0.03]))
+                densities = causes[at].log_density(np.array([theta[chain, at], old_amount]))
                 odds[chain] = densities[0] - densities[1]
             else:
                 rows[chain] = systematic(weigher.known.weights, 1, float(rng.random()))[0]
@@ -128,11 +128,11 @@ class Competitor:
         bodies = weigher.bodies_of(self.rows)
         order, pieces = [], []
         for mask in np.unique(self.on, axis=0):
-            own = np.flatnonzero((self.on == mask).all(axis=1))
-            built = bodies[own]
+            rows = np.flatnonzero((self.on == mask).all(axis=1))
+            built = bodies[rows]
             for number in np.flatnonzero(mask).tolist():
-                built = weigher.causes[number].changed(built, self.theta[own, number])
-            order.append(own)
+                built = weigher.causes[number].changed(built, self.theta[rows, number])
+            order.append(rows)
             pieces.append(built)
         return Bodies.joined(pieces)[np.argsort(np.concatenate(order))]
 

@@ -39,11 +39,11 @@ CONFIRMING: Final = 3
 
 _INDISTINGUISHABLE: Final = 0.15  # bits: a movement that tells no more tells nothing
 _RIVAL: Final = 0.05  # what is less probable is not named beside others
-_BETTER: Final = 3.0  # nats by which the competitor must explain the readings better
+_BETTER_NATS: Final = 3.0  # nats by which the competitor must explain the readings better
 _SURPRISE: Final = 0.02  # probability of readings as odd as those of the test
 _BODIES: Final = 64  # bodies of what is named, which predict readings
-_SECOND: Final = 0.1  # probability of a second change, before any reading
-_FEWEST: Final = 3  # movements before "nothing has changed" may be the answer
+_SECOND_PRIOR: Final = 0.1  # probability of a second change, before any reading
+_FEWEST_MOVEMENTS: Final = 3  # movements before "nothing has changed" may be the answer
 
 Act = Callable[[Program, str], Observation]
 """Has the robot perform a motor program, for a reason that is told to people."""
@@ -93,7 +93,7 @@ class Diagnosis:
         Args:
             known: The body as it was identified.
         """
-        named = [said(one, known) for one in self.causes]
+        named = [said(particles, known) for particles in self.causes]
         match self.verdict:
             case Verdict.UNCHANGED:
                 return f"Nothing has changed that could be felt ({self.probability:.2f})."
@@ -105,12 +105,12 @@ class Diagnosis:
                     "readings cannot tell which."
                 )
             case Verdict.NONE_OF_THESE:
-                what = "None of the changes that are known explains the readings."
+                text = "None of the changes that are known explains the readings."
                 if not self.suspects:
-                    return what
-                several = "; ".join(f"{name} ({share:.2f})" for name, share in self.suspects)
+                    return text
+                listed = "; ".join(f"{name} ({share:.2f})" for name, share in self.suspects)
                 return (
-                    f"{what} If several things failed at once, these may be among them: {several}."
+                    f"{text} If several things failed at once, these may be among them: {listed}."
                 )
         return f"Not decided: {'; '.join(named)} ({self.probability:.2f} together)."
 
@@ -127,8 +127,8 @@ def said(particles: Particles, known: FittedPosterior) -> str:
     legs = [limb.motor for limb in driven_limbs(known.best_body)]
     lengths = 1000 * known.leg_lengths[:, legs.index(row.motor)]
     middle, low, high = particles.amount(lengths[particles.rows])
-    before = float(known.weights @ lengths)
-    return f"{row.name} from {before:.0f} to {middle:.0f} mm [{low:.0f}–{high:.0f}]"
+    old_length = float(known.weights @ lengths)
+    return f"{row.name} from {old_length:.0f} to {middle:.0f} mm [{low:.0f}–{high:.0f}]"
 
 
 def diagnose(
@@ -149,11 +149,11 @@ def diagnose(
         named, probability = _named(weighed)
         if tested is not None and _names(tested.causes) == _names(named):
             return replace(tested, causes=named, probability=probability, weighed=weighed)
-        left = movements - (len(observations) - len(before))
+        movements_left = movements - (len(observations) - len(before))
         program, bits = telling(weigher, weighed)
-        known = len(named) == 1 or bits < _INDISTINGUISHABLE
-        enough = named[0].cause is not None or len(observations) >= _FEWEST
-        if known and enough and left >= CONFIRMING:
+        is_settled = len(named) == 1 or bits < _INDISTINGUISHABLE
+        felt_enough = named[0].cause is not None or len(observations) >= _FEWEST_MOVEMENTS
+        if is_settled and felt_enough and movements_left >= CONFIRMING:
             tested = _tested(
                 weigher, weighed, named, act, observations=observations, reasons=reasons
             )
@@ -161,7 +161,7 @@ def diagnose(
             if tested.verdict is Verdict.NONE_OF_THESE:
                 return tested
             continue
-        if left <= 0:
+        if movements_left <= 0:
             return Diagnosis(
                 verdict=Verdict.UNDECIDED,
                 causes=named,
@@ -194,7 +194,8 @@ def _reason(weighed: Weighed, bits: float) -> str:
     if weighed.probabilities[0] < 0.02 or len(weighed.particles) < 2:
         return "tells most of all changes apart"
     first, second = (
-        "no change" if one.cause is None else one.cause.name for one in weighed.particles[:2]
+        "no change" if particles.cause is None else particles.cause.name
+        for particles in weighed.particles[:2]
     )
     return f"tells apart: {first} or {second}; {information_in_words(bits)}"
 
@@ -213,43 +214,43 @@ def _tested(
 ) -> Diagnosis:
     """Puts what is named to the test, by movements that tell it from the competitor."""
     groups = _shares_of(named, weighed)
-    own = Hypotheses.of(weigher, groups, _BODIES)
-    further = weigher.on_top_of(groups)
+    claim = Hypotheses.of(weigher, groups, _BODIES)
+    on_top = weigher.on_top_of(groups)
     rival = Competitor.fitted(weigher, observations).drawn(_BODIES // 2)
-    seen, why = list(observations), list(reasons)
+    all_observations, all_reasons = list(observations), list(reasons)
     for number in range(CONFIRMING):
-        second = _second(further, further.weigh(seen))
-        together = Hypotheses(
-            bodies=Bodies.joined([own.bodies, second.bodies, rival.bodies(weigher)]),
-            scales=np.concatenate([own.scales, second.scales, rival.scales(weigher)]),
+        second = _second(on_top, on_top.weigh(all_observations))
+        hypotheses = Hypotheses(
+            bodies=Bodies.joined([claim.bodies, second.bodies, rival.bodies(weigher)]),
+            scales=np.concatenate([claim.scales, second.scales, rival.scales(weigher)]),
             groups=np.repeat([0, 1], [_BODIES, _BODIES // 2 + len(second)]),
         )
-        program, _ = best_of(weigher, together, safe_for=own.bodies)
+        program, _ = best_of(weigher, hypotheses, safe_for=claim.bodies)
         reason = f"puts to the test: {said(named[0], weigher.known)} ({number + 1} of {CONFIRMING})"
-        seen.append(act(tuple(program.tolist()), reason))
-        why.append(reason)
-    after = weigher.weigh(seen)
-    groups = _shares_of(named, after)
-    own = Hypotheses.of(weigher, groups, _BODIES)
-    surprises = [surprise(weigher, own, one) for one in seen[-CONFIRMING:]]
+        all_observations.append(act(tuple(program.tolist()), reason))
+        all_reasons.append(reason)
+    reweighed = weigher.weigh(all_observations)
+    groups = _shares_of(named, reweighed)
+    claim = Hypotheses.of(weigher, groups, _BODIES)
+    surprises = [surprise(weigher, claim, one) for one in all_observations[-CONFIRMING:]]
     odd = sum(float(np.mean(drawn >= observed)) <= _SURPRISE for drawn, observed in surprises)
-    replicates, odds = (sum(each) for each in zip(*surprises, strict=True))
+    replicates, odds = (sum(column) for column in zip(*surprises, strict=True))
     overall = float(np.mean(replicates >= odds))
-    last = weigher.on_top_of(groups).weigh(seen)
-    rival = Competitor.fitted(weigher, seen)
-    better = max(rival.log_evidence - _evidence(weigher, named, after), _log_odds(last))
-    none = better > _BETTER or overall <= _SURPRISE or odd >= 2
+    with_second = weigher.on_top_of(groups).weigh(all_observations)
+    rival = Competitor.fitted(weigher, all_observations)
+    better = max(rival.log_evidence - _evidence(weigher, named, reweighed), _log_odds(with_second))
+    is_refuted = better > _BETTER_NATS or overall <= _SURPRISE or odd >= 2
     verdict = Verdict.CHANGED if named[0].cause is not None else Verdict.UNCHANGED
     return Diagnosis(
-        verdict=Verdict.NONE_OF_THESE if none else verdict,
+        verdict=Verdict.NONE_OF_THESE if is_refuted else verdict,
         causes=named,
         probability=float(weighed.probabilities[: len(named)].sum()),
-        weighed=after,
-        observations=tuple(seen),
-        reasons=tuple(why),
+        weighed=reweighed,
+        observations=tuple(all_observations),
+        reasons=tuple(all_reasons),
         surprise=overall,
         better=better,
-        suspects=_suspects(weigher, named, last, rival) if none else (),
+        suspects=_suspects(weigher, named, with_second, rival) if is_refuted else (),
     )
 
 
@@ -257,19 +258,19 @@ def _shares_of(named: Sequence[Particles], weighed: Weighed) -> list[tuple[Parti
     """The named causes as they are weighed by now, with shares that add up to 1."""
     names = _names(named)
     groups = [
-        (one, share)
-        for one, share in zip(weighed.particles, weighed.probabilities.tolist(), strict=True)
-        if _name(one) in names
+        (particles, share)
+        for particles, share in zip(weighed.particles, weighed.probabilities.tolist(), strict=True)
+        if _name(particles) in names
     ]
     total = max(sum(share for _, share in groups), 1e-300)
-    return [(one, share / total) for one, share in groups]
+    return [(particles, share / total) for particles, share in groups]
 
 
 def _suspects(
     weigher: Weigher, named: Sequence[Particles], last: Weighed, rival: Competitor
 ) -> tuple[tuple[str, float], ...]:
     """Names of changes that may have happened at once, with their shares."""
-    if _log_odds(last) <= _BETTER:
+    if _log_odds(last) <= _BETTER_NATS:
         return rival.suspects(weigher)
     second = next(
         (one.cause.name, float(share))
@@ -292,8 +293,8 @@ def _second(further: Weigher, weighed: Weighed) -> Hypotheses:
 
 def _log_odds(further: Weighed) -> float:
     """Log-odds of one change more, nats, its improbability before any reading included."""
-    same = max(further.unchanged, 1e-300)
-    return math.log(max(1 - same, 1e-300)) - math.log(same) + math.log(_SECOND)
+    unchanged = max(further.unchanged, 1e-300)
+    return math.log(max(1 - unchanged, 1e-300)) - math.log(unchanged) + math.log(_SECOND_PRIOR)
 
 
 def _evidence(weigher: Weigher, named: Sequence[Particles], weighed: Weighed) -> float:
@@ -303,9 +304,9 @@ def _evidence(weigher: Weigher, named: Sequence[Particles], weighed: Weighed) ->
     """
     names = _names(named)
     logs = [
-        one.log_evidence + log_alone(weigher, one)
-        for one in weighed.particles
-        if _name(one) in names
+        particles.log_evidence + log_alone(weigher, particles)
+        for particles in weighed.particles
+        if _name(particles) in names
     ]
     return float(logsumexp(np.array(logs)))
 

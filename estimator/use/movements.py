@@ -62,14 +62,14 @@ class Hypotheses:
             systematic(shares, count or HYPOTHESES, 0.5), minlength=len(groups)
         ).tolist()
         drawn = [
-            (index, one.drawn(number, 0.5))
-            for index, ((one, _), number) in enumerate(zip(groups, numbers, strict=True))
+            (index, particles.drawn(number, 0.5))
+            for index, ((particles, _), number) in enumerate(zip(groups, numbers, strict=True))
             if number
         ]
         order = weigher.rng.permutation(sum(numbers))
         return cls(
-            bodies=Bodies.joined([weigher.bodies(one) for _, one in drawn])[order],
-            scales=np.concatenate([weigher.scales(one) for _, one in drawn])[order],
+            bodies=Bodies.joined([weigher.bodies(particles) for _, particles in drawn])[order],
+            scales=np.concatenate([weigher.scales(particles) for _, particles in drawn])[order],
             groups=np.repeat([index for index, _ in drawn], [len(one) for _, one in drawn])[order],
         )
 
@@ -102,15 +102,15 @@ def best_of(
         programs = attainable(known, programs)
         predicted = readings_in(known, hypotheses.bodies, programs)
         if margins:
-            near = near_forks(known, hypotheses.bodies, programs).ravel()
-            predicted = replace(predicted, undecided=predicted.undecided | near)
+            may_fall = near_forks(known, hypotheses.bodies, programs).ravel()
+            predicted = replace(predicted, undecided=predicted.undecided | may_fall)
         groups = hypotheses.groups[:, None]
-        told = gain.of(predicted, hypotheses.scales, groups, rng, draws=draws)[:, 0]
+        information = gain.of(predicted, hypotheses.scales, groups, rng, draws=draws)[:, 0]
         if safe_for is not None:
-            told = told - _UNSAFE * near_forks(known, safe_for, programs).mean(axis=1)
-        return told
+            information = information - _UNSAFE * near_forks(known, safe_for, programs).mean(axis=1)
+        return information
 
-    programs, told = best_programs(
+    programs, information = best_programs(
         lambda programs: bits(programs, _DRAWS, margins=False),
         known.program_range,
         rng,
@@ -118,18 +118,18 @@ def best_of(
         sure=lambda programs: bits(programs, _MORE_DRAWS, margins=True),
         spreads=(math.radians(5.0),),
     )
-    return attainable(known, programs[0]), float(told[0])
+    return attainable(known, programs[0]), float(information[0])
 
 
 def readings_in(known: FittedPosterior, bodies: Bodies, programs: Array) -> PredictedReadings:
     """Readings of all bodies in each program, one program after the other."""
-    rows, each = each_with_each(len(bodies), programs)
-    return known.predictor.read(bodies, rows, each, coarse_step=True)
+    rows, row_programs = each_with_each(len(bodies), programs)
+    return known.predictor.read(bodies, rows, row_programs, coarse_step=True)
 
 
 def near_forks(known: FittedPosterior, bodies: Bodies, programs: Array) -> NDArray[np.bool_]:
     """Which bodies may fall elsewhere in which programs, shape (programs, bodies)."""
-    rows, each = each_with_each(len(bodies), programs)
-    margins = known.predictor.margins(bodies, rows, each, most=SAFE)
+    rows, row_programs = each_with_each(len(bodies), programs)
+    margins = known.predictor.margins(bodies, rows, row_programs, most=SAFE)
     near: NDArray[np.bool_] = (margins < SAFE - 1e-9).reshape(len(programs), -1)
     return near

@@ -33,7 +33,7 @@ REACHABLE: Final = 0.5
 """Share of the samples in which a goal must hold for the robot to be asked for it."""
 
 _SEARCHES: Final = 6  # at most, each from programs of its own, until one is as good as can be
-_SURELY: Final = 1.0  # score at which all bodies read as wanted and fall nowhere else
+_BEST_SCORE: Final = 1.0  # score at which all bodies read as wanted and fall nowhere else
 _CANDIDATES: Final = 4000  # random programs
 _FIRST_LOOK: Final = 4  # bodies by which random programs are compared
 _BODIES: Final = 24  # bodies by which programs are compared that are no finalists
@@ -73,8 +73,8 @@ class Goal:
     def __post_init__(self) -> None:
         if self.highest and self.clearance is not None:
             raise EstimatorError("a pose is either the highest one or has a clearance: give one")
-        wanted = (self.tilt_left, self.tilt_forward, self.clearance, self.stand_on)
-        if not self.highest and all(one is None for one in wanted):
+        goals = (self.tilt_left, self.tilt_forward, self.clearance, self.stand_on)
+        if not self.highest and all(goal is None for goal in goals):
             raise EstimatorError(
                 "no pose is asked for: give a tilt, a clearance, what to stand on, or the highest"
             )
@@ -95,8 +95,8 @@ class Goal:
         if self.clearance is not None:
             rows.append(np.abs(readings.clearance - self.clearance) / self.clearance_within)
         if self.stand_on is not None:
-            wanted = np.isin(np.arange(readings.touch.shape[-1]), list(self.stand_on))
-            rows += list(np.moveaxis(_FOOT * (readings.touch != wanted), -1, 0))
+            stands = np.isin(np.arange(readings.touch.shape[-1]), list(self.stand_on))
+            rows += list(np.moveaxis(_FOOT * (readings.touch != stands), -1, 0))
         return np.array(rows).reshape(len(rows), *readings.clearance.shape)
 
     def is_met_by(self, observation: Observation, noise: Noise | None = None) -> bool:
@@ -110,15 +110,15 @@ class Goal:
         reading.tilt[:] = np.array(observation.tilt, dtype=float)
         reading.clearance[:] = np.array(observation.clearance, dtype=float)
         reading.touch[:] = np.array(observation.touch, dtype=bool)
-        wide = self
+        forgiving = self
         if noise is not None:
-            wide = replace(
+            forgiving = replace(
                 self,
                 tilt_within=self.tilt_within + _FORGIVEN * noise.tilt,
                 clearance_within=self.clearance_within + _FORGIVEN * noise.clearance,
             )
         felt = self.stand_on is None or None not in observation.touch
-        return felt and bool(np.all(wide.misses(reading) <= 1))
+        return felt and bool(np.all(forgiving.misses(reading) <= 1))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -167,11 +167,11 @@ def find_pose(
         EstimatorError: The robot lacks a sensor that the goal names.
     """
     _check(known, goal)
-    some = known.sample(_BODIES, rng)
-    few = known.sample(_FIRST_LOOK, rng)
+    samples = known.sample(_BODIES, rng)
+    few_samples = known.sample(_FIRST_LOOK, rng)
     low, high = known.program_range.T
 
-    def near(posterior: FittedPosterior, programs: Array) -> Array:
+    def nearness(posterior: FittedPosterior, programs: Array) -> Array:
         readings = posterior.predict(attainable(known, programs))
         return _nearness(goal, readings) @ posterior.weights
 
@@ -181,17 +181,17 @@ def find_pose(
     best = (-math.inf, np.zeros(len(low)))
     for _ in range(_SEARCHES):
         programs, scores = best_programs(
-            lambda programs: near(some, programs),
+            lambda programs: nearness(samples, programs),
             known.program_range,
             rng,
             candidates=rng.uniform(low, high, (_CANDIDATES, len(low))),
-            rough=lambda programs: near(few, programs),
+            rough=lambda programs: nearness(few_samples, programs),
             sure=sure,
             spreads=_SPREADS,
         )
         if scores[0] > best[0]:
             best = float(scores[0]), attainable(known, programs[0])
-        if best[0] >= _SURELY:
+        if best[0] >= _BEST_SCORE:
             break
     return _pose(known, goal, best[1])
 
@@ -246,8 +246,8 @@ def _score(known: FittedPosterior, goal: Goal, program: Array, least_margin: flo
     readings = known.predict(attained)
     margins = np.minimum(known.margins(attained), _WIDEST_MARGIN)
     holds = _holds(goal, readings) & (margins >= least_margin)
-    near = float(known.weights @ _nearness(goal, readings))
-    return float(known.weights @ holds) + 0.02 * near + 0.5 * _low(known, margins)
+    nearness = float(known.weights @ _nearness(goal, readings))
+    return float(known.weights @ holds) + 0.02 * nearness + 0.5 * _low(known, margins)
 
 
 def _low(known: FittedPosterior, margins: Array) -> float:
@@ -314,11 +314,11 @@ def standing_on(known: FittedPosterior, names: Sequence[str]) -> frozenset[int]:
     """
     legs, sensors = feet(known), set[int]()
     for name in names:
-        meant = [leg for leg in legs if leg == name] or [leg for leg in legs if name in leg]
-        if len(meant) != 1 or not name:
+        matches = [leg for leg in legs if leg == name] or [leg for leg in legs if name in leg]
+        if len(matches) != 1 or not name:
             raise EstimatorError(
-                f"{name!r} names {'several legs' if meant and name else 'no leg'} that the robot "
+                f"{name!r} names {'several legs' if matches and name else 'no leg'} that the robot "
                 f"could stand on: write {', '.join(legs)}"
             )
-        sensors.update(legs[meant[0]])
+        sensors.update(legs[matches[0]])
     return frozenset(sensors)

@@ -54,11 +54,11 @@ def write_run(
             new.plan(number, observation.angles, reason=reason)
             new.observe(number, observation)
             seen = observations[: number + 1]
-            last = number + 1 == len(observations)
-            weighed = diagnosis.weighed if last else weigher.weigh(seen)
-            one = diagnosis.causes[0] if last else weighed.particles[0]
-            share = diagnosis.probability if last else float(weighed.probabilities[0])
-            new.save_posterior(number, _stored(weigher, one, share, seen), Counters(), None)
+            is_last = number + 1 == len(observations)
+            weighed = diagnosis.weighed if is_last else weigher.weigh(seen)
+            particles = diagnosis.causes[0] if is_last else weighed.particles[0]
+            share = diagnosis.probability if is_last else float(weighed.probabilities[0])
+            new.save_posterior(number, _stored(weigher, particles, share, seen), Counters(), None)
 
 
 def _stored(

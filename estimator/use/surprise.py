@@ -32,22 +32,22 @@ def surprise(weigher: Weigher, own: Hypotheses, observation: Observation) -> tup
         any of its sides.
     """
     known, noise = weigher.known, weigher.known.noise
-    each = np.repeat(np.arange(len(own)), len(LIKELY))
+    body_rows = np.repeat(np.arange(len(own)), len(LIKELY))
     shares = np.tile(LIKELY / LIKELY.sum(), len(own)) / len(own)
     predicted = known.predictor.read(
         own.bodies,
-        each,
-        np.tile(np.array(observation.taken), (len(each), 1)),
+        body_rows,
+        np.tile(np.array(observation.taken), (len(body_rows), 1)),
         np.tile(GRAVITY_TILTS, (len(own), 1)),
     )
-    scales = own.scales[each]
-    chosen = weigher.rng.choice(len(each), size=_REPLICATES, p=shares)
+    scales = own.scales[body_rows]
+    chosen = weigher.rng.choice(len(body_rows), size=_REPLICATES, p=shares)
     drawn = _replicates(predicted[chosen], scales[chosen], noise, observation, weigher.rng)
     likelihood = known.likelihood_of([*drawn, observation])
     data = likelihood.data
-    rows = np.repeat(np.arange(len(each)), len(data))
-    misfits = data.misfits(predicted[rows], np.tile(np.arange(len(data)), len(each)))
-    logs = likelihood.of(misfits.reshape(len(each), len(data), -1), scales=scales)
+    rows = np.repeat(np.arange(len(body_rows)), len(data))
+    misfits = data.misfits(predicted[rows], np.tile(np.arange(len(data)), len(body_rows)))
+    logs = likelihood.of(misfits.reshape(len(body_rows), len(data), -1), scales=scales)
     odd: Array = -logsumexp(logs + np.log(shares)[:, None], axis=0)
     return odd[:-1], float(odd[-1])
 
@@ -72,14 +72,14 @@ def _replicates(
         like.model_copy(
             update={
                 "tilt": tuple(
-                    None if was is None else float(value)
-                    for was, value in zip(like.tilt, tilt[row], strict=True)
+                    None if recorded is None else float(value)
+                    for recorded, value in zip(like.tilt, tilt[row], strict=True)
                 ),
                 "clearance": None if like.clearance is None else float(height[row]),
                 "clearance_saturated": bool(beyond[row]),
                 "touch": tuple(
-                    None if was is None else bool(bit)
-                    for was, bit in zip(like.touch, touch[row], strict=True)
+                    None if recorded is None else bool(bit)
+                    for recorded, bit in zip(like.touch, touch[row], strict=True)
                 ),
             }
         )

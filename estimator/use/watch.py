@@ -36,10 +36,10 @@ PATROL: Final = 6
 """Default number of movements of a patrol."""
 
 _PARTICLES: Final = 64  # of a cause
-_LATELY: Final = 30  # last movements, in one of which a change that is noticed must have happened
+_RECENT: Final = 30  # last movements, in one of which a change that is noticed must have happened
 _CANDIDATES: Final = 400  # programs, among which a patrol chooses
 _WATCHED: Final = 8  # particles of a cause, by which a patrol chooses
-_SHOWS: Final = 4.0  # standard deviations, beyond which a difference shows
+_SIGMAS: Final = 4.0  # standard deviations, beyond which a difference shows
 _RISKY: Final = 0.1  # share of bodies, old and damaged, that may be near falling elsewhere
 
 
@@ -62,13 +62,13 @@ class Watch:
         self.threshold = HAZARD / rate
         self.movements = 0
         self._particles = [weigher.prior(cause, _PARTICLES) for cause in weigher.causes]
-        self._bodies = Bodies.joined([weigher.bodies(one) for one in self._particles])
-        self._scales = np.concatenate([weigher.scales(one) for one in self._particles])
+        self._bodies = Bodies.joined([weigher.bodies(particles) for particles in self._particles])
+        self._scales = np.concatenate([weigher.scales(particles) for particles in self._particles])
         self._log_prior = np.repeat(
-            [one.log_prior - math.log(_PARTICLES) for one in weigher.causes], _PARTICLES
+            [cause.log_prior - math.log(_PARTICLES) for cause in weigher.causes], _PARTICLES
         )
         self._logs = np.full(len(self._log_prior), -np.inf)  # logarithms of R
-        self._lately = deque[tuple[Observation, Array]](maxlen=_LATELY)  # log-likelihood ratios
+        self._recent = deque[tuple[Observation, Array]](maxlen=_RECENT)  # log-likelihood ratios
 
     @property
     def alarm(self) -> bool:
@@ -79,11 +79,11 @@ class Watch:
         """Takes in what was observed in one more movement."""
         weigher = self.weigher
         changed = weigher.fits_of(self._bodies, self._scales, [observation])[:, 0]
-        same = weigher.prior(None, len(weigher.known))
-        unchanged = logsumexp(weigher.fits(same, [observation])[:, 0]) - math.log(len(same))
-        before = np.logaddexp(self._logs, math.log(HAZARD) + self._log_prior)
-        self._logs = before + changed - unchanged
-        self._lately.append((observation, changed - unchanged))
+        old = weigher.prior(None, len(weigher.known))
+        unchanged = logsumexp(weigher.fits(old, [observation])[:, 0]) - math.log(len(old))
+        log_odds = np.logaddexp(self._logs, math.log(HAZARD) + self._log_prior)
+        self._logs = log_odds + changed - unchanged
+        self._recent.append((observation, changed - unchanged))
         self.odds = float(np.exp(np.minimum(logsumexp(self._logs), 300.0)))
         self.movements += 1
 
@@ -93,34 +93,34 @@ class Watch:
         Weighed as in a diagnosis, by the movements since the one from which on a change explains
         most.
         """
-        seen, ratios = zip(*self._lately, strict=True)
-        since = np.cumsum(ratios[::-1], axis=0) + self._log_prior
-        weighed = self.weigher.weigh(seen[-1 - int(np.argmax(logsumexp(since, axis=1))) :])
-        left = max(1.0 - weighed.unchanged, 1e-300)
+        observed, ratios = zip(*self._recent, strict=True)
+        log_odds = np.cumsum(ratios[::-1], axis=0) + self._log_prior
+        weighed = self.weigher.weigh(observed[-1 - int(np.argmax(logsumexp(log_odds, axis=1))) :])
+        changed = max(1.0 - weighed.unchanged, 1e-300)
         suspects = zip(weighed.particles, weighed.probabilities.tolist(), strict=True)
-        return tuple((one, share / left) for one, share in suspects if one.cause is not None)[
+        return tuple((one, share / changed) for one, share in suspects if one.cause is not None)[
             :count
         ]
 
     def _likely(self) -> list[tuple[Particles, float]]:
         """All causes weighed by the recursion, each with its probability if anything changed."""
         logs = self._logs if self.movements else self._log_prior
-        each = logs.reshape(len(self._particles), -1)
-        shares = softmax(logsumexp(each, axis=1)).tolist()
+        by_cause = logs.reshape(len(self._particles), -1)
+        shares = softmax(logsumexp(by_cause, axis=1)).tolist()
         return [
-            (replace(one, weights=softmax(own)), share)
-            for one, own, share in zip(self._particles, each, shares, strict=True)
+            (replace(particles, weights=softmax(cause_logs)), share)
+            for particles, cause_logs, share in zip(self._particles, by_cause, shares, strict=True)
         ]
 
     def next_movement(self) -> Array:
         """The movement that tells best whether something has changed, rad."""
         weigher = self.weigher
-        same = weigher.prior(None, len(weigher.known))
-        groups = [(same, 0.5), *((one, share / 2) for one, share in self._likely())]
+        old = weigher.prior(None, len(weigher.known))
+        groups = [(old, 0.5), *((particles, share / 2) for particles, share in self._likely())]
         hypotheses = Hypotheses.of(weigher, groups)
-        either = replace(hypotheses, groups=np.minimum(hypotheses.groups, 1))
+        two_groups = replace(hypotheses, groups=np.minimum(hypotheses.groups, 1))
         safe_for = hypotheses.bodies[hypotheses.groups == 0]
-        return best_of(weigher, either, safe_for=safe_for)[0]
+        return best_of(weigher, two_groups, safe_for=safe_for)[0]
 
     def patrol(self, count: int = PATROL) -> list[Array]:
         """Movements that together show most changes, rad, chosen one after the other."""
@@ -129,13 +129,13 @@ class Watch:
         programs = weigher.rng.uniform(low, high, (_CANDIDATES, len(low)))
         programs = attainable(known, programs)
         old = Hypotheses.of(weigher, [(weigher.prior(None, len(known)), 1.0)], _WATCHED).bodies
-        drawn = [one.drawn(_WATCHED, 0.5) for one in self._particles]
+        drawn = [particles.drawn(_WATCHED, 0.5) for particles in self._particles]
         bodies = Bodies.joined([old, *map(weigher.bodies, drawn)])
         risky = near_forks(known, bodies, programs)
         safe = (risky[:, :_WATCHED].mean(axis=1) <= _RISKY) & (risky.mean(axis=1) <= 3 * _RISKY)
         programs = programs[safe] if safe.any() else programs
         shows = self._shown(bodies, programs)
-        priors = np.exp([one.log_prior for one in weigher.causes])
+        priors = np.exp([cause.log_prior for cause in weigher.causes])
         missed, chosen = np.ones(shows.shape[1]), list[Array]()
         for _ in range(count):
             gains = (missed * shows * np.repeat(priors, _WATCHED)).sum(axis=1)
@@ -150,14 +150,16 @@ class Watch:
         readings = readings_in(known, bodies, programs).reshaped(len(programs), len(bodies))
         tilt, clearance = readings.tilt, readings.clearance
         old = slice(None, _WATCHED)
-        away = np.max(
+        tilted = np.max(
             np.abs(tilt[:, _WATCHED:] - np.median(tilt[:, old], axis=1, keepdims=True)), axis=2
         )
-        higher = np.abs(
+        lifted = np.abs(
             clearance[:, _WATCHED:] - np.median(clearance[:, old], axis=1, keepdims=True)
         )
         touch = readings.touch[:, old].mean(axis=1, keepdims=True)
-        differs = np.any(np.abs(readings.touch[:, _WATCHED:] - touch) > 0.9, axis=2)
+        touch_differs = np.any(np.abs(readings.touch[:, _WATCHED:] - touch) > 0.9, axis=2)
         noise = known.noise
-        shown = (away > _SHOWS * noise.tilt) | (higher > _SHOWS * noise.clearance) | differs
+        shown = (
+            (tilted > _SIGMAS * noise.tilt) | (lifted > _SIGMAS * noise.clearance) | touch_differs
+        )
         return np.asarray(shown, dtype=float)

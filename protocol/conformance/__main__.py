@@ -53,8 +53,8 @@ def _command(text: str | None) -> Callable[[], object] | None:
 
 
 def _print(result: CheckResult) -> None:
-    where = ", ".join(result.check.clauses)
-    print(f"{where:<12}{result.status.value:<11}{result.check.title}", flush=True)
+    clauses = ", ".join(result.check.clauses)
+    print(f"{clauses:<12}{result.status.value:<11}{result.check.title}", flush=True)
     if result.sentence:
         print(f"{'':<23}{printable(result.sentence)}", flush=True)
 

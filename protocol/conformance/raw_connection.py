@@ -107,9 +107,9 @@ class RawConnection:
         self._settings = settings
         self._noted = noted
         self._number = number
-        self._asked: Counter[int | None] = Counter()  # ids of what was sent
-        self._ended: Counter[int | None] = Counter()  # ids of the final replies
-        self._heard: list[Map] = []  # replies that nobody has asked for yet
+        self._sent_ids: Counter[int | None] = Counter()  # ids of what was sent
+        self._final_ids: Counter[int | None] = Counter()  # ids of the final replies
+        self._unread: list[Map] = []  # replies that nobody has asked for yet
         self.socket = connected(context, zmq.DEALER, settings.uri, keys, {zmq.IMMEDIATE: 1})
         self.socket.setsockopt(zmq.SNDTIMEO, math.ceil(settings.patience * 1000))
 
@@ -123,7 +123,7 @@ class RawConnection:
 
     def send_parts(self, *parts: bytes, ids: Iterable[int | None] = (None,)) -> None:
         """Sends one message of these parts; its answers may have one of these ids, or none."""
-        self._asked.update(ids)
+        self._sent_ids.update(ids)
         self._trace("sent", parts)
         try:
             self.socket.send_multipart(list(parts))
@@ -140,39 +140,39 @@ class RawConnection:
         """The next reply with one of these ids, or ``None`` where none comes."""
         end = time.monotonic() + (self._settings.patience if patience is None else patience)
         while True:
-            for reply in self._heard:
+            for reply in self._unread:
                 if reply.get("id") in request_ids:
-                    self._heard.remove(reply)
+                    self._unread.remove(reply)
                     return reply
-            left = end - time.monotonic()
-            if left <= 0 or not self.socket.poll(math.ceil(left * 1000)):
+            remaining = end - time.monotonic()
+            if remaining <= 0 or not self.socket.poll(math.ceil(remaining * 1000)):
                 return None
             received = self._receive()
             if not self._came_before(received):
-                self._heard.append(received)
+                self._unread.append(received)
 
     def final(self, request_id: int, *, patience: float | None = None) -> tuple[list[Map], Map]:
         """The replies to a request: those in between, and the final one.
 
         A request that was accepted may take as long as a motion.
         """
-        between: list[Map] = []
+        interim: list[Map] = []
         while (reply := self.answer(request_id, patience=patience)) is not None:
             if reply["type"] in FINAL:
-                return between, reply
-            between.append(reply)
+                return interim, reply
+            interim.append(reply)
             patience = self._settings.motion
-        for stray in self._heard:
-            told = stray.get("id")
-            sentence = f"An answer ({said(stray)}) has the id {told}, which no request had."
-            expect(told is None or told in self._asked, sentence, "7.6")
+        for stray in self._unread:
+            reply_id = stray.get("id")
+            sentence = f"An answer ({said(stray)}) has the id {reply_id}, which no request had."
+            expect(reply_id is None or reply_id in self._sent_ids, sentence, "7.6")
         raise Unanswered(f"A request (id {request_id}) was not answered to its end.")
 
     def answer(self, request_id: int, *, patience: float | None = None) -> Map | None:
         """The next reply to a valid request, if any; an error without an id is taken for one."""
         end = time.monotonic() + (self._settings.patience if patience is None else patience)
-        while (left := end - time.monotonic()) > 0:
-            if (reply := self.reply(request_id, patience=min(left, self.grace))) is not None:
+        while (remaining := end - time.monotonic()) > 0:
+            if (reply := self.reply(request_id, patience=min(remaining, self.grace))) is not None:
                 return reply
             self.expect_ids()
         return self.reply(request_id, patience=0)
@@ -212,13 +212,13 @@ class RawConnection:
 
     def _came_before(self, reply: Map) -> bool:
         """Whether a reply is one final reply more than there were requests with its id."""
-        told = reply.get("id")
-        if told not in self._asked or reply["type"] not in FINAL:
+        reply_id = reply.get("id")
+        if reply_id not in self._sent_ids or reply["type"] not in FINAL:
             return False
-        if told is None and not self._noted["7.5"]:
+        if reply_id is None and not self._noted["7.5"]:
             return False  # one that lacks its id, more likely
-        self._ended[told] += 1
-        if self._ended[told] <= self._asked[told]:
+        self._final_ids[reply_id] += 1
+        if self._final_ids[reply_id] <= self._sent_ids[reply_id]:
             return False
         self._noted["7.5"].append(f"An answer ({said(reply)}) came once more")
         return True
@@ -275,8 +275,8 @@ def shown(heading: str, parts: Sequence[bytes]) -> str:
     """Formats a message: for each part a line of hex and a line with the decoded content."""
     lines = []
     for number, part in enumerate(parts, 1):
-        where = heading if len(parts) == 1 else f"{heading} part {number} of {len(parts)}"
-        lines += [f"{where}: {len(part)} bytes {_cut(part.hex(), 2)}", f"    {_meaning(part)}"]
+        title = heading if len(parts) == 1 else f"{heading} part {number} of {len(parts)}"
+        lines += [f"{title}: {len(part)} bytes {_cut(part.hex(), 2)}", f"    {_meaning(part)}"]
     return "\n".join(lines)
 
 

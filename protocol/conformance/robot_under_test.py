@@ -72,8 +72,8 @@ class TrialClient:
         """
         if (reason := self._robot.dead.get(kind)) is not None:
             raise Skipped(reason)
-        loose = kind in ("hello", "heartbeat", "stop")
-        message: Map = {"type": kind, "id": self.loose() if loose else None, "client": self.name}
+        is_loose = kind in ("hello", "heartbeat", "stop")
+        message: Map = {"type": kind, "id": self.loose() if is_loose else None, "client": self.name}
         if kind != "hello" and (self.session or kind != "stop"):
             message["session"] = self.session
         message |= fields
@@ -95,9 +95,9 @@ class TrialClient:
     def ask_raw(self, frame: bytes, *request_ids: int | None) -> Map | None:
         """Sends a frame, then a hello; returns the frame's answer with one of these ids, if any."""
         self.connection.send_parts(frame, ids=request_ids)
-        after = self.request("hello", versions=[1])
-        self.connection.send(after)
-        answer = self.connection.reply(after["id"])
+        hello = self.request("hello", versions=[1])
+        self.connection.send(hello)
+        answer = self.connection.reply(hello["id"])
         expect(answer is not None, "After that, the robot does not answer any more.")
         for patience in (0.0, self.connection.grace):
             for request_id in request_ids:
@@ -145,18 +145,18 @@ class TrialClient:
 
     def wait_for(self, request_id: int) -> tuple[list[Map], Map]:
         """Waits, with heartbeats, for the end of a motion; returns what ``answer_to`` does."""
-        begun = beaten = time.monotonic()
-        between: list[Map] = []
-        while (now := time.monotonic()) < begun + self._robot.settings.motion:
-            if now >= beaten + _BEAT:  # however much the robot tells, we are heard of
+        start = last_beat = time.monotonic()
+        interim: list[Map] = []
+        while (now := time.monotonic()) < start + self._robot.settings.motion:
+            if now >= last_beat + _BEAT:  # however much the robot tells, we are heard of
                 self.status()
-                beaten = now
-            reply = self.connection.answer(request_id, patience=beaten + _BEAT - now)
+                last_beat = now
+            reply = self.connection.answer(request_id, patience=last_beat + _BEAT - now)
             if reply is None:
                 continue
             if reply["type"] not in ("accepted", "progress"):
-                return between, reply
-            between.append(reply)
+                return interim, reply
+            interim.append(reply)
         raise Unanswered(f"A motion did not end within {self._robot.settings.motion:g} s.")
 
 
@@ -213,8 +213,8 @@ class RobotUnderTest(Closable):
 
     def counters(self, name: str) -> tuple[Iterator[int], Iterator[int]]:
         """The ids of a client, for numbered requests and for the others; they only grow."""
-        fresh = (itertools.count(1), itertools.count(LOOSE_ID))
-        return self._counters.setdefault(name, fresh)
+        new_counters = (itertools.count(1), itertools.count(LOOSE_ID))
+        return self._counters.setdefault(name, new_counters)
 
     def capabilities(self) -> Capabilities:
         """What the robot says about itself."""

@@ -97,10 +97,10 @@ def ordered() -> list[Check]:
         in_order.setdefault(each)
 
     def rank(each: Check) -> tuple[int, int]:
-        first = each.clauses[0]
+        first_clause = each.clauses[0]
         if each.basic is not None:
             return 0, 0
-        return (2, _LAST.index(first)) if first in _LAST else (1, place[first])
+        return (2, _LAST.index(first_clause)) if first_clause in _LAST else (1, place[first_clause])
 
     for each in sorted(CHECKS, key=rank):
         add(each)
@@ -152,13 +152,13 @@ class _Suite:
 
     def results(self) -> Iterator[CheckResult]:
         """Runs the checks one after the other, and yields their results."""
-        wanted = [each for each in ordered() if self._is_wanted(each)]
-        needed = {Need.NOTHING}.union(*(_BUILT_ON.get(each.need, ()) for each in wanted))
-        for each in ordered():
-            if each in wanted:
-                yield from self._results_of(each)
-            elif each.basic is not None and each.need in needed:
-                for result in self._results_of(each):  # what is wanted builds on it
+        wanted_checks = [check for check in ordered() if self._is_wanted(check)]
+        needed = {Need.NOTHING}.union(*(_BUILT_ON.get(check.need, ()) for check in wanted_checks))
+        for check in ordered():
+            if check in wanted_checks:
+                yield from self._results_of(check)
+            elif check.basic is not None and check.need in needed:
+                for result in self._results_of(check):  # what is wanted builds on it
                     if result.status is CheckStatus.FAILED:
                         yield result
 
@@ -183,10 +183,10 @@ class _Suite:
             self._robot.close_connections()
 
     def _lacks(self, each: Check) -> str:
-        if gone := self._robot.dead.get("hello"):
-            return gone
-        failed = [clause for clause in each.after if clause in self._failed]
-        return f"Because {', '.join(failed)} failed." if failed else ""
+        if reason := self._robot.dead.get("hello"):
+            return reason
+        failed_clauses = [clause for clause in each.after if clause in self._failed]
+        return f"Because {', '.join(failed_clauses)} failed." if failed_clauses else ""
 
     def _blame(self, each: Check, error: Failed) -> Iterator[CheckResult]:
         """Reports a failure under the clause that does not hold: the check's own or another."""
@@ -197,8 +197,8 @@ class _Suite:
             yield CheckResult(check=each, status=CheckStatus.FAILED, sentence=str(error))
         else:
             if clause not in self._failed:
-                seen = replace(each, clauses=(clause,), title=f"Seen while trying: {each.title}")
-                yield CheckResult(check=seen, status=CheckStatus.FAILED, sentence=str(error))
+                blamed = replace(each, clauses=(clause,), title=f"Seen while trying: {each.title}")
+                yield CheckResult(check=blamed, status=CheckStatus.FAILED, sentence=str(error))
             yield CheckResult(check=each, status=CheckStatus.SKIPPED, sentence=reason)
         if each.basic is not None:
             self._robot.dead[each.basic] = reason
@@ -210,17 +210,17 @@ class _Suite:
         """Finds out, after a failure, which basic requests the robot still answers."""
         robot = self._robot
         robot.use_new_names()
-        for each in CHECKS:
-            if each.basic is None or each.need is not Need.NOTHING or each.basic in robot.dead:
+        for check in CHECKS:
+            if check.basic is None or check.need is not Need.NOTHING or check.basic in robot.dead:
                 continue
             try:
-                each.run(robot)
+                check.run(robot)
             except Skipped:
                 pass
             except Failed:
-                gone = "The robot" if each.basic == "hello" else f"A {each.basic}"
-                does = "does not answer" if each.basic == "hello" else "is not answered"
-                robot.dead[each.basic] = f"{gone} {does} any more, since: {since.title}."
+                subject = "The robot" if check.basic == "hello" else f"A {check.basic}"
+                verb = "does not answer" if check.basic == "hello" else "is not answered"
+                robot.dead[check.basic] = f"{subject} {verb} any more, since: {since.title}."
             finally:
                 robot.close_connections()
 

@@ -87,11 +87,11 @@ class Client:
             RobotError: ``id_reused`` for another request with this id, ``expired`` for an id that
                 is older than what is remembered.
         """
-        known = self.outcomes.get(request.id)
-        if known is not None:
-            if known.fingerprint != _fingerprint(request):
+        remembered = self.outcomes.get(request.id)
+        if remembered is not None:
+            if remembered.fingerprint != _fingerprint(request):
                 raise RobotError("id_reused", f"Id {request.id} was used for another request.")
-            return known
+            return remembered
         if request.id <= self.highest:
             raise RobotError(
                 "expired",
@@ -107,11 +107,11 @@ class Client:
             RobotError: ``busy`` when every place is taken by a request in flight.
         """
         if len(self.outcomes) >= MAX_OUTCOMES:
-            ended = (key for key, outcome in self.outcomes.items() if outcome.reply is not None)
-            oldest = next(ended, None)
-            if oldest is None:
+            ended_ids = (key for key, outcome in self.outcomes.items() if outcome.reply is not None)
+            oldest_id = next(ended_ids, None)
+            if oldest_id is None:
                 raise RobotError("busy", f"{MAX_OUTCOMES} requests of this client are in flight.")
-            del self.outcomes[oldest]
+            del self.outcomes[oldest_id]
         outcome = RememberedRequest.of(request, peer)
         self.outcomes[request.id] = outcome
         self.highest = request.id
@@ -148,12 +148,12 @@ class Clients:
             RobotError: ``unauthorised`` if another user opened this client's session,
                 ``too_many_clients`` if none can be pushed out.
         """
-        known = self._clients.get(name)
-        if known is not None:
-            self._same_user(known, user)
-            known.software = software
+        known_client = self._clients.get(name)
+        if known_client is not None:
+            self._same_user(known_client, user)
+            known_client.software = software
             self._clients.move_to_end(name)
-            return known
+            return known_client
         if len(self._clients) >= MAX_CLIENTS:
             idle = [
                 other
@@ -164,8 +164,8 @@ class Clients:
                 raise RobotError("too_many_clients", f"All {MAX_CLIENTS} clients are active.")
             places = Counter(other.user for other in self._clients.values())
             most = max(places[other.user] for other in idle)  # nobody can crowd the others out
-            longest = next(other for other in idle if places[other.user] == most)
-            del self._clients[longest.name]
+            evicted = next(other for other in idle if places[other.user] == most)
+            del self._clients[evicted.name]
         client = Client(name, self._token(), user, software)
         self._clients[name] = client
         return client

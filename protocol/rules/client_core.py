@@ -51,7 +51,7 @@ FIRST_LOOSE_ID: Final = 2**52
 LOOK: Final = 1.0
 """Longest time between two calls of ``wake`` while an answer is due, s."""
 
-_NAP: Final = 2 * LOOK  # a longer gap between two looks at the clock: we were suspended
+_MAX_GAP: Final = 2 * LOOK  # a longer gap between two looks at the clock: we were suspended
 
 Answer: TypeAlias = Message | BaseException
 
@@ -122,15 +122,15 @@ class ClientCore:
     @property
     def send_at(self) -> float:
         """When ``frames`` next has something to send; infinite: not before the next ``ask``."""
-        beat = self._beat_at if self.session is not None else math.inf
-        return min(beat, min((call.due for call in self._calls.values()), default=math.inf))
+        beat_at = self._beat_at if self.session is not None else math.inf
+        return min(beat_at, min((call.due for call in self._calls.values()), default=math.inf))
 
     @property
     def give_up_at(self) -> float:
         """When ``tick`` next has something to do; infinite: not before the next ``ask``."""
         ends = (min(call.heard + call.patience, call.stop_at) for call in self._calls.values())
-        mend = self._heard + RECONNECT if self._expecting else math.inf
-        return min(mend, min(ends, default=math.inf))
+        reconnect_at = self._heard + RECONNECT if self._expecting else math.inf
+        return min(reconnect_at, min(ends, default=math.inf))
 
     @property
     def _expecting(self) -> bool:
@@ -140,7 +140,7 @@ class ClientCore:
         """Call it first after each sleep: time in which the program was suspended is left out."""
         gap = now - self._looked
         self._looked = now
-        if gap > _NAP and self._expecting:
+        if gap > _MAX_GAP and self._expecting:
             self._heard += gap
             for call in self._calls.values():
                 call.heard += gap

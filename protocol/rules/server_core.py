@@ -232,8 +232,8 @@ class ServerCore:
         request = outcome.request
         assert request is not None
         outcome.progress = encode(Accepted(id=request.id).to_map())
-        told = isinstance(request, RobotRequest) and request.ACCEPTED
-        return _to(outcome, outcome.progress) if told else []
+        is_announced = isinstance(request, RobotRequest) and request.ACCEPTED
+        return _to(outcome, outcome.progress) if is_announced else []
 
     def progress(self, event: Progressed) -> list[Send]:
         """Handles the progress of a motion."""
@@ -355,20 +355,20 @@ class ServerCore:
             raise RobotError("held", f"{self._clients.name_of(holder)} holds the robot.")
         self._lease.take(client.name, now)
         reason = f"{self._clients.name_of(client.name)} acquired it"
-        changed: list[Action] = [ControllerChanged(client.name, reason)] if holder is None else []
-        return [*changed, *_end(outcome, self._ok(outcome))]
+        changes: list[Action] = [ControllerChanged(client.name, reason)] if holder is None else []
+        return [*changes, *_end(outcome, self._ok(outcome))]
 
     def _release(self, outcome: RememberedRequest) -> list[Action]:
         assert outcome.request is not None
         reason = f"{self._clients.name_of(outcome.request.client)} released it"
-        released = self._let_go(reason, "The controller released the robot in mid-motion")
-        return [*released, *_end(outcome, self._ok(outcome))]
+        actions = self._let_go(reason, "The controller released the robot in mid-motion")
+        return [*actions, *_end(outcome, self._ok(outcome))]
 
     def _let_go(self, reason: str, cause: str) -> list[Action]:
-        moving = any(isinstance(other.request, Perform) for other in self._in_flight.values())
+        moving = any(isinstance(outcome.request, Perform) for outcome in self._in_flight.values())
         self._lease.free()
-        unsteered: list[Action] = [Silence(f"{cause}; it holds its pose.")] if moving else []
-        return [*unsteered, ControllerChanged(None, reason)]
+        silence: list[Action] = [Silence(f"{cause}; it holds its pose.")] if moving else []
+        return [*silence, ControllerChanged(None, reason)]
 
     def _ok(self, outcome: RememberedRequest) -> Ok:
         assert outcome.request is not None

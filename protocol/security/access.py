@@ -21,9 +21,9 @@ from protocol.rules.control import MAY, Role
 from protocol.security.keys import ROBOT, KeyDirectory, KnownPeer
 from protocol.wire.messages import Heartbeat, Hello, Request, Stop
 
-_MEND: Final = "Ask the robot's owner to mend it."
-_STOPPING: Final = (Hello, Heartbeat, Stop)  # what it takes to stop the robot with our client
-_AGAIN: Final = 0.5  # s between two looks at a list that cannot be read
+_MEND_ADVICE: Final = "Ask the robot's owner to mend it."
+_STOP_REQUESTS: Final = (Hello, Heartbeat, Stop)  # what it takes to stop the robot with our client
+_RETRY_INTERVAL: Final = 0.5  # s between two looks at a list that cannot be read
 
 
 class Access:
@@ -45,11 +45,11 @@ class Access:
         self._log = log
         self._stamp = keys.stamp()
         self._listed = bool(self._stamp)  # an editor may move the list away for a moment
-        self._known = self._read()
+        self._peers = self._read()
         self._flaw: str | None = None
         self._look_at = math.inf  # monotonic, s; finite while there is a flaw
         self.version = 0
-        if not self._known:
+        if not self._peers:
             log.warning("no client is known in %s: nobody can connect", keys.path)
 
     def refresh(self) -> int:
@@ -59,30 +59,30 @@ class Access:
             return self.version
         self._stamp = stamp
         try:
-            known = self._read()
+            peers = self._read()
         except KeysError as error:
             if self._flaw != str(error):
                 self._log.error("%s Until it is mended, clients may only stop the robot.", error)
                 self.version += 1
             self._flaw = str(error)
-            self._look_at = time.monotonic() + _AGAIN
+            self._look_at = time.monotonic() + _RETRY_INTERVAL
             return self.version
-        if known != self._known or self._flaw is not None:
-            names = ", ".join(f"{peer.name} ({peer.role})" for peer in known.values())
+        if peers != self._peers or self._flaw is not None:
+            names = ", ".join(f"{peer.name} ({peer.role})" for peer in peers.values())
             self._log.info("the list of clients has changed: %s", names or "nobody")
             self.version += 1
-        self._known, self._flaw, self._listed = known, None, bool(stamp)
+        self._peers, self._flaw, self._listed = peers, None, bool(stamp)
         self._look_at = math.inf
         return self.version
 
     def admits(self, key: str) -> bool:
         """Whether somebody with this key may connect."""
         self.refresh()
-        return key in self._known
+        return key in self._peers
 
     def role_of(self, user: str | None) -> Role | None:
         """The role of whoever has this key; while the list cannot be read, at most viewer."""
-        peer = self._known.get(user or "")
+        peer = self._peers.get(user or "")
         if peer is None:
             return None
         return Role(peer.role) if self._flaw is None else Role.VIEWER
@@ -98,12 +98,12 @@ class Access:
             RobotError: ``unauthorised``.
         """
         self.refresh()
-        peer = self._known.get(user or "")
+        peer = self._peers.get(user or "")
         if peer is None:
             raise RobotError("unauthorised", "The robot does not know this key (any more).")
-        if self._flaw is not None and not isinstance(request, _STOPPING):
+        if self._flaw is not None and not isinstance(request, _STOP_REQUESTS):
             raise RobotError(
-                "unauthorised", "The robot cannot read its list of clients.", advice=_MEND
+                "unauthorised", "The robot cannot read its list of clients.", advice=_MEND_ADVICE
             )
         if request.TYPE not in MAY[Role(peer.role)]:
             raise RobotError(
@@ -111,8 +111,8 @@ class Access:
             )
 
     def _read(self) -> Mapping[str, KnownPeer]:
-        known = self._keys.known(must_exist=self._listed)
-        return {peer.public: peer for peer in known if peer.role != ROBOT}
+        peers = self._keys.known(must_exist=self._listed)
+        return {peer.public: peer for peer in peers if peer.role != ROBOT}
 
 
 _ADDRESS: Final = "inproc://zeromq.zap.01"  # where libzmq asks, within one context

@@ -86,5 +86,5 @@ def check_private(
         )
     if state.st_mode & closed:
         mode = "700" if stat.S_ISDIR(state.st_mode) else "600"
-        what = "change" if state.st_mode & closed & 0o022 else "read"
-        raise KeysError(f"Others can {what} {place}: say chmod {mode} {place}")
+        verb = "change" if state.st_mode & closed & 0o022 else "read"
+        raise KeysError(f"Others can {verb} {place}: say chmod {mode} {place}")

@@ -165,40 +165,40 @@ class KeyDirectory:
         check_key(peer.public, "the key")
         if peer.role not in ROLES:
             raise KeysError(f"There is no role {peer.role!r}: choose {', '.join(ROLES)}.")
-        own = ""
+        own_public = ""
         with self._locked():
             with suppress(KeysError):  # other calls complain of a pair that is missing or spoilt
-                own = self.pair().public
-            if peer.public == own:
+                own_public = self.pair().public
+            if peer.public == own_public:
                 raise KeysError(
                     "This key is this computer's own: add the .public file of the other one."
                 )
             peers = self.known()
-            for other in peers:
-                if other.name == peer.name:
+            for known_peer in peers:
+                if known_peer.name == peer.name:
                     raise KeysError(f"{peer.name} is known here already: remove it first.")
-                if other.public == peer.public:
-                    raise KeysError(f"This key is known here already, as {other.name}.")
+                if known_peer.public == peer.public:
+                    raise KeysError(f"This key is known here already, as {known_peer.name}.")
             self._write_known((*peers, peer))
 
     def remove(self, name: str) -> None:
         """Removes a peer from ``known.toml``; a running robot disconnects it at once."""
         with self._locked():
             peers = self.known()
-            rest = tuple(peer for peer in peers if peer.name != name)
-            if len(rest) == len(peers):
+            remaining = tuple(peer for peer in peers if peer.name != name)
+            if len(remaining) == len(peers):
                 names = ", ".join(peer.name for peer in peers) or "nobody"
                 raise KeysError(f"{name!r} is not known in {self.path}; known: {names}.")
-            self._write_known(rest)
+            self._write_known(remaining)
 
     def stamp(self) -> tuple[int, ...]:
         """Numbers that change whenever ``known.toml`` does; cheap, raises nothing."""
         try:
-            listed, around = os.stat(self._file(_KNOWN)), os.stat(self.path)
+            file, directory = os.stat(self._file(_KNOWN)), os.stat(self.path)
         except OSError:
             return ()
-        changes = listed.st_ino, listed.st_mtime_ns, listed.st_ctime_ns, listed.st_size
-        return *changes, around.st_mode, around.st_uid
+        changes = file.st_ino, file.st_mtime_ns, file.st_ctime_ns, file.st_size
+        return *changes, directory.st_mode, directory.st_uid
 
     # --- files ------------------------------------------------------------------------------------
 
@@ -208,10 +208,10 @@ class KeyDirectory:
     def _read(self, place: Path, *, closed: int, advice: str = "") -> dict[str, Any]:
         """Reads a file of this directory, if nobody else can have changed file or directory."""
         try:
-            around = os.stat(self.path)
+            directory = os.stat(self.path)
         except OSError:
             return read_toml(place, advice=advice)  # which says what is missing
-        owners = self._check_directory(around)
+        owners = self._check_directory(directory)
         return read_toml(place, owners=owners, closed=closed, advice=advice)
 
     def _check_directory(self, state: os.stat_result) -> frozenset[int]:
@@ -246,9 +246,9 @@ class KeyDirectory:
         """Replaces a file in one step; root gives it to the owner of the directory."""
         place = self._file(name)
         try:
-            around = os.stat(self.path)
+            directory = os.stat(self.path)
             # root writes for the daemon's user, who has to read it
-            owner = (around.st_uid, around.st_gid) if os.geteuid() == 0 else None
+            owner = (directory.st_uid, directory.st_gid) if os.geteuid() == 0 else None
             replace_file(
                 place, lambda fresh: fresh.write_text(text, "utf-8"), mode=mode, owner=owner
             )

@@ -247,13 +247,13 @@ class TcpConnection:
         self._watch_one(self._pipe, pipe, self._on_pipe)
 
     def _watch_one(self, end: socket.socket, mask: int, call: Callable[[int], None]) -> None:
-        before = self._watched.get(end, 0)
+        old_mask = self._watched.get(end, 0)
         self._watched[end] = mask
-        if mask == before:
+        if mask == old_mask:
             return
         if not mask:
             self._selector.unregister(end)
-        elif not before:
+        elif not old_mask:
             self._selector.register(end, mask, call)
         else:
             self._selector.modify(end, mask, call)
@@ -274,7 +274,7 @@ class FrameCounter:
 
     def __init__(self) -> None:
         self._greeted = False
-        self._rest = b""  # of a greeting or of a frame's head that is incomplete
+        self._partial = b""  # of a greeting or of a frame's head that is incomplete
         self._skip = 0  # bytes of a body that are still to come
 
     def count(self, data: bytes) -> int:
@@ -283,25 +283,25 @@ class FrameCounter:
         Raises:
             ValueError: The peer does not speak ZMTP 3.
         """
-        data = self._rest + data
-        at = self._skip
+        data = self._partial + data
+        offset = self._skip
         if not self._greeted:
             _check_greeting(data)
             if len(data) < _GREETING:
-                self._rest = data
+                self._partial = data
                 return 0
             self._greeted = True
-            at = _GREETING
+            offset = _GREETING
         frames = 0
         end = len(data)
-        while at < end:
-            body = at + (9 if data[at] & _WIDE else 2)
+        while offset < end:
+            body = offset + (9 if data[offset] & _WIDE else 2)
             if body > end:
                 break
-            at = body + int.from_bytes(data[at + 1 : body], "big")
+            offset = body + int.from_bytes(data[offset + 1 : body], "big")
             frames += 1
-        self._rest = data[at:]
-        self._skip = max(0, at - end)
+        self._partial = data[offset:]
+        self._skip = max(0, offset - end)
         return frames
 
 

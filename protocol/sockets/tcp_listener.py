@@ -33,10 +33,10 @@ TOTAL: Final = 8 << 20
 
 _FILES: Final = 4  # descriptors that a connection takes
 _RESERVE: Final = 48  # descriptors for everything else
-_ACCEPTED: Final = 8  # most connections accepted in one turn
+_MAX_ACCEPTS: Final = 8  # most connections accepted in one turn
 _BACKLOG: Final = 100  # connections that wait in the kernel
 _PATIENCE: Final = 1.0  # s that ZeroMQ may take to connect to the other end of a pipe
-_FEW: Final = 1 << 16  # bytes that a connection may hold before the total is added up
+_LIGHT: Final = 1 << 16  # bytes that a connection may hold before the total is added up
 _CREDENTIALS: Final = struct.Struct("3i")  # ids of process, user, group
 _EXHAUSTED: Final = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 _IDLE: Final = 30  # s of silence, then TCP checks whether the peer is still there
@@ -169,7 +169,7 @@ class TcpListener:
 
     def _accept(self, mask: int) -> None:
         del mask
-        for _ in range(_ACCEPTED):
+        for _ in range(_MAX_ACCEPTS):
             try:
                 tcp, address = self._listener.accept()
             except BlockingIOError:
@@ -218,9 +218,9 @@ class TcpListener:
         """Disconnects peers that send messages without an end."""
         if connection.held > self.WINDOW:
             self.cut(connection.number, f"over {self.WINDOW} bytes without the end of a message")
-        elif connection.held > _FEW and sum(one.held for one in self._connections.values()) > TOTAL:
-            most = max(self._connections.values(), key=lambda one: one.held)
-            self.cut(most.number, f"over {TOTAL} bytes of unfinished messages of all connections")
+        elif connection.held > _LIGHT and sum(c.held for c in self._connections.values()) > TOTAL:
+            worst = max(self._connections.values(), key=lambda one: one.held)
+            self.cut(worst.number, f"over {TOTAL} bytes of unfinished messages of all connections")
 
     def _report(self, peer: str, why: str) -> None:
         self._cut += 1
@@ -257,8 +257,8 @@ def _piped(wire: zmq.Socket[bytes]) -> socket.socket:
         wire.connect(f"ipc://@{name}")
         while True:
             pipe, _ = listener.accept()
-            who = pipe.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
-            if _CREDENTIALS.unpack(who)[0] == os.getpid():
+            credentials = pipe.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
+            if _CREDENTIALS.unpack(credentials)[0] == os.getpid():
                 return pipe
             pipe.close()  # a stranger on this computer, who was quicker
 
@@ -272,23 +272,23 @@ def _bound(place: Endpoint) -> socket.socket:
             type=socket.SOCK_STREAM,
             flags=socket.AI_PASSIVE,
         )[0]
-        made = kept_from_children(socket.socket(family, kind, number))
+        listener = kept_from_children(socket.socket(family, kind, number))
         try:
-            made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             if place.is_ipv6:
-                made.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 0)
-            made.bind(address)
-            made.listen(_BACKLOG)
-            made.setblocking(False)
+                listener.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 0)
+            listener.bind(address)
+            listener.listen(_BACKLOG)
+            listener.setblocking(False)
         except BaseException:
-            made.close()
+            listener.close()
             raise
     except (OSError, UnicodeError) as error:  # UnicodeError: the host's name cannot be encoded
-        why = getattr(error, "strerror", None) or "there is no such host"
+        reason = getattr(error, "strerror", None) or "there is no such host"
         raise EndpointError(
-            f"Cannot serve at {place}: {why}. Stop what uses it, or choose another address."
+            f"Cannot serve at {place}: {reason}. Stop what uses it, or choose another address."
         ) from None
-    return made
+    return listener
 
 
 def _port(listener: socket.socket) -> int:

@@ -143,7 +143,7 @@ def serving(
             zmq.ZAP_DOMAIN: _ZAP_DOMAIN,
             zmq.ZAP_ENFORCE_DOMAIN: 1,  # without an answer of the ZAP handler, nobody connects
         }
-    return _made(context, kind, options)
+    return _new_socket(context, kind, options)
 
 
 def connected(
@@ -166,13 +166,13 @@ def connected(
         EndpointError: The address cannot be connected to.
     """
     place = Endpoint.parse(uri)
-    made = unconnected(context, kind, place, keys, options)
+    client = unconnected(context, kind, place, keys, options)
     try:
-        made.connect(str(place))
+        client.connect(str(place))
     except zmq.ZMQError as error:
-        made.close()
+        client.close()
         raise EndpointError(f"Cannot connect to {place}: {error.strerror}.") from None
-    return made
+    return client
 
 
 def unconnected(
@@ -189,18 +189,18 @@ def unconnected(
             zmq.CURVE_PUBLICKEY: keys.own.public.encode(),
             zmq.CURVE_SECRETKEY: keys.own.secret.encode(),
         }
-    return _made(context, kind, {zmq.IPV6: int(place.is_ipv6), **options})
+    return _new_socket(context, kind, {zmq.IPV6: int(place.is_ipv6), **options})
 
 
-def _made(
+def _new_socket(
     context: zmq.Context[zmq.Socket[bytes]], kind: int, options: Mapping[int, Any]
 ) -> zmq.Socket[bytes]:
-    made: zmq.Socket[bytes] = context.socket(kind)
-    made.setsockopt(zmq.LINGER, 0)
-    made.setsockopt(zmq.MAXMSGSIZE, MAX_MESSAGE)
+    new: zmq.Socket[bytes] = context.socket(kind)
+    new.setsockopt(zmq.LINGER, 0)
+    new.setsockopt(zmq.MAXMSGSIZE, MAX_MESSAGE)
     for option, value in options.items():
-        made.setsockopt(option, value)
-    return made
+        new.setsockopt(option, value)
+    return new
 
 
 class Waker:

@@ -36,23 +36,23 @@ def replace_file(
             file, if any, still stands. Whatever else ``write`` raises passes through.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    fresh = path.with_name(f".{path.name}.{secrets.token_hex(4)}{path.suffix}")
+    temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}{path.suffix}")
     try:
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL
-        handle = os.open(fresh, flags, 0o666 if mode is None else 0o600)
+        handle = os.open(temporary, flags, 0o666 if mode is None else 0o600)
         try:
             if mode is not None:
                 os.fchmod(handle, mode)
             if owner is not None:
                 os.fchown(handle, *owner)
-            write(fresh)
+            write(temporary)
             os.fsync(handle)
         finally:
             os.close(handle)
-        os.replace(fresh, path)
+        os.replace(temporary, path)
     except BaseException:
         with suppress(OSError):
-            os.unlink(fresh)
+            os.unlink(temporary)
         raise
     _sync_folder(path.parent)
 

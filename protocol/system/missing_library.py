@@ -19,13 +19,13 @@ def install_command(extra: str = "") -> str:
         extra: Group of optional dependencies that is missing; empty: none.
     """
     installed = metadata.distributions(name="bodyschema")  # a checkout on the path is one, too
-    noted = next(filter(None, (one.read_text("direct_url.json") for one in installed)), "{}")
-    source = json.loads(noted)
+    direct_url = next(filter(None, (dist.read_text("direct_url.json") for dist in installed)), "{}")
+    source = json.loads(direct_url)
     url = urlsplit(source.get("url", ""))
     place = unquote(url.path) if url.scheme == "file" else source.get("url", "bodyschema")
     editable = ["--editable"] if source.get("dir_info", {}).get("editable") else []
-    what = f"{place}[{extra}]" if extra else place
-    return shlex.join(["pip", "install", *editable, what])
+    package = f"{place}[{extra}]" if extra else place
+    return shlex.join(["pip", "install", *editable, package])
 
 
 def lacking(command: str, extra: str, error: ModuleNotFoundError) -> int:

@@ -39,13 +39,13 @@ def interrupts_deferred() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield  # only the main thread is ever interrupted
         return
-    met: list[int] = []
-    kept = signal.signal(signal.SIGINT, lambda number, _: met.append(number))
+    interrupts: list[int] = []
+    handler = signal.signal(signal.SIGINT, lambda number, _: interrupts.append(number))
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, kept)
-    if met:
+        signal.signal(signal.SIGINT, handler)
+    if interrupts:
         signal.raise_signal(signal.SIGINT)
 
 
@@ -57,32 +57,32 @@ def native_output_discarded() -> Iterator[None]:
     """
     sys.stdout.flush()
     sys.stderr.flush()
-    kept = [os.dup(1), os.dup(2)]
-    nowhere = os.open(os.devnull, os.O_WRONLY)
+    copies = [os.dup(1), os.dup(2)]
+    null = os.open(os.devnull, os.O_WRONLY)
     try:
-        os.dup2(nowhere, 1)
-        os.dup2(nowhere, 2)
+        os.dup2(null, 1)
+        os.dup2(null, 2)
         yield
     finally:
         ctypes.CDLL(None).fflush(None)  # C buffers what it prints, maybe until the process ends
-        for number, copy in enumerate(kept, start=1):
+        for number, copy in enumerate(copies, start=1):
             os.dup2(copy, number)
             os.close(copy)
-        os.close(nowhere)
+        os.close(null)
 
 
-_ours: Final[WeakSet[socket.socket]] = WeakSet()
+_our_sockets: Final[WeakSet[socket.socket]] = WeakSet()
 
 
 def kept_from_children(ours: socket.socket) -> socket.socket:
     """Returns the socket, now to be closed in every process that this one forks."""
-    _ours.add(ours)
+    _our_sockets.add(ours)
     return ours
 
 
 def _close() -> None:
-    for each in tuple(_ours):
-        each.close()
+    for sock in tuple(_our_sockets):
+        sock.close()
 
 
 os.register_at_fork(after_in_child=_close)

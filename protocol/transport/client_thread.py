@@ -90,16 +90,16 @@ class ClientThread:
     def _poll(self) -> None:
         now = time.monotonic()
         waiting = bool(self._core.frames(now))  # for a connection, else frames would be lost
-        due = self._core.give_up_at
+        wake_at = self._core.give_up_at
         if not waiting:
-            due = min(due, self._core.send_at)
+            wake_at = min(wake_at, self._core.send_at)
         poller = zmq.Poller()
         poller.register(self._socket, zmq.POLLIN | (zmq.POLLOUT if waiting else 0))
         poller.register(self._waker.fileno(), zmq.POLLIN)
-        if due == math.inf:
+        if wake_at == math.inf:
             poller.poll()
         else:
-            poller.poll(math.ceil(min(max(due - now, 0.0), LOOK) * 1000))
+            poller.poll(math.ceil(min(max(wake_at - now, 0.0), LOOK) * 1000))
         self._waker.rest()
 
     def _obey(self, now: float) -> None:

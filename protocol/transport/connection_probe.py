@@ -115,25 +115,25 @@ def _mechanism(place: Endpoint, patience: float) -> bytes | None:
         OSError: There is no connection.
     """
     end = time.monotonic() + patience
-    ours = _SIGNATURE + b"\x03\x00"  # no mechanism: at a wrong one, a peer hangs up unanswered
+    opening = _SIGNATURE + b"\x03\x00"  # no mechanism: at a wrong one, a peer hangs up unanswered
     with socket.create_connection((place.host, place.port), timeout=patience) as stream:
-        theirs = b""
-        while len(theirs) < _GREETING:
+        greeting = b""
+        while len(greeting) < _GREETING:
             stream.settimeout(max(end - time.monotonic(), 0.001))
             try:
-                if not theirs:
-                    stream.sendall(ours)
-                received = stream.recv(_GREETING - len(theirs))
+                if not greeting:
+                    stream.sendall(opening)
+                data = stream.recv(_GREETING - len(greeting))
             except TimeoutError:
                 return None
             except OSError:
-                received = b""
-            if not received:
+                data = b""
+            if not data:
                 return b""
-            theirs += received
-            if theirs[0] != _SIGNATURE[0] or (len(theirs) > 9 and theirs[9] != _SIGNATURE[9]):
+            greeting += data
+            if greeting[0] != _SIGNATURE[0] or (len(greeting) > 9 and greeting[9] != _SIGNATURE[9]):
                 return b""
-    return theirs[12:32].rstrip(b"\0")
+    return greeting[12:32].rstrip(b"\0")
 
 
 def _shake_hands(place: Endpoint, keys: ClientKeys | None, patience: float) -> Diagnosis:
@@ -143,9 +143,9 @@ def _shake_hands(place: Endpoint, keys: ClientKeys | None, patience: float) -> D
         watch = dealer.get_monitor_socket(_EVENTS)  # before there is anything to be missed
         try:
             dealer.connect(str(place))
-            heard = watch.poll(math.ceil(patience * 1000))
+            ready = watch.poll(math.ceil(patience * 1000))
             # The event stands first; pyzmq's own reader of it would load asyncio and TLS, 5 MB.
-            event = int.from_bytes(watch.recv_multipart()[0][:2], sys.byteorder) if heard else None
+            event = int.from_bytes(watch.recv_multipart()[0][:2], sys.byteorder) if ready else None
         finally:
             dealer.disable_monitor()
             watch.close()

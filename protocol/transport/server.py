@@ -40,8 +40,8 @@ from protocol.wire.codec import MAX_MESSAGE
 from protocol.wire.messages import ErrorReply, Request
 
 _BUDGET: Final = 0.002  # s for frames before the robot and the clock have their turn
-_LOOK: Final = 0.5  # s between two looks at the list of clients
-_SHARE: Final = 2 / 3  # of all connections are for requests, the others for telemetry
+_LOOK_INTERVAL: Final = 0.5  # s between two looks at the list of clients
+_REQUEST_SHARE: Final = 2 / 3  # of all connections are for requests, the others for telemetry
 _QUIET: Final = 0.02  # s without a byte, then nothing is on its way any more
 _FAREWELL: Final = 200  # ms that the last replies have to leave
 
@@ -93,37 +93,37 @@ class Server(Closable):
         self._robot = robot
         self._clock = clock
         self._log = log or logging.getLogger(__name__)
-        known = KeyDirectory(keys) if keys is not None else None
-        pair = known.pair() if known is not None else None
-        self._access = Access(known, self._log) if known is not None else None
-        self._list = self._access.version if self._access is not None else 0
-        place = permitted(bind, keys=known is not None, insecure=insecure)
+        directory = KeyDirectory(keys) if keys is not None else None
+        pair = directory.pair() if directory is not None else None
+        self._access = Access(directory, self._log) if directory is not None else None
+        self._list_version = self._access.version if self._access is not None else 0
+        place = permitted(bind, keys=directory is not None, insecure=insecure)
         telemetry_place = permitted(
-            telemetry_bind or str(place.next_port()), keys=known is not None, insecure=insecure
+            telemetry_bind or str(place.next_port()), keys=directory is not None, insecure=insecure
         )
         self._period = 1.0 / telemetry_rate
         self._stopping = False
         self._closed = False
         self._running = threading.Lock()
-        with ExitStack() as made:
+        with ExitStack() as stack:
             self._selector = selectors.DefaultSelector()
-            made.callback(self._selector.close)
+            stack.callback(self._selector.close)
             self._waker = Waker()
-            made.callback(self._waker.close)
+            stack.callback(self._waker.close)
             self._selector.register(self._waker, selectors.EVENT_READ, self._waker.rest)
             self._context = zmq.Context()
-            made.callback(self._context.destroy, linger=0)
+            stack.callback(self._context.destroy, linger=0)
             if self._access is not None:
                 zap = ZapHandler(self._context, self._access.admits, self._log)
                 self._selector.register(zap, selectors.EVENT_READ, zap.answer)
-            around = (self._context, self._selector)
-            self._listener = _Requests(*around, place, pair, share=_SHARE, log=self._log)
-            made.callback(self._listener.close, _FAREWELL)
+            shared = (self._context, self._selector)
+            self._listener = _Requests(*shared, place, pair, share=_REQUEST_SHARE, log=self._log)
+            stack.callback(self._listener.close, _FAREWELL)
             self._publisher = Publisher(
-                *around, telemetry_place, pair, share=1 - _SHARE, log=self._log
+                *shared, telemetry_place, pair, share=1 - _REQUEST_SHARE, log=self._log
             )
-            made.callback(self._publisher.close, 0)
-            self._made = made.pop_all()
+            stack.callback(self._publisher.close, 0)
+            self._resources = stack.pop_all()
         self.endpoint = str(self._listener.place)
         self.telemetry_endpoint = str(self._publisher.place)
         capabilities = replace(
@@ -183,20 +183,20 @@ class Server(Closable):
     def _patience(self, publish_at: float) -> float:
         if self._listener.waiting or self._publisher.waiting:
             return 0.0
-        due = publish_at
+        wake_at = publish_at
         if self._access is not None:
-            due = min(due, self._clock() + _LOOK)
+            wake_at = min(wake_at, self._clock() + _LOOK_INTERVAL)
         if self._core.deadline is not None:
-            due = min(due, self._core.deadline)
-        return max(0.0, due - self._clock())
+            wake_at = min(wake_at, self._core.deadline)
+        return max(0.0, wake_at - self._clock())
 
     def _wait(self, patience: float) -> bool:
         """Sleeps until something happens, and moves what bytes there are; returns whether any."""
-        happened = self._selector.select(patience)
-        for key, events in happened:
-            act: Callable[[int], None] = key.data
-            act(events)
-        return bool(happened)
+        ready = self._selector.select(patience)
+        for key, events in ready:
+            handle: Callable[[int], None] = key.data
+            handle(events)
+        return bool(ready)
 
     def _finish(self) -> None:
         """Answers what has arrived by now."""
@@ -212,8 +212,8 @@ class Server(Closable):
         if self._access is None:
             return
         version = self._access.refresh()
-        if version != self._list:
-            self._list = version
+        if version != self._list_version:
+            self._list_version = version
             role_of = self._access.role_of
             self._carry_out(self._core.review(role_of))
             self._publisher.dismiss(lambda user: role_of(user) is None)
@@ -254,13 +254,13 @@ class Server(Closable):
         for event in self._robot.events():
             try:
                 if isinstance(event, Finished):
-                    told = self._core.finish(event)
+                    actions = self._core.finish(event)
                 else:
-                    told = self._core.progress(event)
+                    actions = self._core.progress(event)
             except (KeyError, ValueError):  # a bug that must leave the others a daemon to stop
                 self._log.exception("the robot told of a request that is not under way: %r", event)
             else:
-                self._carry_out(told)
+                self._carry_out(actions)
 
     def _carry_out(self, actions: Iterable[Action]) -> None:
         for action in actions:
@@ -297,7 +297,7 @@ class Server(Closable):
 
     def _dispose(self) -> None:
         self._closed = True
-        self._made.close()
+        self._resources.close()
 
 
 PERIOD: Final = 60.0

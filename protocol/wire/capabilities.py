@@ -120,11 +120,11 @@ class Capabilities(Record):
         if not names or len(set(names)) != len(names):
             raise LocalProtocolError(f"'joints' must be one or more with different names: {names}")
         if self.base_radius is not None:
-            wide = 2 * self.base_radius
-            if any(abs(extent - wide) > _ROUNDING for extent in self.base_size[:2]):
+            width = 2 * self.base_radius
+            if any(abs(extent - width) > _ROUNDING for extent in self.base_size[:2]):
                 raise LocalProtocolError(
-                    f"'base_size' of a round main body must begin with its width twice, {wide:g}, "
-                    f"{wide:g}, not {', '.join(f'{extent:g}' for extent in self.base_size[:2])}"
+                    f"'base_size' of a round main body must begin with its width twice, {width:g}, "
+                    f"{width:g}, not {', '.join(f'{extent:g}' for extent in self.base_size[:2])}"
                 )
         if self.part_radii is not None and len(self.part_radii) != len(names):
             raise LocalProtocolError(

@@ -111,20 +111,20 @@ class _Count:
     """
 
     def __init__(self) -> None:
-        self._left = MAX_VALUES
+        self._values_left = MAX_VALUES
 
     def array(self, items: list[Any]) -> list[Any]:
-        self._take(len(items))
+        self._count_values(len(items))
         return items
 
     def map(self, pairs: Iterable[tuple[Any, Any]]) -> dict[str, Any]:
         mapping = _map_of(pairs)
-        self._take(len(mapping))
+        self._count_values(len(mapping))
         return mapping
 
-    def _take(self, items: int) -> None:
-        self._left -= items or 1
-        if self._left < 0:
+    def _count_values(self, items: int) -> None:
+        self._values_left -= items or 1
+        if self._values_left < 0:
             raise RemoteProtocolError(f"The frame holds more than {MAX_VALUES} values.")
 
 

@@ -101,15 +101,15 @@ class GuidedSession:
         terminal: Terminal,
         only: Collection[str] = (),
     ):
-        known = parts(config)
+        part_names = parts(config)
         for name in only:
-            if name not in known:
-                raise CommandError(f"this robot has no {name!r}; it has {', '.join(known)}")
+            if name not in part_names:
+                raise CommandError(f"this robot has no {name!r}; it has {', '.join(part_names)}")
         self._config = config
         self._devices = devices
         self._clock = clock
         self._dialogue = Questions(terminal, reconnect=devices.servos.reopen)
-        self._wanted = set(only or known)
+        self._parts = set(only or part_names)
 
     def run(self, before: Calibration, save: Callable[[str, Calibration], None]) -> None:
         """Leads through all parts; each is confirmed and saved before the next begins.
@@ -126,10 +126,10 @@ class GuidedSession:
         try:
             self._dialogue.say(WELCOME.format(robot=self._config.name))
             for name, part in self._measured():
-                following = calibration.with_part(name, part)
-                if following != calibration and self._confirmed(name, calibration, following):
-                    save(name, following)
-                    calibration = following
+                updated = calibration.with_part(name, part)
+                if updated != calibration and self._confirmed(name, calibration, updated):
+                    save(name, updated)
+                    calibration = updated
         except KeyboardInterrupt:
             raise AbandonedError("You left the session.") from None
 
@@ -152,8 +152,8 @@ class GuidedSession:
             yield "distance", ruler
 
     def _joints(self) -> Iterator[tuple[str, JointCalibration]]:
-        wanted = [joint for joint in self._config.joints if joint.name in self._wanted]
-        if wanted:
+        joints = [joint for joint in self._config.joints if joint.name in self._parts]
+        if joints:
             measure_oscillators(
                 self._config.servos,
                 [joint.output for joint in self._config.joints],
@@ -162,7 +162,7 @@ class GuidedSession:
             )
             self._dialogue.say(JOINTS + HELP)
             self._dialogue.choose("on the stand: Enter", "")
-        for joint in wanted:
+        for joint in joints:
             make = partial(Mover, self._devices.servos, joint, self._clock)
             mover = self._dialogue.attempt(make)
             measured = calibrate_joint(joint, mover, self._dialogue)
@@ -171,7 +171,7 @@ class GuidedSession:
 
     def _accelerometer(self) -> AxesCalibration | None:
         axes, driver = self._config.axes, self._devices.accelerometer
-        if "accelerometer" not in self._wanted or axes is None:
+        if "accelerometer" not in self._parts or axes is None:
             return None
         return AccelerometerSession(
             axes,
@@ -183,11 +183,11 @@ class GuidedSession:
 
     def _gauges(self) -> Iterator[tuple[str, GaugeCalibration]]:
         gauges, inputs = self._config.gauges, self._devices.inputs
-        wanted = [p for p in self._config.touch if p.name in gauges and p.name in self._wanted]
-        if not wanted or inputs is None:
+        points = [p for p in self._config.touch if p.name in gauges and p.name in self._parts]
+        if not points or inputs is None:
             return
         self._dialogue.say(GAUGES)
-        for point in wanted:
+        for point in points:
             measured = GaugeSession(
                 point,
                 gauges[point.name].channel,
@@ -201,7 +201,7 @@ class GuidedSession:
 
     def _distance(self) -> DistanceCalibration | None:
         belly, finder = self._config.distance, self._devices.distance
-        if "distance" not in self._wanted or belly is None or finder is None:
+        if "distance" not in self._parts or belly is None or finder is None:
             return None
         return DistanceSession(
             belly.sensor, finder, noise=self._config.noise.clearance, dialogue=self._dialogue
@@ -219,17 +219,17 @@ class GuidedSession:
                 yield (
                     f"{joint.name}: 0° at count {counts[0]} (was {counts[1]}), {slopes[0]:.2f}° a "
                     f"count (was {slopes[1]:.2f}°), {limits[0]:.1f}° to {limits[1]:.1f}°; "
-                    f"{_how_well(new.uncertainty, math.degrees(1), '°')}"
+                    f"{_uncertainty_text(new.uncertainty, math.degrees(1), '°')}"
                 )
-        axes, old = after.accelerometer, self._config.axes
-        if axes != before.accelerometer and axes is not None and old is not None:
+        axes, old_axes = after.accelerometer, self._config.axes
+        if axes != before.accelerometer and axes is not None and old_axes is not None:
             for index, name in enumerate("xyz"):
                 yield (
                     f"accelerometer {name}: {axes.zero[index]:.3f} {axes.unit} at 0 g (was "
-                    f"{old.zero[index]:.3f}), {axes.per_g[index]:.3f} {axes.unit}/g (was "
-                    f"{old.per_g[index]:.3f})"
+                    f"{old_axes.zero[index]:.3f}), {axes.per_g[index]:.3f} {axes.unit}/g (was "
+                    f"{old_axes.per_g[index]:.3f})"
                 )
-            yield f"accelerometer: {_how_well(axes.uncertainty, math.degrees(1), '°')}"
+            yield f"accelerometer: {_uncertainty_text(axes.uncertainty, math.degrees(1), '°')}"
         for name, gauge in self._config.gauges.items():
             bridge = after.gauges.get(name)
             if bridge != before.gauges.get(name) and bridge is not None:
@@ -243,11 +243,11 @@ class GuidedSession:
             yield (
                 f"distance: {ruler.zero * 1000:.1f} mm on the ground (was "
                 f"{belly.sensor.zero * 1000:.1f}), scale {ruler.scale:.3f} (was "
-                f"{belly.sensor.scale:.3f}); {_how_well(ruler.uncertainty, 1000, ' mm')}"
+                f"{belly.sensor.scale:.3f}); {_uncertainty_text(ruler.uncertainty, 1000, ' mm')}"
             )
 
 
-def _how_well(known: Uncertainty, scale: float, unit: str) -> str:
-    words = [] if known.zero is None else [f"its zero to {known.zero * scale:.2f}{unit}"]
-    words += [] if known.gain is None else [f"its gain to {100 * known.gain:.1f} %"]
-    return f"known, as announced to clients: {' and '.join(words) or 'nothing'}"
+def _uncertainty_text(known: Uncertainty, scale: float, unit: str) -> str:
+    phrases = [] if known.zero is None else [f"its zero to {known.zero * scale:.2f}{unit}"]
+    phrases += [] if known.gain is None else [f"its gain to {100 * known.gain:.1f} %"]
+    return f"known, as announced to clients: {' and '.join(phrases) or 'nothing'}"

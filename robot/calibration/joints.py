@@ -54,8 +54,8 @@ PACE: Final = 0.03  # s between counts besides the serial line's own: about 13°
 _STEP: Final = math.radians(0.7)
 _MIN_APART: Final = 10  # steps between two measured angles
 _ZERO_TOLERANCE: Final = 1.5  # degrees; two steps
-_READING: Final = 0.3  # degrees: a protractor that is read to 0.5° either way
-_WELL_BEYOND: Final = 30  # steps by which a scale may be extrapolated without a warning: 21°
+_READING_ERROR: Final = 0.3  # degrees: a protractor that is read to 0.5° either way
+_MAX_EXTRAPOLATION: Final = 30  # steps by which a scale may be extrapolated without a warning: 21°
 
 
 def step_of(scale: JointScale) -> int:
@@ -107,8 +107,8 @@ class Mover:
         if self.count == 0:
             self._send(self.where() or target)
         while self.count != target:
-            way = min(self._step, abs(target - self.count))
-            self._send(self.count + (way if target > self.count else -way))
+            step = min(self._step, abs(target - self.count))
+            self._send(self.count + (step if target > self.count else -step))
             self._clock.sleep(PACE)
 
     def release(self) -> None:
@@ -126,16 +126,16 @@ class Mover:
         Raises:
             DeviceDataError: The board lost the count: it was reset.
         """
-        before = self.count
+        expected = self.count
         try:
-            lost = self._servos.verify({self._output: before})
+            lost = self._servos.verify({self._output: expected})
         except DeviceDataError:
             self._look_anew()
             raise
         if lost:
             self._look_anew()
             raise DeviceDataError(
-                f"The servo board ({self._servos.name}) lost count {before} and stands at "
+                f"The servo board ({self._servos.name}) lost count {expected} and stands at "
                 f"{self.count}: it was reset.",
                 "Check the servos' supply.",
             )
@@ -163,8 +163,8 @@ def calibrate_joint(
         AbandonedError: Somebody left.
     """
     dialogue.say(f"\n{joint.name}, servo output {joint.output}")
-    limp = mover.count == 0
-    if limp and not mover.measures:
+    was_limp = mover.count == 0
+    if was_limp and not mover.measures:
         prompt = f"{joint.name} is limp; hold it, then Enter drives it to its middle; or skip"
         if dialogue.choose(prompt, "", "skip"):
             return None
@@ -174,7 +174,7 @@ def calibrate_joint(
     while True:
         answer = dialogue.ask(measuring.prompt)
         if answer == "skip":
-            dialogue.attempt(mover.release if limp else lambda: mover.go(start))
+            dialogue.attempt(mover.release if was_limp else lambda: mover.go(start))
             return None
         if answer == "done":
             calibration = measuring.finish()
@@ -235,8 +235,8 @@ class _Measuring:
         except ValueError as error:
             self._dialogue.say(f"Not yet: it {error}.")
             return None
-        scale, before = joint.scale, self._joint.scale
-        if (scale.angle(2) > scale.angle(1)) != (before.angle(2) > before.angle(1)):
+        scale, old_scale = joint.scale, self._joint.scale
+        if (scale.angle(2) > scale.angle(1)) != (old_scale.angle(2) > old_scale.angle(1)):
             self._dialogue.say("It turns the other way than was thought; that is put right.")
         self._say_what_is_guessed(joint)
         self._dialogue.attempt(lambda: self._mover.go(scale.count(0.0)))
@@ -307,12 +307,12 @@ class _Measuring:
 
     def _say_what_is_guessed(self, joint: DrivenJoint) -> None:
         counts = [count for count, _ in self._points]
-        ends = [joint.scale.count(angle) for angle in joint.reachable]
-        beyond = max(min(counts) - min(ends), max(ends) - max(counts))
-        if beyond > _WELL_BEYOND * self._step:
+        limits = [joint.scale.count(angle) for angle in joint.reachable]
+        extrapolation = max(min(counts) - min(limits), max(limits) - max(counts))
+        if extrapolation > _MAX_EXTRAPOLATION * self._step:
             self._dialogue.say(
-                f"Measured from count {min(counts)} to {max(counts)}; it may go from {min(ends)} "
-                f"to {max(ends)}, where its angle is a guess."
+                f"Measured from count {min(counts)} to {max(counts)}; it may go from {min(limits)} "
+                f"to {max(limits)}, where its angle is a guess."
             )
 
 
@@ -329,7 +329,7 @@ def known_to(points: Sequence[tuple[int, float]], off: float) -> Uncertainty:
         off: By how much the table is off at its new 0°, degrees.
     """
     angles = [angle for _, angle in points]
-    error = _READING
+    error = _READING_ERROR
     if len(points) > 2:
         slope, start = linear_regression(*zip(*points, strict=True))
         squares = sum((angle - start - slope * count) ** 2 for count, angle in points)
@@ -342,20 +342,20 @@ def known_to(points: Sequence[tuple[int, float]], off: float) -> Uncertainty:
 
 def _objection(points: Sequence[tuple[int, float]], counts: range, apart: int) -> str | None:
     """What is wrong with a table of counts and degrees, or ``None``; ``apart`` is in counts."""
-    least, most = slopes(counts)
-    usual = USUAL_SPAN / (len(counts) - 1)
+    least_slope, most_slope = slopes(counts)
+    usual_slope = USUAL_SPAN / (len(counts) - 1)
     rising: set[bool] = set()
-    for (count, angle), (following, next_angle) in pairwise(sorted(points)):
-        if following - count < apart:
+    for (count, angle), (next_count, next_angle) in pairwise(sorted(points)):
+        if next_count - count < apart:
             return (
-                f"count {count} and count {following} were both measured; move at least "
+                f"count {count} and count {next_count} were both measured; move at least "
                 f"{apart} counts in between."
             )
-        slope = (next_angle - angle) / (following - count)
-        if not least <= abs(slope) <= most:
+        slope = (next_angle - angle) / (next_count - count)
+        if not least_slope <= abs(slope) <= most_slope:
             return (
-                f"from count {count} to {following} that would be {abs(slope):.2g}° a count, and "
-                f"{usual:.2g}° is usual. Is the joint at a stop, or an angle mistyped?"
+                f"from count {count} to {next_count} that would be {abs(slope):.2g}° a count, and "
+                f"{usual_slope:.2g}° is usual. Is the joint at a stop, or an angle mistyped?"
             )
         rising.add(slope > 0)
     if len(rising) > 1:
@@ -391,10 +391,12 @@ def measure_oscillators(
     dialogue.say(WHY)
     measured = []
     for index in range(len(settings.boards)):
-        own = range(OUTPUTS * index, OUTPUTS * (index + 1))
-        free = [output for output in own if output not in used]
+        board_outputs = range(OUTPUTS * index, OUTPUTS * (index + 1))
+        unused = [output for output in board_outputs if output not in used]
         output, servo = (
-            (free[-1], "which has no servo") if free else (own[-1], "its servo unplugged")
+            (unused[-1], "which has no servo")
+            if unused
+            else (board_outputs[-1], "its servo unplugged")
         )
         prompt = f"instrument between output {output}, {servo}, and ground: Enter; or skip"
         if dialogue.choose(prompt, "", "skip"):
@@ -411,13 +413,13 @@ def _frequency(
     settings: PCA9685Settings, output: int, servos: ServoBus, dialogue: Questions
 ) -> float:
     """Pulse frequency of an output, Hz, as a person measures it; its count is left as it was."""
-    before = dialogue.attempt(lambda: servos.read_counts([output]))[output]
-    if not before:
+    count = dialogue.attempt(lambda: servos.read_counts([output]))[output]
+    if not count:
         dialogue.attempt(lambda: servos.set_counts({output: middle(settings.counts)}))
     slowest, fastest = (10 * mhz / settings.oscillator(1.0) for mhz in OSCILLATORS_MHZ)
     least, most = math.ceil(slowest) / 10, math.floor(fastest) / 10
     try:
         return dialogue.number("the frequency there in Hz, to a tenth", least, most)
     finally:
-        if not before:
+        if not count:
             servos.release([output])

@@ -76,9 +76,9 @@ class Questions:
         words = [choice or "Enter" for choice in choices]
         while True:
             answer = self.ask(prompt)
-            fitting = [c for c in choices if c.startswith(answer)] if answer else [""]
-            if len(fitting) == 1 and fitting[0] in choices:
-                return fitting[0]
+            matches = [c for c in choices if c.startswith(answer)] if answer else [""]
+            if len(matches) == 1 and matches[0] in choices:
+                return matches[0]
             self.say(f"Answer {', '.join(words)}, or q to leave.")
 
     def number(self, prompt: str, least: float, most: float) -> float:

@@ -41,10 +41,10 @@ POSITIONS: Final = (
 )
 QUARTERS: Final = 4
 SAMPLES: Final = 100  # their mean has a tenth of the noise
-_MOVING: Final = 0.02  # V or g rms: far above the noise of any such sensor
-_CURVED: Final = 0.005  # of the gain: the MPU-6050's nonlinearity by its data sheet
-_SEATED: Final = math.radians(0.1)  # how a main body lies: 0.25 mm of unevenness below 140 mm
-_LEAN: Final = math.sin(math.radians(8))  # a placement that leans by more costs 1 % of the gain
+_MAX_REST_DEVIATION: Final = 0.02  # V or g rms: far above the noise of any such sensor
+_NONLINEARITY: Final = 0.005  # of the gain: the MPU-6050's nonlinearity by its data sheet
+_SEAT_ERROR: Final = math.radians(0.1)  # how a main body lies: 0.25 mm of unevenness below 140 mm
+_MAX_LEAN: Final = math.sin(math.radians(8))  # a placement that leans by more costs 1 % of the gain
 _MIN_GAIN: Final = 0.05  # V or g per g: far below any sensor's, so the axis did not turn over
 
 Axes = tuple[float, ...]
@@ -115,42 +115,42 @@ class AccelerometerSession:
         seen = {name: self._measure(name) for name, _, _ in POSITIONS}
         while True:
             pairs = [
-                tuple(seen[name] for name, axis, _ in POSITIONS if axis == wanted)
-                for wanted in range(3)
+                tuple(seen[name] for name, axis, _ in POSITIONS if axis == turned_axis)
+                for turned_axis in range(3)
             ]
             swings = [
                 tuple((up - down) / 2 for up, down in zip(*pair, strict=True)) for pair in pairs
             ]
-            if not self._sound(swings):
+            if not self._channels_match(swings):
                 return None
             zero = tuple((pair[0][axis] + pair[1][axis]) / 2 for axis, pair in enumerate(pairs))
             gains = tuple(swing[axis] for axis, swing in enumerate(swings))
-            leaning = self._leaning(seen, zero, gains)
-            if leaning is None:
+            position = self._leaning_position(seen, zero, gains)
+            if position is None:
                 return AxesCalibration(
                     unit=self._sensor.unit,
                     zero=zero,
                     per_g=gains,
                     uncertainty=Uncertainty(gain=_gain_error(seen.values(), zero, gains)),
                 )
-            self._dialogue.say(f"It leaned too much in the position '{leaning}': that once more.")
-            seen[leaning] = self._measure(leaning)
+            self._dialogue.say(f"It leaned too much in the position '{position}': that once more.")
+            seen[position] = self._measure(position)
 
-    def _sound(self, swings: Sequence[Axes]) -> bool:
+    def _channels_match(self, swings: Sequence[Axes]) -> bool:
         """Whether each axis answers on its own channel."""
         for axis, swing in enumerate(swings):
             sizes = [abs(value) for value in swing]
-            best = sizes.index(max(sizes))
-            if sizes[best] < _MIN_GAIN:
+            strongest = sizes.index(max(sizes))
+            if sizes[strongest] < _MIN_GAIN:
                 self._dialogue.say(
-                    f"Nothing saw the {'xyz'[axis]} axis turn over ({sizes[best] * 1000:.0f} "
+                    f"Nothing saw the {'xyz'[axis]} axis turn over ({sizes[strongest] * 1000:.0f} "
                     f"m{self._sensor.unit} a g). Check the sensor's supply and wires, and that you "
                     "did turn the robot."
                 )
                 return False
-            if best != axis:
+            if strongest != axis:
                 self._dialogue.say(
-                    f"The {'xyz'[axis]} axis answers on {self._sensor.axis(best)}, and "
+                    f"The {'xyz'[axis]} axis answers on {self._sensor.axis(strongest)}, and "
                     f"{self._sensor.key} in robot.toml says {self._sensor.axis(axis)}. Correct it "
                     "there, or take the six positions in the order that is asked for."
                 )
@@ -158,18 +158,18 @@ class AccelerometerSession:
         return True
 
     @staticmethod
-    def _leaning(seen: dict[str, Axes], zero: Axes, gains: Axes) -> str | None:
+    def _leaning_position(seen: dict[str, Axes], zero: Axes, gains: Axes) -> str | None:
         """The position that leaned most, if it leaned too much."""
         leans = {
             name: max(
-                abs((seen[name][other] - zero[other]) / gains[other])
-                for other in range(3)
-                if other != axis
+                abs((seen[name][other_axis] - zero[other_axis]) / gains[other_axis])
+                for other_axis in range(3)
+                if other_axis != axis
             )
             for name, axis, _ in POSITIONS
         }
-        worst = max(leans, key=lambda name: leans[name])
-        return worst if leans[worst] > _LEAN else None
+        worst_position = max(leans, key=lambda name: leans[name])
+        return worst_position if leans[worst_position] > _MAX_LEAN else None
 
     def _level(self) -> AxesCalibration | None:
         quarters = [
@@ -196,18 +196,18 @@ class AccelerometerSession:
     def _measure(self, position: str) -> Axes:
         """What the three axes read, once the robot is still."""
         self._dialogue.choose(f"{position}, hold it still, then Enter", "")
-        return self._dialogue.attempt(self._rest)
+        return self._dialogue.attempt(self._sample_at_rest)
 
-    def _rest(self) -> Axes:
+    def _sample_at_rest(self) -> Axes:
         samples = []
         for _ in range(SAMPLES):
             samples.append(self._driver.raw())
             self._driver.check()
             self._clock.sleep(1.0 / self._rate)
         axes = [spread(axis) for axis in zip(*samples, strict=True)]
-        if max(one.deviation for one in axes) > _MOVING:
+        if max(component.deviation for component in axes) > _MAX_REST_DEVIATION:
             raise DeviceDataError("The robot was not still.", "Put it against something solid.")
-        return tuple(one.mean for one in axes)
+        return tuple(component.mean for component in axes)
 
 
 def _gain_error(seen: Iterable[Axes], zero: Axes, gains: Axes) -> float:
@@ -217,11 +217,11 @@ def _gain_error(seen: Iterable[Axes], zero: Axes, gains: Axes) -> float:
     board that sits askew on the main body does not show: the zeros are the axes', not the body's.
     """
     lengths = [
-        math.hypot(*((one - at) / gain for one, at, gain in zip(axes, zero, gains, strict=True)))
+        math.hypot(*((x - x0) / gain for x, x0, gain in zip(axes, zero, gains, strict=True)))
         for axes in seen
     ]
     rms = math.sqrt(sum((length - 1.0) ** 2 for length in lengths) / len(lengths))
-    return math.hypot(_CURVED, rms)
+    return math.hypot(_NONLINEARITY, rms)
 
 
 def _level_error(quarters: Sequence[Axes], gains: Axes) -> float:
@@ -231,17 +231,17 @@ def _level_error(quarters: Sequence[Axes], gains: Axes) -> float:
     are two degrees of freedom.
     """
     first, second, third, fourth = quarters
-    apart = [
+    differences = [
         (first[axis] + third[axis] - second[axis] - fourth[axis]) / (2 * gains[axis])
         for axis in (0, 1)
     ]
-    return math.hypot(_SEATED, math.hypot(*apart) / math.sqrt(8))
+    return math.hypot(_SEAT_ERROR, math.hypot(*differences) / math.sqrt(8))
 
 
 GRAVITY: Final = 9.81
 LOADS: Final = (0.05, 200.0)  # N: 5 g to 20 kg; beyond, somebody typed another unit
 _CLEAR_OF_NOISE: Final = 10.0  # a load must exceed the noise this many times
-_QUIET: Final = 6.0  # times the noise: with such a threshold, a free foot never seems to touch
+_ON_SIGMAS: Final = 6.0  # times the noise: with such a threshold, a free foot never seems to touch
 _MIN_CHANGE: Final = 2e-3  # V; six codes of 16 bits at ±10 V
 
 
@@ -301,8 +301,8 @@ class GaugeSession:
         """Keeps the thresholds that are set, unless the noise would cross them."""
         noise = free.deviation / abs(gain)
         on = self._point.on
-        if on < _QUIET * noise:
-            on = math.ceil(_QUIET * noise * 100) / 100
+        if on < _ON_SIGMAS * noise:
+            on = math.ceil(_ON_SIGMAS * noise * 100) / 100
             self._dialogue.say(
                 f"The free foot reads {noise:.3f} N of noise, so it touches above {on:g} N "
                 f"instead of {self._point.on:g} N."
@@ -334,8 +334,8 @@ DISTANCE_SAMPLES: Final = 10  # of one placement
 AIM: Final = 0.25e-3  # m: how well the mean of all placements shall be known
 PLACEMENTS: Final = (3, 25)  # at least, and at most
 SCALES: Final = (0.7, 1.4)  # beyond these somebody erred
-_ROUNDED: Final = 1e-3 / math.sqrt(12)  # m: sensors tell whole millimetres
-_RULER: Final = 0.5e-3  # m: how well a person measures a height
+_ROUNDING: Final = 1e-3 / math.sqrt(12)  # m: sensors tell whole millimetres
+_RULER_ERROR: Final = 0.5e-3  # m: how well a person measures a height
 
 
 class DistanceSession:
@@ -386,25 +386,25 @@ class DistanceSession:
                 f"The plate is {height:g} mm away, and the sensor reads {rise:.1f} mm more than "
                 "on the ground. Measure from the belly, not from the sensor, and try again."
             )
-        for what, means in (("ground", ground), ("plate", raised)):
+        for surface, means in (("ground", ground), ("plate", raised)):
             deviation = 1000 * means.deviation
             self._dialogue.say(
-                f"{what}: {1000 * means.mean:.1f} mm, {deviation:.1f} mm rms from placement to "
+                f"{surface}: {1000 * means.mean:.1f} mm, {deviation:.1f} mm rms from placement to "
                 f"placement, known to {1000 * self._known_to(means):.2f} mm"
             )
-        risen = math.hypot(self._known_to(ground), self._known_to(raised))
+        rise_error = math.hypot(self._known_to(ground), self._known_to(raised))
         return DistanceCalibration(
             zero=ground.mean,
             scale=height / rise,
             uncertainty=Uncertainty(
                 zero=self._known_to(ground),
-                gain=math.hypot(1000 * risen / rise, 1000 * _RULER / height),
+                gain=math.hypot(1000 * rise_error / rise, 1000 * _RULER_ERROR / height),
             ),
         )
 
     def _known_to(self, means: Spread) -> float:
         """Error of the mean, m; of few placements, which may agree by chance, as is announced."""
-        return math.hypot(_ROUNDED, max(means.deviation, self._noise) / math.sqrt(means.count))
+        return math.hypot(_ROUNDING, max(means.deviation, self._noise) / math.sqrt(means.count))
 
     def _placements(self, what: str) -> Spread:
         means: list[float] = []

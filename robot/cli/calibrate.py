@@ -87,12 +87,12 @@ def calibrate(
             and the robot holds.
     """
     session = GuidedSession(config, devices, clock=clock, terminal=terminal, only=only)
-    made = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    made_at = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
     written: list[str] = []
     backups: list[str] = []
 
     def save(name: str, calibration: Calibration) -> None:
-        calibration = replace(calibration, revision=before.revision + 1, made=made)
+        calibration = replace(calibration, revision=before.revision + 1, made=made_at)
         # A full disk is no reason to measure everything again.
         backup = Questions(terminal).attempt(
             lambda: save_calibration(file, calibration, keep=not written)  # one revision a session
@@ -107,8 +107,8 @@ def calibrate(
             raise AbandonedError("Nothing new was measured.")
     except (AbandonedError, KeyboardInterrupt) as error:
         reason = f"{error} " if isinstance(error, AbandonedError) else ""
-        kept = f"has {', '.join(written)}" if written else "is as it was"
-        raise AbandonedError(f"{reason}The robot holds; {file} {kept}.") from None
+        file_state = f"has {', '.join(written)}" if written else "is as it was"
+        raise AbandonedError(f"{reason}The robot holds; {file} {file_state}.") from None
     terminal.say(
         f"{file} is written, revision {before.revision + 1}"
         + (f"; the one before is {backups[0]}." if backups else ".")

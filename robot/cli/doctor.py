@@ -50,9 +50,9 @@ def describe_config(config: RobotConfig, path: Path) -> Finding:
         )
     calibration = read_calibration(file, config.servos.counts)
     text += f"; {file.name} revision {calibration.revision} of {calibration.made}"
-    rest = [name for name in parts(config) if not calibration.has(name)]
-    if rest:
-        return look("configuration", f"{text}; not calibrated yet: {', '.join(rest)}", advice)
+    remaining = [name for name in parts(config) if not calibration.has(name)]
+    if remaining:
+        return look("configuration", f"{text}; not calibrated yet: {', '.join(remaining)}", advice)
     return ok("configuration", text)
 
 

@@ -21,18 +21,20 @@ def run(options: argparse.Namespace) -> int:
     """Prints a line for each driver; 1 if there is one that cannot be used."""
     del options
     drivers = sorted(installed(), key=lambda one: (_place(one.table), one.table))
-    offers = Counter((one.table, one.name) for one in drivers)
-    ours = {(one.table, one.name) for one in drivers if one.point.value.startswith("robot.")}
-    bad = False
-    for one in drivers:
-        about, works = _about(one)
-        key = (one.table, one.name)
-        if offers[key] > 1 and not one.point.value.startswith("robot."):
-            works = False
-            about = "not used: the name is ours" if key in ours else "not used: offered twice"
-        bad |= not works
-        print(f"[{one.table}]".ljust(16) + f"{one.name:<12} {about:<24} {one.distribution}")
-    return int(bad)
+    offers = Counter((entry.table, entry.name) for entry in drivers)
+    ours = {
+        (entry.table, entry.name) for entry in drivers if entry.point.value.startswith("robot.")
+    }
+    has_unusable = False
+    for entry in drivers:
+        state, usable = _about(entry)
+        key = (entry.table, entry.name)
+        if offers[key] > 1 and not entry.point.value.startswith("robot."):
+            usable = False
+            state = "not used: the name is ours" if key in ours else "not used: offered twice"
+        has_unusable |= not usable
+        print(f"[{entry.table}]".ljust(16) + f"{entry.name:<12} {state:<24} {entry.distribution}")
+    return int(has_unusable)
 
 
 def _about(driver: InstalledDriver) -> tuple[str, bool]:

@@ -96,8 +96,8 @@ def run(options: argparse.Namespace) -> int:
         touch=options.touch,
     )
     try:
-        with file.open("x", encoding="utf-8") as fresh:
-            fresh.write(text)
+        with file.open("x", encoding="utf-8") as new_file:
+            new_file.write(text)
     except FileExistsError:
         raise ConfigError("exists already; name another file.", file=str(file)) from None
     except OSError as error:
@@ -126,28 +126,28 @@ def robot_toml(
     """
     kind = SETS[electronics]
     counts = {"joint": joints, "touch": touch}
-    example = [(_table_of(one), one) for one in _paragraphs("robot.toml")]
+    example = [(_table_of(block), block) for block in _paragraphs("robot.toml")]
     files = [file for file in (kind.tables, SERVOS.get(servos or "")) if file]
-    own = {_table_of(one): one for file in files for one in _paragraphs(file)}
-    own.pop("", None)  # a comment by itself
+    chosen = {_table_of(block): block for file in files for block in _paragraphs(file)}
+    chosen.pop("", None)  # a comment by itself
     text: list[str] = []
     seen: set[str] = set()
     for table, paragraph in example:
         if table in counts and table not in seen:
-            rows = [one for other, one in example if other == table]
+            rows = [block for other_table, block in example if other_table == table]
             names = [_name(row) for row in rows]
-            text += _rows([own[table]] if table in own else rows, table, names, counts[table])
+            text += _rows([chosen[table]] if table in chosen else rows, table, names, counts[table])
         elif table not in counts and (touch or table != "daq" or table not in kind.chips):
-            text.append(own.get(table, paragraph))
+            text.append(chosen.get(table, paragraph))
         seen.add(table)
-    whole = "\n\n".join(text) + "\n"
-    for table, (line, fit) in kind.chips.items():
+    toml = "\n\n".join(text) + "\n"
+    for table, (line, per_chip) in kind.chips.items():
         if table == "servos" and servos:
             continue
-        number = -(-counts["joint" if table == "servos" else "touch"] // fit)
-        if number > 1:
-            whole = re.sub(
-                rf"^{re.escape(line)} *", _chips(line, number), whole, flags=re.MULTILINE
+        chip_count = -(-counts["joint" if table == "servos" else "touch"] // per_chip)
+        if chip_count > 1:
+            toml = re.sub(
+                rf"^{re.escape(line)} *", _chips(line, chip_count), toml, flags=re.MULTILINE
             )
     for old, new in (  # the name last: in it anything may stand
         ("joints = 8", f"joints = {joints}"),
@@ -155,8 +155,8 @@ def robot_toml(
         ("# [calibration]\n# file", "[calibration]\nfile"),
         ('name = "quadruped"', f"name = {json.dumps(name, ensure_ascii=False)}"),
     ):
-        whole = whole.replace(old, new, 1)
-    return re.sub(r" +$", "", whole, flags=re.MULTILINE)
+        toml = toml.replace(old, new, 1)
+    return re.sub(r" +$", "", toml, flags=re.MULTILINE)
 
 
 def _paragraphs(file: str) -> list[str]:
@@ -176,12 +176,12 @@ def _name(paragraph: str) -> str:
 
 def _rows(like: Sequence[str], table: str, names: Sequence[str], count: int) -> Iterator[str]:
     """``count`` tables like some others, on outputs or inputs one after another."""
-    named = names if count == len(names) else [f"{table}_{n}" for n in range(1, count + 1)]
-    first = int(re.findall(_PLACE, like[0], re.MULTILINE)[0][1])
-    for index, name in enumerate(named):
+    row_names = names if count == len(names) else [f"{table}_{n}" for n in range(1, count + 1)]
+    first_place = int(re.findall(_PLACE, like[0], re.MULTILINE)[0][1])
+    for index, name in enumerate(row_names):
         row = like[index] if count == len(like) else like[0]
         row = re.sub(r'^name = ".+"', f'name = "{name}"', row, flags=re.MULTILINE)
-        row = re.sub(_PLACE, rf"\1 = {first + index}", row, flags=re.MULTILINE)
+        row = re.sub(_PLACE, rf"\1 = {first_place + index}", row, flags=re.MULTILINE)
         # The comment above the first is enough.
         yield re.sub(r"^#.*\n", "", row, flags=re.MULTILINE) if index else row
 
@@ -190,5 +190,5 @@ def _chips(line: str, count: int) -> str:
     """Rewrites a line that names one chip for ``count`` of them."""
     key, _, number = line.partition(" = ")
     first = int(number, 0)
-    written = "{:#x}" if "0x" in number else "{}"
-    return f"{key} = [{', '.join(written.format(first + n) for n in range(count))}] "
+    template = "{:#x}" if "0x" in number else "{}"
+    return f"{key} = [{', '.join(template.format(first + n) for n in range(count))}] "

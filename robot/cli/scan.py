@@ -29,7 +29,7 @@ FAMILIES: Final[Mapping[str, Family]] = MappingProxyType(
 """By the name of the driver, its line, the possible baud rates and the possible ids."""
 
 _PATIENCE: Final = 0.02  # s; an adapter may hold an answer back for 16 ms
-_USUAL: Final = 20
+_USUAL_IDS: Final = 20
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--ids",
         type=int,
-        default=_USUAL,
+        default=_USUAL_IDS,
         metavar="N",
         help="up to which id (default %(default)s; there may be 253, which takes minutes)",
     )
@@ -48,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Asks every id at every baud rate; nothing moves, and nothing is written."""
-    found = 0
+    servo_count = 0
     for name, (chain, bauds, ids) in FAMILIES.items():
         if options.servos in (None, name):
             for baud in bauds:
@@ -59,13 +59,13 @@ def run(options: argparse.Namespace) -> int:
                         reply_timeout=_PATIENCE,
                     )
                     try:
-                        answer = [n for n in ids if n <= options.ids and line.ping(n)]
+                        answering = [n for n in ids if n <= options.ids and line.ping(n)]
                     finally:
                         line.close()
-                    found += len(answer)
-                    if answer:
-                        print(f"{name}, {baud} baud: {', '.join(map(str, answer))}", flush=True)
-    if not found:
+                    servo_count += len(answering)
+                    if answering:
+                        print(f"{name}, {baud} baud: {', '.join(map(str, answering))}", flush=True)
+    if not servo_count:
         raise DeviceTimeoutError(
             f"No servo answers on {options.port}.",
             "Check the servos' supply, the cable and the adapter; a servo's id may lie beyond "

@@ -46,9 +46,9 @@ def start(command: str, module: str, *, extra: str = "") -> int:
 
 def _reader_left() -> bool:
     """Whether nobody reads standard output any more; if so, the rest of the output is dropped."""
-    ends = select.poll()
-    ends.register(sys.stdout, 0)  # of a pipe without a reader, poll(2) tells POLLERR unasked
-    if not any(event & select.POLLERR for _, event in ends.poll(0)):
+    poller = select.poll()
+    poller.register(sys.stdout, 0)  # of a pipe without a reader, poll(2) tells POLLERR unasked
+    if not any(event & select.POLLERR for _, event in poller.poll(0)):
         return False
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return True

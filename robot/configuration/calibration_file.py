@@ -32,7 +32,7 @@ from robot.toml_sections import Section, read_toml, toml_section
 from robot.uncertainty import Uncertainty
 
 SCHEMA: Final = 1
-_DIGITS: Final = 5  # behind the point: 0.00001° and 10 µV are beyond any sensor here
+_DECIMALS: Final = 5  # behind the point: 0.00001° and 10 µV are beyond any sensor here
 _HEAD: Final = """\
 # Written by robotd calibrate, which keeps the file before it under a number. robot.toml names this
 # file, and its keys mean the same there; what stands here takes their place.
@@ -186,31 +186,31 @@ def _calibration(root: Section, counts: range) -> Calibration:
 
 
 def _named(root: Section, key: str) -> Iterator[Section]:
-    seen: set[str] = set()
+    names: set[str] = set()
     for section in root.tables(key) if root.has(key) else []:
         name = section.text("name")
-        if name in seen:
+        if name in names:
             raise section.refuse("name", f"{name!r} comes twice.")
-        seen.add(name)
+        names.add(name)
         yield section
 
 
 def _joint(section: Section, counts: range) -> tuple[str, JointCalibration]:
     lower, upper = read_limits(section)
     scale = read_scale(section, counts)
-    known = Uncertainty.read(section, *JOINT_SIGMAS)
+    uncertainty = Uncertainty.read(section, *JOINT_SIGMAS)
     section.done()
     return section.text("name"), JointCalibration(
-        lower_limit=lower, upper_limit=upper, scale=scale, uncertainty=known
+        lower_limit=lower, upper_limit=upper, scale=scale, uncertainty=uncertainty
     )
 
 
 def _axes(section: Section) -> AxesCalibration:
     unit = "g" if section.has(AXIS_KEYS["g"][0]) else "V"
     zero, gains = read_axes(section, unit)
-    known = Uncertainty.read(section, *AXES_SIGMAS)
+    uncertainty = Uncertainty.read(section, *AXES_SIGMAS)
     section.done()
-    return AxesCalibration(unit=unit, zero=zero, per_g=gains, uncertainty=known)
+    return AxesCalibration(unit=unit, zero=zero, per_g=gains, uncertainty=uncertainty)
 
 
 def _gauge(section: Section) -> tuple[str, GaugeCalibration]:
@@ -222,9 +222,9 @@ def _gauge(section: Section) -> tuple[str, GaugeCalibration]:
 
 def _distance(section: Section) -> DistanceCalibration:
     zero, scale = read_distance_calibration(section)
-    known = Uncertainty.read(section, *DISTANCE_SIGMAS)
+    uncertainty = Uncertainty.read(section, *DISTANCE_SIGMAS)
     section.done()
-    return DistanceCalibration(zero=zero, scale=scale, uncertainty=known)
+    return DistanceCalibration(zero=zero, scale=scale, uncertainty=uncertainty)
 
 
 def to_toml(calibration: Calibration) -> str:
@@ -316,7 +316,7 @@ def _write(path: Path, data: bytes) -> None:
 
 
 def _number(value: float) -> str:
-    rounded = round(value, _DIGITS)
+    rounded = round(value, _DECIMALS)
     return str(int(rounded)) if rounded == int(rounded) else repr(rounded)
 
 

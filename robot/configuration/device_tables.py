@@ -46,11 +46,11 @@ _SHORTEST_RANGE: Final = 10.0
 
 def check_count(root: Section, head: Section, key: str, table: str, least: int) -> None:
     """Checks that as many tables follow as ``[robot]`` says: a file may have lost its end."""
-    said = head.integer(key, least, 32)
-    tables = len(root.tables(table)) if root.has(table) else 0
-    if said != tables:
+    stated = head.integer(key, least, 32)
+    table_count = len(root.tables(table)) if root.has(table) else 0
+    if stated != table_count:
         raise head.refuse(
-            key, f"says {said}, but {tables} [[{table}]] tables follow; lost the end?"
+            key, f"says {stated}, but {table_count} [[{table}]] tables follow; lost the end?"
         )
 
 
@@ -98,18 +98,18 @@ def read_limits(section: Section) -> tuple[float, float]:
 def read_scale(section: Section, counts: range) -> JointScale:
     """Reads ``calibration``, pairs of count and degrees; ``counts`` are the servo driver's."""
     pairs = section.pairs("calibration")
-    least, most = slopes(counts)
+    least_slope, most_slope = slopes(counts)
     try:
         scale = JointScale(tuple((count, math.radians(angle)) for count, angle in pairs), counts)
     except ValueError as error:
         raise section.refuse("calibration", f"{error}.") from error
-    for (count, angle), (following, next_angle) in pairwise(sorted(pairs)):
-        slope = abs((next_angle - angle) / (following - count))
-        if not least <= slope <= most:
+    for (count, angle), (next_count, next_angle) in pairwise(sorted(pairs)):
+        slope = abs((next_angle - angle) / (next_count - count))
+        if not least_slope <= slope <= most_slope:
             raise section.refuse(
                 "calibration",
-                f"has {slope:.3g} degrees a count from count {count:g} to {following:g}, and a "
-                f"servo has {least:.3g} to {most:.3g}; write [count, degrees].",
+                f"has {slope:.3g} degrees a count from count {count:g} to {next_count:g}, and a "
+                f"servo has {least_slope:.3g} to {most_slope:.3g}; write [count, degrees].",
             )
     return scale
 
@@ -125,8 +125,8 @@ def read_accelerometer(section: Section) -> SensorSettings:
     """Reads the ``[accelerometer]`` table."""
     driver: SensorSettings = read_settings(section, SENSORS, "analogue", kind="accelerometer")
     if isinstance(driver, CalibratedAxes):
-        known = replace(driver, uncertainty=Uncertainty.read(section, *AXES_SIGMAS))
-        driver = cast(SensorSettings, known)
+        calibrated = replace(driver, uncertainty=Uncertainty.read(section, *AXES_SIGMAS))
+        driver = cast(SensorSettings, calibrated)
     section.done()
     return driver
 
@@ -173,11 +173,11 @@ def read_distance_calibration(section: Section) -> tuple[float, float]:
 
 def read_settling(section: Section) -> RestCriterion:
     """Reads the ``[settling]`` table, save ``samples``."""
-    usual = RestCriterion()
+    defaults = RestCriterion()
     return RestCriterion(
-        window=section.number("window_s", 0.05, 10, usual.window),
-        swing=math.radians(section.number("swing_deg", 0.05, 20, math.degrees(usual.swing))),
-        drift=math.radians(section.number("drift_deg", 0.01, 20, math.degrees(usual.drift))),
-        timeout=section.number("timeout_s", 0.1, 60, usual.timeout),
-        rate=section.number("rate_hz", 1, 1000, usual.rate),
+        window=section.number("window_s", 0.05, 10, defaults.window),
+        swing=math.radians(section.number("swing_deg", 0.05, 20, math.degrees(defaults.swing))),
+        drift=math.radians(section.number("drift_deg", 0.01, 20, math.degrees(defaults.drift))),
+        timeout=section.number("timeout_s", 0.1, 60, defaults.timeout),
+        rate=section.number("rate_hz", 1, 1000, defaults.rate),
     )

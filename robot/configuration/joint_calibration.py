@@ -89,8 +89,8 @@ class JointScale:
 
 
 def _interpolate(table: Sequence[tuple[float, float]], x: float) -> float:
-    at = min(max(bisect_left(table, (x, -math.inf)), 1), len(table) - 1)
-    (x0, y0), (x1, y1) = table[at - 1], table[at]
+    index = min(max(bisect_left(table, (x, -math.inf)), 1), len(table) - 1)
+    (x0, y0), (x1, y1) = table[index - 1], table[index]
     return y0 + (x - x0) * (y1 - y0) / (x1 - x0)
 
 
@@ -114,10 +114,10 @@ class DrivenJoint:
     def reachable(self) -> tuple[float, float]:
         """The angles that are both within the limits and within the counts, rad."""
         angles = [self.scale.angle(count) for count in self.scale.counts]
-        within = [a for a in angles if self.lower_limit - 1e-9 <= a <= self.upper_limit + 1e-9]
-        if not within:
+        reachable = [a for a in angles if self.lower_limit - 1e-9 <= a <= self.upper_limit + 1e-9]
+        if not reachable:
             raise ValueError("the calibration reaches no angle within the limits")
-        return min(within), max(within)
+        return min(reachable), max(reachable)
 
     def check_zero(self) -> None:
         """Checks that the joint reaches zero, where every interaction begins.

@@ -137,8 +137,8 @@ class RobotConfig:
     def sensors(self) -> tuple[SensorSettings, ...]:
         """The drivers of all sensors: accelerometer, touch sensors, distance sensor."""
         distance = self.distance.driver if self.distance is not None else None
-        found = (self.accelerometer, *(point.driver for point in self.touch), distance)
-        return tuple(driver for driver in found if driver is not None)
+        drivers = (self.accelerometer, *(point.driver for point in self.touch), distance)
+        return tuple(driver for driver in drivers if driver is not None)
 
     @property
     def axes(self) -> CalibratedAxes | None:
@@ -190,9 +190,9 @@ def _read_size(section: Section) -> tuple[tuple[float, ...], float | None]:
         return tuple(mm / 1000 for mm in section.numbers("size_mm", 3, *_WIDTHS)), None
     if section.has("size_mm"):
         raise section.refuse("size_mm", "is that of a box; a round body has radius_mm, height_mm.")
-    for key, other in (("radius_mm", "height_mm"), ("height_mm", "radius_mm")):
+    for key, other_key in (("radius_mm", "height_mm"), ("height_mm", "radius_mm")):
         if not section.has(key):
-            raise section.refuse(key, f"is missing: a round body has one beside its {other}.")
+            raise section.refuse(key, f"is missing: a round body has one beside its {other_key}.")
     least, most = _WIDTHS
     radius = section.number("radius_mm", least / 2, most / 2) / 1000
     return (2 * radius, 2 * radius, section.number("height_mm", 1, most) / 1000), radius
@@ -268,9 +268,9 @@ def apply_calibration(config: RobotConfig, calibration: Calibration, *, file: st
         measured = calibration.accelerometer
         if config.axes is None or config.axes.unit != measured.unit:
             kind = "volts" if measured.unit == "V" else measured.unit
-            had = f"the {accelerometer.name}" if accelerometer else "no accelerometer"
+            fitted = f"the {accelerometer.name}" if accelerometer else "no accelerometer"
             raise ConfigError(
-                f"calibrates {kind}, and this robot has {had}. Remove it.",
+                f"calibrates {kind}, and this robot has {fitted}. Remove it.",
                 file=file,
                 key="accelerometer",
             )
@@ -315,12 +315,12 @@ def _check_known(key: str, names: Iterable[str], known: Iterable[str], file: str
 def _calibrated(joint: DrivenJoint, calibration: Calibration, file: str) -> DrivenJoint:
     if joint.name not in calibration.joints:
         return joint
-    changed = replace(joint, **vars(calibration.joints[joint.name]))
+    calibrated = replace(joint, **vars(calibration.joints[joint.name]))
     try:
-        changed.check_zero()
+        calibrated.check_zero()
     except ValueError as error:
         raise ConfigError(f"{joint.name!r} {error}.", file=file, key="joint.calibration") from error
-    return changed
+    return calibrated
 
 
 def read_config(path: Path) -> tuple[RobotConfig, Path | None]:

@@ -37,9 +37,9 @@ from robot.errors import DeviceError, DriverError
 from robot.host.service_manager import ServiceManager
 from robot.sensing.sensors import Reading
 
-_RARELY = 86_400.0  # s; a wait that needs no end
-_STOPPING = 2.0  # s for the control thread to hear that there is no more time
-_SLEWS = ("homing", "moving")  # the phases in which the joints move
+_LONG_WAIT = 86_400.0  # s; a wait that needs no end
+_END_TIMEOUT = 2.0  # s for the control thread to hear that there is no more time
+_SLEW_PHASES = ("homing", "moving")  # the phases in which the joints move
 
 
 class Controller:
@@ -71,12 +71,12 @@ class Controller:
         self._manager = manager or ServiceManager({})
         self._lock = threading.Condition()  # notified when there is work, or no more to come
         self._state = State.RELAXED if interaction.limp else State.IDLE
-        off = LIMP if interaction.measures else OFF
-        self._reason = off if interaction.limp else None
+        limp_reason = LIMP if interaction.measures else OFF
+        self._reason = limp_reason if interaction.limp else None
         self._leaving = False
         self._late = False
         self._ended = False
-        self._died: RobotError | None = None
+        self._fatal_error: RobotError | None = None
         self._sequence = 0
         self._jobs = JobQueue()
         self._outbox = Outbox()
@@ -176,7 +176,7 @@ class Controller:
         if not self._thread.join(timeout):
             with self._lock:
                 self._late = True
-        return self._thread.join(_STOPPING) and self._died is None
+        return self._thread.join(_END_TIMEOUT) and self._fatal_error is None
 
     # --- the control thread -----------------------------------------------------------------------
 
@@ -195,7 +195,7 @@ class Controller:
         """Handles an error that ended the control thread: nothing moves, everybody is answered."""
         sentence = f"The control loop has ended: {error_text(error)}."
         with self._lock:
-            self._died = RobotError("fault", sentence, advice="Start the daemon again.")
+            self._fatal_error = RobotError("fault", sentence, advice="Start the daemon again.")
             self._ended = True
             job = self._jobs.under_way
         self._log.critical("the control loop ended", exc_info=error)
@@ -209,10 +209,10 @@ class Controller:
 
     def _next_job(self) -> Job | None:
         """Waits for work; meanwhile looks after the board and shows that the loop turns."""
-        due = time.monotonic() + (self._housekeeping or _RARELY)
+        check_at = time.monotonic() + (self._housekeeping or _LONG_WAIT)
         while True:
             self._manager.alive()
-            patience = min(due - time.monotonic(), self._manager.period or _RARELY)
+            patience = min(check_at - time.monotonic(), self._manager.period or _LONG_WAIT)
             with self._lock:
                 if not (self._jobs or self._leaving):
                     self._thread.rest()
@@ -220,24 +220,24 @@ class Controller:
                     self._thread.work()
                 if self._jobs or self._leaving:
                     return self._jobs.take()
-            if self._housekeeping is not None and time.monotonic() >= due:
+            if self._housekeeping is not None and time.monotonic() >= check_at:
                 self._guarded(self._check_board)
-                due = time.monotonic() + self._housekeeping
+                check_at = time.monotonic() + self._housekeeping
 
     def _guarded(self, action: Callable[[], None], job: Job | None = None) -> None:
         try:
             action()
         except BaseException as error:  # also SystemExit: it must not end the thread in silence
-            known = isinstance(error, DeviceError)
-            if not known or isinstance(error, DriverError):
+            expected = isinstance(error, DeviceError)
+            if not expected or isinstance(error, DriverError):
                 self._log.exception("the control loop failed")
-            self._fail(str(error) if known else f"internal error: {error_text(error)}", job)
+            self._fail(str(error) if expected else f"internal error: {error_text(error)}", job)
 
     def _carry_out(self, job: Job) -> None:
         if job.event in (Event.PERFORM, Event.READ):
             self._outbox.finish(job, self._measure(job))
             return
-        before = self._state
+        old_state = self._state
         try:
             self._interaction.command(job.event, self._state, partial(self._check, job))
         except RobotError:
@@ -254,7 +254,7 @@ class Controller:
                 self._reason = STOPPED
             state = self._state
             self._jobs.under_way = None
-        if state is not before and event in NEWS:
+        if state is not old_state and event in NEWS:
             level, sentence = NEWS[event]
             self._announce(level, sentence.format(job.request.client))
         aborted = job.interrupt if event is Event.DONE else None
@@ -297,7 +297,7 @@ class Controller:
                 if self._state not in (State.MOVING, State.SETTLING):
                     self._enter(Event.PERFORM)
                     self._reason = None
-                self._enter(Event.DEPARTED if phase in _SLEWS else Event.ARRIVED)
+                self._enter(Event.DEPARTED if phase in _SLEW_PHASES else Event.ARRIVED)
         self._outbox.progress(job, phase, fraction, self._interaction.now())
 
     def _check(self, job: Job) -> None:
@@ -327,9 +327,9 @@ class Controller:
 
     def _park(self) -> None:
         with self._lock:
-            calm = self._state in (State.IDLE, State.HOLDING)
+            may_park = self._state in (State.IDLE, State.HOLDING)
             state = self._state
-        if not calm:
+        if not may_park:
             self._log.info("not parked: the robot is %s", state)
             return
         try:
@@ -357,15 +357,15 @@ class Controller:
         """Refuses what the control thread cannot carry out, or need not any more."""
         if self._leaving:
             raise ended_by("shutting_down")
-        if self._died is not None:
-            raise self._died
+        if self._fatal_error is not None:
+            raise self._fatal_error
         if self._thread.hangs:
             raise RobotError("fault", self._thread.obstacle)
 
     def _stop_blindly(self, job: Job) -> None:
         """Queues a stop for when the loop turns again, and answers at once: not confirmed."""
-        unsure = RobotError("not_confirmed", f"The stop is not confirmed. {self._thread.obstacle}")
-        self._outbox.finish(job, job.error(unsure))
+        error = RobotError("not_confirmed", f"The stop is not confirmed. {self._thread.obstacle}")
+        self._outbox.finish(job, job.error(error))
         with self._lock:
             if not self._jobs.stops:  # one is enough, however many ask
                 self._jobs.put(job)
@@ -381,20 +381,20 @@ class Controller:
 
     def _fail(self, sentence: str, job: Job | None) -> None:
         sentence = brief(sentence)
-        failed = self._died or RobotError("fault", sentence)
-        overtaken = RobotError("fault", f"The robot went down before this was done: {sentence}")
+        job_error = self._fatal_error or RobotError("fault", sentence)
+        others_error = RobotError("fault", f"The robot went down before this was done: {sentence}")
         with self._lock:
             self._jobs.under_way = None
             self._state = TRANSITIONS[self._state, Event.FAILED]
             self._reason = sentence
-            withdrawn = self._jobs.fail(overtaken)
+            withdrawn = self._jobs.fail(others_error)
             if job is not None:
-                job.interrupt = failed  # the driver may return
-        what_next = failed.advice if self._died else f"Once it is mended: {CLEAR}"
+                job.interrupt = job_error  # the driver may return
+        what_next = job_error.advice if self._fatal_error else f"Once it is mended: {CLEAR}"
         self._announce(logging.ERROR, f"fault: {sentence} {what_next}")
         self._outbox.withdraw(withdrawn)
         if job is not None:
-            self._outbox.finish(job, job.error(failed))
+            self._outbox.finish(job, job.error(job_error))
 
     def _announce(self, level: int, sentence: str) -> None:
         self._log.log(level, "%s", sentence)

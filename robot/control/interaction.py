@@ -93,7 +93,7 @@ class MotorProgramRunner:
         self._clock = clock
         self._revive = revive
         self._operator = operator
-        self._known = config.servos.counts
+        self._all_counts = config.servos.counts
         self._outputs = [joint.output for joint in self._joints]
         # Where the board stands now: the motion slews from there and never jumps.
         self._counts = self._board_counts()
@@ -262,7 +262,7 @@ class MotorProgramRunner:
         """
         if self._answering is not None:
             self._counts = {
-                output: min(max(round(state.position), self._known[0]), self._known[-1])
+                output: min(max(round(state.position), self._all_counts[0]), self._all_counts[-1])
                 if not state.driven
                 else self._counts[output]
                 for output, state in self._answering.read_states(self._outputs).items()
@@ -353,17 +353,17 @@ class MotorProgramRunner:
         if self._answering is not None:
             states = self._answering.read_states(self._outputs)
             for joint in self._joints:
-                if short := cut_short(joint, states[joint.output]):
-                    raise DeviceDataError(f"{short[0].upper()}{short[1:]}.", LIMITED)
+                if limitation := cut_short(joint, states[joint.output]):
+                    raise DeviceDataError(f"{limitation[0].upper()}{limitation[1:]}.", LIMITED)
 
     def _verify(self, check: Callable[[], None], outputs: Sequence[int] | None = None) -> None:
         """Compares the board's counts, of all outputs or of some, with those that it was sent."""
-        wanted = self._outputs if outputs is None else outputs
-        at_once = self._config.servos.per_update  # queries to a slow board take a while
+        checked = self._outputs if outputs is None else outputs
+        group_size = self._config.servos.per_update  # queries to a slow board take a while
         lost = []
-        for first in range(0, len(wanted), at_once):
+        for start in range(0, len(checked), group_size):
             check()
-            group = wanted[first : first + at_once]
+            group = checked[start : start + group_size]
             lost += self._servos.verify(
                 {output: 0 if self._released else self._counts[output] for output in group}
             )

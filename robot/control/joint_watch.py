@@ -27,7 +27,7 @@ SAGGING: Final = "sagging"
 _PUSHES: Final = 0.2  # share of a servo's drive; a sound motor that pushes so takes more than:
 _NO_CURRENT: Final = 0.05  # A
 _STILL: Final = math.radians(1)
-_SAME: Final = math.radians(1.5)  # a stop is always at the same angle, within that
+_SAME_STOP: Final = math.radians(1.5)  # a stop is always at the same angle, within that
 
 
 class JointWatch:
@@ -61,36 +61,36 @@ class JointWatch:
             commanded: Commanded angles by joint, rad; none for a limp one.
             states: States of the servos by output.
         """
-        found = {}
-        here = self.angles(states)
+        kinds = {}
+        angles = self.angles(states)
         for joint in self._joints:
             target = commanded.get(joint.name)
             if target is not None:
-                kind = self._kind(joint, target, here[joint.name], states[joint.output])
+                kind = self._kind(joint, target, angles[joint.name], states[joint.output])
                 if kind:
-                    found[joint.name] = kind
-        return found
+                    kinds[joint.name] = kind
+        return kinds
 
     def _kind(self, joint: DrivenJoint, target: float, here: float, state: ServoState) -> str:
         stops = self._stops.setdefault(joint.name, [])
         side = math.copysign(1.0, target - here)
         if abs(target - here) <= OFF:
             # It went beyond where it had stopped before: that was no block.
-            if any(abs(stop) < abs(here) - _SAME and stop * here > 0 for stop in stops):
+            if any(abs(stop) < abs(here) - _SAME_STOP and stop * here > 0 for stop in stops):
                 stops[:] = [math.inf]
             return ""
-        pushes = state.load is not None and abs(state.load) >= _PUSHES
-        if pushes and state.current is not None and state.current < _NO_CURRENT:
+        is_pushing = state.load is not None and abs(state.load) >= _PUSHES
+        if is_pushing and state.current is not None and state.current < _NO_CURRENT:
             return DEAD
         start = self._start.get(joint.name, here)
         if abs(here - start) < _STILL and (target - start) * side > OFF:
             return JAMMED
-        others = [stop for stop in stops if not math.isclose(stop, here, abs_tol=_SAME)]
-        again = len(others) < len(stops)
+        elsewhere = [stop for stop in stops if not math.isclose(stop, here, abs_tol=_SAME_STOP)]
+        stopped_before = len(elsewhere) < len(stops)
         stops.append(here)
-        if others:
+        if elsewhere:
             return SAGGING
-        return BLOCKED if again else STOPPED
+        return BLOCKED if stopped_before else STOPPED
 
 
 def cut_short(joint: DrivenJoint, state: ServoState) -> str:
@@ -100,12 +100,12 @@ def cut_short(joint: DrivenJoint, state: ServoState) -> str:
     """
     if state.limits is None:
         return ""
-    ends = sorted(joint.scale.count(angle) for angle in joint.reachable)
-    if state.limits[0] <= ends[0] and ends[1] <= state.limits[1]:
+    counts = sorted(joint.scale.count(angle) for angle in joint.reachable)
+    if state.limits[0] <= counts[0] and counts[1] <= state.limits[1]:
         return ""
     return (
         f"the servo {joint.output} of {joint.name} is limited to counts {state.limits[0]:g} to "
-        f"{state.limits[1]:g} in its own memory, and the joint goes from {ends[0]} to {ends[1]}"
+        f"{state.limits[1]:g} in its own memory, and the joint goes from {counts[0]} to {counts[1]}"
     )
 
 

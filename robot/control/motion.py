@@ -28,15 +28,15 @@ class _Track:
         if self.count == self.target:
             return self.count
         scale = self.joint.scale
-        here = scale.angle(self.count)
-        most = max(speed * period, scale.resolution * (1 + 1e-9))
-        reach = min(speed * (now - self.updated), most)
-        if abs(scale.angle(self.target) - here) <= reach:
+        angle = scale.angle(self.count)
+        max_reach = max(speed * period, scale.resolution * (1 + 1e-9))
+        reach = min(speed * (now - self.updated), max_reach)
+        if abs(scale.angle(self.target) - angle) <= reach:
             return self.target
         step = 1 if self.target > self.count else -1
         estimate = max(int(reach / scale.resolution) - 1, 0)
         count = self.count + step * estimate
-        while abs(scale.angle(count + step) - here) <= reach:
+        while abs(scale.angle(count + step) - angle) <= reach:
             count += step
         return count
 

@@ -21,7 +21,7 @@ A motion that was held up for as long has failed anyway: ``robot.host.clock.MAX_
 LATE: Final = 0.25
 """Seconds without a sign of life after which a person who asks is told."""
 
-_LOOK: Final = 0.25  # s between looks; time in which the whole process stood still counts as one
+_PERIOD: Final = 0.25  # s between looks; time in which the whole process stood still counts as one
 
 
 class WatchedThread:
@@ -54,7 +54,7 @@ class WatchedThread:
         self._on_hang = on_hang
         self._on_return = on_return
         self.rests = True
-        self._began = 0.0  # when it last had work to do
+        self._began_at = 0.0  # when it last had work to do
         self._ended = False
         self._changed = threading.Condition()
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
@@ -63,14 +63,14 @@ class WatchedThread:
     @property
     def is_late(self) -> bool:
         """Whether the loop has waited for a driver for longer than ``LATE``."""
-        silent = 0.0 if self.rests else time.monotonic() - self._sign()
-        return silent > LATE and bool(under_way(self._thread.ident))
+        silence = 0.0 if self.rests else time.monotonic() - self._sign()
+        return silence > LATE and bool(under_way(self._thread.ident))
 
     @property
     def obstacle(self) -> str:
         """What the loop waits for, a sentence."""
-        what = under_way(self._thread.ident) or "something does not return"
-        return f"The control loop does not turn: {what}."
+        cause = under_way(self._thread.ident) or "something does not return"
+        return f"The control loop does not turn: {cause}."
 
     def start(self) -> None:
         """Starts the loop and the watch."""
@@ -95,7 +95,7 @@ class WatchedThread:
     def work(self) -> None:
         """Notes that the loop has work to do from now on."""
         with self._changed:
-            self._began = time.monotonic()
+            self._began_at = time.monotonic()
             self.rests = False
             self._changed.notify()
 
@@ -108,21 +108,21 @@ class WatchedThread:
                 self._changed.notify()
 
     def _sign(self) -> float:
-        return max(self._seen(), self._began)
+        return max(self._seen(), self._began_at)
 
     def _look(self) -> None:
-        seen, silent = 0.0, 0.0
+        sign, silence = 0.0, 0.0
         while True:
             with self._changed:
                 if not self._ended:
-                    self._changed.wait(None if self.rests else _LOOK)
+                    self._changed.wait(None if self.rests else _PERIOD)
                 if self._ended:
                     return
-                before, seen = seen, self._sign()
-                silent = silent + _LOOK if seen == before and not self.rests else 0.0
-            if silent >= PATIENCE and not self.hangs:
+                previous, sign = sign, self._sign()
+                silence = silence + _PERIOD if sign == previous and not self.rests else 0.0
+            if silence >= PATIENCE and not self.hangs:
                 self.hangs = True
                 self._on_hang()
-            elif not silent and self.hangs:
+            elif not silence and self.hangs:
                 self.hangs = False
                 self._on_return()

@@ -71,7 +71,7 @@ class Doctor:
         yield from findings
         if counts:
             yield from check_joints(joints, counts, servos)
-            if self._move and any(one.verdict is Severity.BAD for one in findings):
+            if self._move and any(finding.verdict is Severity.BAD for finding in findings):
                 yield look("moves", "none made over such a line.", "See the servo board.")
             elif self._move:
                 yield from move_joints(joints, counts, servos, self._clock)
@@ -87,24 +87,24 @@ class Doctor:
         if inputs is not None:
             stack.callback(inputs.board.close)
         drivers: dict[str, Any] = {}
-        connected: set[str] = set()
-        for subject, called, settings in _sensors_of(config):
+        analogue_subjects: set[str] = set()
+        for subject, name, settings in _sensors_of(config):
             if settings.channels:
-                connected.add(subject)
+                analogue_subjects.add(subject)
                 if inputs is None:
                     continue
             try:
-                driver = open_driver(settings, buses, called)
+                driver = open_driver(settings, buses, name)
                 stack.callback(driver.close)
                 driver.start()
             except DeviceError as error:
                 yield failed(subject, error)
             else:
                 drivers[subject] = driver
-        if inputs is not None and config.daq is not None and connected:
+        if inputs is not None and config.daq is not None and analogue_subjects:
             finding, working = check_inputs(inputs, config.daq, config.settling.rate, self._clock)
             yield with_repeats(finding, inputs.board)
-            for subject in set() if working else connected:
+            for subject in set() if working else analogue_subjects:
                 drivers.pop(subject, None)
         yield from self._look_at(drivers)
 

@@ -22,11 +22,11 @@ Sample = TypeVar("Sample")
 FAST_SCANS: Final = 200  # enough to be timed; not tuned
 SAMPLES: Final = 5 * STUCK_AFTER  # so that a stuck input is noticed
 DISTANCES: Final = 20  # not tuned
-_FLICKER: Final = 4.0  # a threshold below this many rms of noise is crossed by it
+_FLICKER_SIGMAS: Final = 4.0  # a threshold below this many rms of noise is crossed by it
 _MOST_FORCE: Final = 50.0  # N; the robot weighs a few
-_LEANS: Final = math.radians(10)  # more than any floor
+_MAX_LEAN: Final = math.radians(10)  # more than any floor
 _BELOW_GROUND: Final = -0.005  # m; beyond the error of a calibrated sensor
-_UNSTEADY: Final = 3e-3  # m rms; not tuned
+_MAX_DISTANCE_NOISE: Final = 3e-3  # m rms; not tuned
 
 
 class Recording(Generic[Sample]):
@@ -115,7 +115,7 @@ def check_accelerometer(
     subject = "accelerometer"
     if recording.failure is not None:
         return failed(subject, recording.failure), None
-    again = "; then: robotd calibrate --only accelerometer" if config.axes else "."
+    command = "; then: robotd calibrate --only accelerometer" if config.axes else "."
     axes = [spread(axis) for axis in zip(*recording.samples, strict=True)]
     x, y, z = (axis.mean for axis in axes)
     length = math.hypot(x, y, z)
@@ -125,7 +125,7 @@ def check_accelerometer(
             subject,
             f"{recording.name}: {length:.2f} g at rest instead of 1 g "
             f"(x {x:+.2f}, y {y:+.2f}, z {z:+.2f}).",
-            f"Check its wires and supply{again}",
+            f"Check its wires and supply{command}",
         ), None
     tilt = tilt_at_rest((x, y, z))
     across, along = (math.degrees(angle) for angle in tilt)
@@ -145,10 +145,10 @@ def check_accelerometer(
         return bad(
             subject,
             f"{text}: it says the robot lies on its back.",
-            f"If it does not, look how it is mounted{again}",
+            f"If it does not, look how it is mounted{command}",
         ), tilt
-    if max(abs(across), abs(along)) > math.degrees(_LEANS):
-        return look(subject, text, f"If the robot is level, look how it is mounted{again}"), tilt
+    if max(abs(across), abs(along)) > math.degrees(_MAX_LEAN):
+        return look(subject, text, f"If the robot is level, look how it is mounted{command}"), tilt
     return ok(subject, text), tilt
 
 
@@ -163,9 +163,9 @@ def check_touch(point: TouchPoint, recording: Recording[float | bool]) -> Findin
         if changes:
             return bad(subject, f"{text}; it flickered {changes} times.", "Check its wires.")
         return ok(subject, text)
-    again = ""
+    command = ""
     if isinstance(point.driver, StrainGauge):
-        again = f" robotd calibrate --only {point.name}"
+        command = f" robotd calibrate --only {point.name}"
     force = spread(recording.samples)
     text = (
         f"{recording.name}: {force.mean:+.3f} N, noise {force.deviation:.3f} N; touches above "
@@ -175,11 +175,11 @@ def check_touch(point: TouchPoint, recording: Recording[float | bool]) -> Findin
         return bad(
             subject,
             f"{text}. The ground does not pull, nor does the robot weigh that much.",
-            f"Look that no foot is clamped, and at its wires.{again}",
+            f"Look that no foot is clamped, and at its wires.{command}",
         )
-    if point.on < _FLICKER * force.deviation:
+    if point.on < _FLICKER_SIGMAS * force.deviation:
         return bad(
-            subject, f"{text}: noise alone makes it flicker.", f"Check shield and supply.{again}"
+            subject, f"{text}: noise alone makes it flicker.", f"Check shield and supply.{command}"
         )
     return ok(subject, f"{text}: {'touching' if force.mean > point.on else 'free'}")
 
@@ -195,19 +195,19 @@ def check_distance(
     subject = "distance"
     start = clock.now()
     try:
-        seen = [finder.distance() for _ in range(DISTANCES)]
+        samples = [finder.distance() for _ in range(DISTANCES)]
     except DeviceError as error:
         return failed(subject, error)
     took = (clock.now() - start) / DISTANCES * 1000
-    near = [value for value in seen if value is not None]
-    if 2 * len(near) < DISTANCES:
+    distances = [value for value in samples if value is not None]
+    if 2 * len(distances) < DISTANCES:
         return look(
             subject,
             f"{finder.name}: sees nothing within {sensor.reach * 1000:.0f} mm; {took:.0f} ms a "
             "measurement",
             "Right, if the belly is that high. Else clean the sensor, use a light, dull ground.",
         )
-    measured = spread(near)
+    measured = spread(distances)
     clearance = sensor.clearance(measured.mean)
     text = (
         f"{finder.name}: {clearance * 1000:+.1f} mm of clearance, noise "
@@ -225,8 +225,8 @@ def check_distance(
             config.underside.check(clearance, tilt, sensor=finder.name)
         except DeviceDataError as error:
             return failed(subject, error)
-    if measured.deviation > _UNSTEADY or len(near) < DISTANCES:
-        missed = DISTANCES - len(near)
+    if measured.deviation > _MAX_DISTANCE_NOISE or len(distances) < DISTANCES:
+        missed = DISTANCES - len(distances)
         return look(
             subject,
             f"{text}; {missed} of {DISTANCES} saw nothing",

@@ -17,11 +17,11 @@ from robot.errors import DeviceError
 from robot.host.clock import Clock
 
 QUERIES: Final = 24  # a line that damages one query in five hardly passes
-_HICCUP: Final = 1  # query that had to be repeated; a bad line has more
+_TOLERATED_REPEATS: Final = 1  # query that had to be repeated; a bad line has more
 MOVE: Final = math.radians(5)  # is seen, and safe in any pose
-_REST: Final = 0.3  # s between there and back
-_BESIDE: Final = math.radians(1)  # a joint may stand this far outside its limits, by quantisation
-_USUAL: Final = (0.43, 2.14)  # times the usual size of a count: 0.3° to 1.5° where there are 255
+_PAUSE: Final = 0.3  # s between there and back
+_MARGIN: Final = math.radians(1)  # a joint may stand this far outside its limits, by quantisation
+_SIZES: Final = (0.43, 2.14)  # times the usual size of a count: 0.3° to 1.5° where there are 255
 
 
 def check_board(
@@ -33,14 +33,14 @@ def check_board(
         What was observed, and the counts by output; empty when the board did not answer.
     """
     subject = "servo board"
-    before, start = servos.repeats, clock.now()
+    repeats_before, start = servos.repeats, clock.now()
     counts: dict[int, int] = {}
     if not settings.reads_back:
-        unseen = "It cannot be read back: where the servos stand is not known."
+        warning = "It cannot be read back: where the servos stand is not known."
         return [
             look(
                 subject,
-                f"{servos.name}: {unseen}",
+                f"{servos.name}: {warning}",
                 "Watch them when a program moves them: a reset goes unnoticed.",
             )
         ], {}
@@ -50,17 +50,17 @@ def check_board(
     except DeviceError as error:
         return [failed(subject, error)], {}
     took = (clock.now() - start) / QUERIES
-    repeated = servos.repeats - before
+    repeated = servos.repeats - repeats_before
     text = f"{servos.name}: {repeated} of {QUERIES + repeated} queries had to be repeated"
-    check = "check cable, ground and baud rate; keep the line away from the motors' wires."
-    if repeated > _HICCUP:
+    advice = "check cable, ground and baud rate; keep the line away from the motors' wires."
+    if repeated > _TOLERATED_REPEATS:
         return [
-            bad(subject, f"{text}: bytes are lost or damaged on the line.", check.capitalize())
+            bad(subject, f"{text}: bytes are lost or damaged on the line.", advice.capitalize())
         ], counts
     if repeated:
         findings = [
             look(
-                subject, f"{text}, which a busy computer can cause.", f"If it is so again: {check}"
+                subject, f"{text}, which a busy computer can cause.", f"If it is so again: {advice}"
             )
         ]
     else:
@@ -97,15 +97,15 @@ def check_joints(
 
 def _with_state(finding: Finding, joint: DrivenJoint, count: int, state: ServoState) -> Finding:
     """A finding about a joint, with what its servo reports."""
-    here = joint.scale.angle(state.position)
-    says = [f"it is at {math.degrees(here):.1f}°"]
+    angle = joint.scale.angle(state.position)
+    reports = [f"it is at {math.degrees(angle):.1f}°"]
     for value, unit in ((state.voltage, " V"), (state.temperature, " °C"), (state.current, " A")):
-        says += [] if value is None else [f"{value:.3g}{unit}"]
-    says += [] if state.load is None else [f"drives with {abs(state.load):.0%}"]
-    text = f"{finding.text}; {', '.join(says)}"
-    if short := cut_short(joint, state):
-        return bad(finding.subject, f"{text}; {short}", LIMITED)
-    if count and abs(here - joint.scale.angle(count)) > OFF:
+        reports += [] if value is None else [f"{value:.3g}{unit}"]
+    reports += [] if state.load is None else [f"drives with {abs(state.load):.0%}"]
+    text = f"{finding.text}; {', '.join(reports)}"
+    if limitation := cut_short(joint, state):
+        return bad(finding.subject, f"{text}; {limitation}", LIMITED)
+    if count and abs(angle - joint.scale.angle(count)) > OFF:
         return bad(
             finding.subject,
             f"{text}: not where it was sent",
@@ -126,22 +126,22 @@ def _check_joint(joint: DrivenJoint, count: int) -> Finding:
             f"robotd try makes it stiff, joint by joint; where robotd runs: {HOLD}",
         )
     angle = joint.scale.angle(count)
-    here = f"output {joint.output} at count {count}, {math.degrees(angle):.1f}°; {reach}"
-    if not joint.lower_limit - _BESIDE <= angle <= joint.upper_limit + _BESIDE:
+    text = f"output {joint.output} at count {count}, {math.degrees(angle):.1f}°; {reach}"
+    if not joint.lower_limit - _MARGIN <= angle <= joint.upper_limit + _MARGIN:
         limits = math.degrees(joint.lower_limit), math.degrees(joint.upper_limit)
         return bad(
             subject,
-            f"{here}. That is outside its limits, {limits[0]:.1f}° to {limits[1]:.1f}°.",
+            f"{text}. That is outside its limits, {limits[0]:.1f}° to {limits[1]:.1f}°.",
             f"Look where it really stands, then: robotd calibrate --only {joint.name}",
         )
-    usual = USUAL_SPAN / (len(joint.scale.counts) - 1)
-    if not _USUAL[0] <= size / usual <= _USUAL[1]:
+    usual_size = USUAL_SPAN / (len(joint.scale.counts) - 1)
+    if not _SIZES[0] <= size / usual_size <= _SIZES[1]:
         return look(
             subject,
-            f"{here}. A servo usually turns by {usual:.2g}° a count.",
+            f"{text}. A servo usually turns by {usual_size:.2g}° a count.",
             f"If its range is not as it should be: robotd calibrate --only {joint.name}",
         )
-    return ok(subject, here)
+    return ok(subject, text)
 
 
 def move_joints(
@@ -171,7 +171,7 @@ def move_joints(
             if answers is not None:
                 watch.begin(answers.read_states([joint.output]))
             mover.go(target)
-            clock.sleep(_REST)
+            clock.sleep(_PAUSE)
             states = {} if answers is None else answers.read_states([joint.output])
             mover.go(count)
             lost = servos.verify(counts)
@@ -185,28 +185,28 @@ def move_joints(
                 "The servos' supply drops when one moves: measure it, use shorter, thicker wires.",
             )
             return
-        way = math.degrees(joint.scale.angle(target) - joint.scale.angle(count))
+        turn = math.degrees(joint.scale.angle(target) - joint.scale.angle(count))
         if not states:
             yield ok(
-                subject, f"sent by {way:+.1f}° and back. You should have seen it: no servo tells."
+                subject, f"sent by {turn:+.1f}° and back. You should have seen it: no servo tells."
             )
             continue
         commanded = {joint.name: joint.scale.angle(target)}
-        off = watch.off_target(commanded, states)
-        if off:
+        off_target = watch.off_target(commanded, states)
+        if off_target:
             yield bad(
                 subject,
-                told(off, watch.angles(states), commanded),
+                told(off_target, watch.angles(states), commanded),
                 "Look what is in its way, or on it, and whether its plug and gears are sound.",
             )
         else:
-            yield ok(subject, f"sent by {way:+.1f}° and back, and it went there.")
+            yield ok(subject, f"sent by {turn:+.1f}° and back, and it went there.")
 
 
 def _aside(joint: DrivenJoint, count: int) -> int | None:
     """A count some degrees away within the joint's reach, upwards if there is room."""
     low, high = joint.reachable
     angle = joint.scale.angle(count)
-    if not low - _BESIDE <= angle <= high + _BESIDE:
+    if not low - _MARGIN <= angle <= high + _MARGIN:
         return None
     return joint.scale.count(angle + MOVE if angle + MOVE <= high else max(low, angle - MOVE))

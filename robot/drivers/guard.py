@@ -45,7 +45,7 @@ def open_driver(settings: Settings, *where: Any) -> Any:
     Raises:
         DeviceError: The device cannot be opened.
     """
-    return _Guarded(_called(settings.name, "open", settings.open, *where), settings.name)
+    return _Guarded(_call(settings.name, "open", settings.open, *where), settings.name)
 
 
 def under_way(thread: int | None) -> str:
@@ -62,16 +62,16 @@ class _Guarded:
         vars(self).update(_driver=driver, _name=name)
 
     def __getattr__(self, attribute: str) -> Any:
-        found = getattr(self._driver, attribute)
-        if not callable(found):
-            return found
+        member = getattr(self._driver, attribute)
+        if not callable(member):
+            return member
         if attribute == "close":
-            return lambda: _close(self._name, found)
+            return lambda: _close(self._name, member)
 
         def guarded(*values: Any, **named: Any) -> Any:
-            given = _called(self._name, attribute, found, *values, **named)
+            result = _call(self._name, attribute, member, *values, **named)
             check = _CHECKS.get(attribute)
-            return given if check is None else check(self._name, given)
+            return result if check is None else check(self._name, result)
 
         return guarded
 
@@ -82,7 +82,7 @@ class _Guarded:
         delattr(self._driver, attribute)
 
 
-def _called(device: str, doing: str, method: Callable[..., Any], *values: Any, **named: Any) -> Any:
+def _call(device: str, doing: str, method: Callable[..., Any], *values: Any, **named: Any) -> Any:
     thread = threading.get_ident()
     outer = _under_way.get(thread)
     _under_way[thread] = device, doing
@@ -109,13 +109,13 @@ def _close(device: str, method: Callable[[], Any]) -> None:
     Raises:
         DeviceError: Closing failed, or did not return.
     """
-    failed: list[BaseException] = []
+    failures: list[BaseException] = []
 
     def close() -> None:
         try:
-            _called(device, "close", method)
+            _call(device, "close", method)
         except (DeviceError, CommandError) as error:
-            failed.append(error)
+            failures.append(error)
 
     thread = threading.Thread(target=close, name="closing", daemon=True)
     thread.start()
@@ -125,8 +125,8 @@ def _close(device: str, method: Callable[[], Any]) -> None:
             f"The driver of the {device} does not return from close.",
             "Look whether the device still answers; this is a mistake in the driver, too.",
         )
-    if failed:
-        raise failed[0]
+    if failures:
+        raise failures[0]
 
 
 def _number(device: str, value: Any) -> float:

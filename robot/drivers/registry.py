@@ -80,10 +80,8 @@ def installed() -> list[InstalledDriver]:
             table, _, name = ("servos." + point.name if group == SERVOS else point.name).partition(
                 "."
             )
-            brought = point.dist or (
-                metadata.distribution("bodyschema") if point in points else None
-            )
-            label = f"{brought.name} {brought.version}" if brought else ""
+            dist = point.dist or (metadata.distribution("bodyschema") if point in points else None)
+            label = f"{dist.name} {dist.version}" if dist else ""
             drivers.append(InstalledDriver(table=table, name=name, point=point, distribution=label))
     return drivers
 
@@ -110,12 +108,12 @@ def read_settings(table: Section, group: str, default: str, *, kind: str = "") -
         points = list(metadata.entry_points(group=group, name=name))
     if not points:
         names = {*ours, *metadata.entry_points(group=group).names}
-        known = sorted(one.removeprefix(prefix) for one in names if one.startswith(prefix))
-        raise table.refuse("driver", f"must be one of {', '.join(known)}, not {driver!r}.")
+        choices = sorted(entry.removeprefix(prefix) for entry in names if entry.startswith(prefix))
+        raise table.refuse("driver", f"must be one of {', '.join(choices)}, not {driver!r}.")
     if len(points) > 1:
-        brought = sorted(point.dist.name for point in points if point.dist is not None)
+        dists = sorted(point.dist.name for point in points if point.dist is not None)
         raise table.refuse(
-            "driver", f"is offered by {' and '.join(brought)}; uninstall all of them but one."
+            "driver", f"is offered by {' and '.join(dists)}; uninstall all of them but one."
         )
     (point,) = points
     try:

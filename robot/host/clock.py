@@ -90,16 +90,16 @@ class SteadyClock:
         self._last = clock.now()
         self._lost = 0.0
         self._backwards = 0.0
-        self._looked = self._last
+        self._looked_at = self._last
 
     def now(self) -> float:
         """Seconds that only grow."""
         with self._lock:
             time = self._clock.now()
-            back = max(0.0, self._last - time)
+            step_back = max(0.0, self._last - time)
             self._last = time
-            self._lost += back
-            self._backwards += back
+            self._lost += step_back
+            self._backwards += step_back
             return time + self._lost
 
     def sleep(self, seconds: float) -> None:
@@ -112,7 +112,7 @@ class SteadyClock:
 
     def watch(self) -> None:
         """Starts to look for jumps: something begins that a jump would spoil."""
-        self._looked = self.now()
+        self._looked_at = self.now()
         self._backwards = 0.0
 
     def check(self, at_most: float = MAX_GAP) -> None:
@@ -124,7 +124,7 @@ class SteadyClock:
         Raises:
             DeviceDataError: More time passed than that, or time ran backwards.
         """
-        gap = self.now() - self._looked
+        gap = self.now() - self._looked_at
         backwards = self._backwards
         self.watch()
         jump = -backwards if backwards else gap

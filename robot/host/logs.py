@@ -22,7 +22,7 @@ from protocol.text import brief, printable
 _ERROR, _WARNING, _INFORMATION, _DEBUG = "<3>", "<4>", "<6>", "<7>"  # as in sd-daemon(3)
 _STDERR: Final = 2
 _LONGEST: Final = 4096  # what a pipe that is ready to be written to takes without blocking
-_LINES: Final = 40  # of a traceback, at its beginning and at its end
+_KEPT_LINES: Final = 40  # of a traceback, at its beginning and at its end
 _TERMINAL_FORMAT: Final = "%(asctime)s %(name)s %(levelname)s: %(message)s"
 _JOURNAL_FORMAT: Final = "%(message)s"
 
@@ -68,9 +68,9 @@ class PlainFormatter(logging.Formatter):
     def formatException(self, ei: Any) -> str:  # noqa: N802 - logging's name
         """The traceback, without its middle where it is long."""
         lines = [brief(line, _LONGEST) for line in super().formatException(ei).splitlines()]
-        left_out = len(lines) - 2 * _LINES
+        left_out = len(lines) - 2 * _KEPT_LINES
         if left_out > 0:
-            lines[_LINES:-_LINES] = [f"({left_out:,} lines are left out)"]
+            lines[_KEPT_LINES:-_KEPT_LINES] = [f"({left_out:,} lines are left out)"]
         return "\n".join(lines)
 
 

@@ -78,8 +78,8 @@ class ServiceManager:
 
 
 def _watchdog_period(environment: Mapping[str, str]) -> float | None:
-    meant_for = environment.get("WATCHDOG_PID", str(os.getpid()))
+    watched_pid = environment.get("WATCHDOG_PID", str(os.getpid()))
     microseconds = environment.get("WATCHDOG_USEC", "")
-    if meant_for != str(os.getpid()) or not microseconds.isdecimal() or int(microseconds) == 0:
+    if watched_pid != str(os.getpid()) or not microseconds.isdecimal() or int(microseconds) == 0:
         return None
     return int(microseconds) / 4e6

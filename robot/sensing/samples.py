@@ -54,8 +54,8 @@ class RestDetector:
             self._samples.popleft()
         if len(self._samples) < max(4, int(self._criterion.window * self._criterion.rate / 2)):
             return False  # a sample takes time of its own, so there are fewer than the rate says
-        first, (last, _) = self._samples[0][0], self._samples[-2]
-        if now - first + (now - last) < self._criterion.window - 1e-9:
+        oldest, (previous, _) = self._samples[0][0], self._samples[-2]
+        if now - oldest + (now - previous) < self._criterion.window - 1e-9:
             return False  # the window is not full: one more sample would still fit
         half = len(self._samples) // 2
         for axis in zip(*(values for _, values in self._samples), strict=True):
@@ -116,5 +116,5 @@ def sample_distance(sensor: DistanceSensor, *, count: int) -> Spread | None:
     Raises:
         DeviceError: The sensor failed.
     """
-    seen = [value for value in (sensor.distance() for _ in range(count)) if value is not None]
-    return spread(seen) if 2 * len(seen) >= count else None
+    distances = [value for value in (sensor.distance() for _ in range(count)) if value is not None]
+    return spread(distances) if 2 * len(distances) >= count else None

@@ -125,12 +125,12 @@ class TouchDetector:
     def feed(self, load: float | bool) -> bool:
         """Takes one sample of a ``TouchSensor`` and returns the bit."""
         if isinstance(load, bool):
-            wanted = load
+            touching = load
         else:
-            wanted = load > (self._point.off if self.touching else self._point.on)
-        self._against = self._against + 1 if wanted != self.touching else 0
+            touching = load > (self._point.off if self.touching else self._point.on)
+        self._against = self._against + 1 if touching != self.touching else 0
         if self._against >= self._point.debounce:
-            self.touching = wanted
+            self.touching = touching
             self._against = 0
         return self.touching
 
@@ -318,8 +318,8 @@ class RobotSensors:
 
 def _clearance(belly: BellySensor, distances: Sequence[float | None]) -> tuple[float, bool]:
     """The mean clearance, m, and false; the reach and true where most samples lie beyond it."""
-    clearances = (belly.clearance(one) for one in distances if one is not None)
-    seen = [clearance for clearance in clearances if clearance < belly.reach]
-    if 2 * len(seen) < len(distances):
+    clearances = (belly.clearance(distance) for distance in distances if distance is not None)
+    in_reach = [clearance for clearance in clearances if clearance < belly.reach]
+    if 2 * len(in_reach) < len(distances):
         return belly.reach, True
-    return sum(seen) / len(seen), False
+    return sum(in_reach) / len(in_reach), False

@@ -190,13 +190,13 @@ def serve(
         DeviceTimeoutError: The control loop did not end in time, or had ended before.
     """
     manager = manager or ServiceManager({})
-    ended = True
+    ended_well = True
 
     def shut_down(reason: signal.Signals) -> None:
-        nonlocal ended
+        nonlocal ended_well
         log.info("%s: shutting down", reason.name)
         manager.stopping("parking")
-        ended = controller.shut_down()
+        ended_well = controller.shut_down()
         server.request_stop()
 
     with _quick_turns(), _on_signals(shut_down):
@@ -206,7 +206,7 @@ def serve(
         manager.ready(status)
         with server:
             server.run()
-    if not ended:
+    if not ended_well:
         raise DeviceTimeoutError(
             "The control loop did not end as it should; the servos keep their last commands.",
             "See the log for what failed.",
@@ -220,12 +220,12 @@ def _quick_turns() -> Iterator[None]:
 
     Python's threads hand over every 5 ms by default; an answer would wait for that long.
     """
-    before = sys.getswitchinterval()
+    interval = sys.getswitchinterval()
     sys.setswitchinterval(TURN)
     try:
         yield
     finally:
-        sys.setswitchinterval(before)
+        sys.setswitchinterval(interval)
 
 
 @contextmanager
@@ -234,16 +234,16 @@ def _on_signals(action: Callable[[signal.Signals], None]) -> Iterator[None]:
 
     A signal that is ignored already, as SIGHUP under ``nohup``, stays so.
     """
-    seen = threading.Event()
+    signalled = threading.Event()
 
     def handler(number: int, frame: FrameType | None) -> None:
         del frame
-        if not seen.is_set():
-            seen.set()
+        if not signalled.is_set():
+            signalled.set()
             reason = signal.Signals(number)
             threading.Thread(target=action, args=(reason,), name="shutdown").start()
 
-    kept = {
+    old_handlers = {
         number: signal.signal(number, handler)
         for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
         if signal.getsignal(number) is not signal.SIG_IGN
@@ -251,5 +251,5 @@ def _on_signals(action: Callable[[signal.Signals], None]) -> Iterator[None]:
     try:
         yield
     finally:
-        for number, previous in kept.items():
+        for number, previous in old_handlers.items():
             signal.signal(number, previous)

@@ -38,8 +38,8 @@ class Devices:
     @property
     def sensors(self) -> tuple[SensorDriver, ...]:
         """The drivers of all sensors."""
-        found = (self.accelerometer, *self.touch, self.distance)
-        return tuple(one for one in found if one is not None)
+        drivers = (self.accelerometer, *self.touch, self.distance)
+        return tuple(driver for driver in drivers if driver is not None)
 
     def close(self) -> None:
         """Closes all devices; one that fails does not keep the others open.
@@ -47,15 +47,15 @@ class Devices:
         Raises:
             DeviceError: A device failed, or its driver did not return.
         """
-        failed: list[DeviceError] = []
+        errors: list[DeviceError] = []
         board = [] if self.inputs is None else [self.inputs.board.close]
-        for close in [self.servos.close, *(one.close for one in self.sensors), *board]:
+        for close in [self.servos.close, *(sensor.close for sensor in self.sensors), *board]:
             try:
                 close()
             except DeviceError as error:
-                failed.append(error)
-        if failed:
-            raise failed[0]
+                errors.append(error)
+        if errors:
+            raise errors[0]
 
 
 def open_devices(config: RobotConfig, buses: Buses, *, file: str = "") -> Devices:

@@ -52,7 +52,7 @@ class Keyboard:
     def __init__(self, source: int):
         self._source = source
         self._bytes = b""
-        self._left = False
+        self._has_left = False
 
     def key(self) -> str | None:
         """The next key, without waiting for one."""
@@ -63,12 +63,12 @@ class Keyboard:
                 if not data:  # nobody will press a key any more
                     self.leave()
                     break
-        if self._left:
+        if self._has_left:
             return QUIT
         self._bytes = self._bytes[max(0, *map(self._bytes.rfind, _AT_ONCE)) :]
         if not self._bytes:
             return None
-        sequence = next((one for one in KEYS if self._bytes.startswith(one)), self._bytes[:1])
+        sequence = next((key for key in KEYS if self._bytes.startswith(key)), self._bytes[:1])
         self._bytes = self._bytes[len(sequence) :]
         return KEYS.get(sequence, sequence.decode("latin-1"))
 
@@ -77,13 +77,13 @@ class Keyboard:
         columns, height = shutil.get_terminal_size()
         head = [part for line in text for part in textwrap.wrap(line, columns - 1) or [""]]
         room = max(1, height - len(head))
-        first = max(0, min(keep - room // 2, len(rows) - room))
-        shown = [*head, *(row[: columns - 1] for row in rows[first : first + room])]
+        first_row = max(0, min(keep - room // 2, len(rows) - room))
+        shown = [*head, *(row[: columns - 1] for row in rows[first_row : first_row + room])]
         self._write("\x1b[H" + "\r\n".join(f"{line}\x1b[K" for line in shown) + "\x1b[J")
 
     def leave(self, *_: int | FrameType | None) -> None:
         """Makes the next key ``QUIT``."""
-        self._left = True
+        self._has_left = True
 
     def _write(self, text: str) -> None:
         try:
@@ -103,11 +103,11 @@ def keyboard() -> Iterator[Keyboard]:
     if not (sys.stdin and sys.stdin.isatty() and sys.stdout.isatty()):
         raise CommandError("this takes single keys and shows sensors live: run it in a terminal")
     source = sys.stdin.fileno()
-    before = termios.tcgetattr(source)
+    old_settings = termios.tcgetattr(source)
     view = Keyboard(source)
     raw = termios.tcgetattr(source)
     raw[3] &= ~(termios.ICANON | termios.ECHO | termios.ISIG)
-    kept = {number: signal.signal(number, view.leave) for number in _SIGNALS}
+    old_handlers = {number: signal.signal(number, view.leave) for number in _SIGNALS}
     termios.tcsetattr(source, termios.TCSADRAIN, raw)
     try:
         view._write(_OPEN)
@@ -115,6 +115,6 @@ def keyboard() -> Iterator[Keyboard]:
     finally:
         view._write(_CLOSE)
         with suppress(termios.error):  # the terminal is gone
-            termios.tcsetattr(source, termios.TCSADRAIN, before)
-        for number, handler in kept.items():
+            termios.tcsetattr(source, termios.TCSADRAIN, old_settings)
+        for number, handler in old_handlers.items():
             signal.signal(number, handler)

@@ -128,9 +128,9 @@ def _sensors(config: RobotConfig) -> Iterator[LiveSensor]:
 
 
 def _acceleration(driver: Accelerometer) -> str:
-    felt = driver.acceleration()
-    x, y, z = felt
-    across, along = (math.degrees(angle) for angle in tilt_at_rest(felt))
+    acceleration = driver.acceleration()
+    x, y, z = acceleration
+    across, along = (math.degrees(angle) for angle in tilt_at_rest(acceleration))
     return (
         f"x {x:+.3f}  y {y:+.3f}  z {z:+.3f} g; left side up {across:+.1f}°, nose up {along:+.1f}°"
     )

@@ -175,9 +175,9 @@ class JointsUnderTest:
         Raises:
             DeviceError: As ``move_to``.
         """
-        here = self.angle(self.chosen) or 0.0
-        goal = (self._goal if self.moving else here) + math.radians(degrees)
-        self.move_to(min(max(goal, here - LEAD), here + LEAD))
+        angle = self.angle(self.chosen) or 0.0
+        goal = (self._goal if self.moving else angle) + math.radians(degrees)
+        self.move_to(min(max(goal, angle - LEAD), angle + LEAD))
 
     def stiffen(self) -> None:
         """Holds the chosen, limp joint where its servo reports it, or at 0° if it does not.
@@ -278,7 +278,7 @@ class Trial:
         self._sensors = LiveSensors(config, buses)
         self._message = ""
         self._asked = False  # whether a limp joint may be driven
-        self._down = False  # whether the servos failed
+        self._failed = False  # whether the servos failed
 
     def run(self) -> None:
         """Runs the trial.
@@ -301,21 +301,21 @@ class Trial:
             servos.close()
 
     def _take_turns(self) -> None:
-        shown = checked = self._clock.now()
+        shown_at = checked_at = self._clock.now()
         self._show()
         while (key := self._view.key()) != QUIT:
             if key is not None:
                 self._attempt(partial(self._press, key))
             sent = self._attempt(self._joints.advance)
             now = self._clock.now()
-            if now - checked >= CHECKED_EVERY and not (self._joints.moving or self._down):
+            if now - checked_at >= CHECKED_EVERY and not (self._joints.moving or self._failed):
                 self._attempt(self._joints.check)
-                checked = now
-            if key is not None or now - shown >= SHOWN_EVERY:
-                if not (self._joints.moving or self._down):
+                checked_at = now
+            if key is not None or now - shown_at >= SHOWN_EVERY:
+                if not (self._joints.moving or self._failed):
                     self._attempt(self._joints.ask)
                 self._show()
-                shown = now
+                shown_at = now
             if not sent:
                 self._clock.sleep(TURN)
 
@@ -331,7 +331,7 @@ class Trial:
             self._message = "Stopped: it holds."
         elif key == "r":
             self._look_again()
-        elif self._down:
+        elif self._failed:
             self._message = "The servos failed: r looks again."
         elif joints.limp and key in (*STEPS, "0", "h"):
             self._press_limp(key, asked=asked)
@@ -362,7 +362,7 @@ class Trial:
 
     def _look_again(self) -> None:
         self._joints.reconnect()
-        self._down = False
+        self._failed = False
         self._sensors.open()
         self._message = "Looked again."
 
@@ -372,7 +372,7 @@ class Trial:
             return bool(action())
         except DeviceError as error:
             self._joints.stop()
-            self._down = True
+            self._failed = True
             self._message = f"! {error} Then: r"
             return False
 
@@ -410,11 +410,11 @@ def row(joint: DrivenJoint, joints: JointsUnderTest) -> str:
     """Line that shows a joint: where it was sent, where it is, and how far it may go."""
     low, high = (math.degrees(angle) for angle in joint.reachable)
     angle = joints.angle(joint)
-    where = "limp" if angle is None else f"{math.degrees(angle):+.1f}°"
+    sent = "limp" if angle is None else f"{math.degrees(angle):+.1f}°"
     measured = joints.measured(joint)
-    here = "" if measured is None else f" is {math.degrees(measured):+.1f}°"
-    chosen = ">" if joint is joints.chosen else " "
+    position = "" if measured is None else f" is {math.degrees(measured):+.1f}°"
+    marker = ">" if joint is joints.chosen else " "
     return (
-        f"{chosen} {joint.name:<20} {where:>8}{here}  {low:.0f}° to {high:.0f}°; output "
+        f"{marker} {joint.name:<20} {sent:>8}{position}  {low:.0f}° to {high:.0f}°; output "
         f"{joint.output}, count {joints.counts[joint.output]}"
     )

@@ -18,10 +18,10 @@ _CONFIG: Final = 1
 _RESET_CONFIG: Final = 0x8583
 _START: Final = 0x8000
 _SINGLE_SHOT: Final = 0x0100
-_WAKING: Final = 25e-6  # s
+_WAKE_TIME: Final = 25e-6  # s
 _FULL_SCALES: Final = (6.144, 4.096, 2.048, 1.024, 0.512, 0.256, 0.256, 0.256)
 _RATES: Final = (8, 16, 32, 64, 128, 250, 475, 860)
-_PAIRS: Final = ((0, 1), (0, 3), (1, 3), (2, 3), (0, None), (1, None), (2, None), (3, None))
+_INPUT_PAIRS: Final = ((0, 1), (0, 3), (1, 3), (2, 3), (0, None), (1, None), (2, None), (3, None))
 
 
 class ADS1115Emulator(I2CDevice):
@@ -55,7 +55,7 @@ class ADS1115Emulator(I2CDevice):
         super().__init__(clock)
         self._volts = volts
         self._address = address
-        self._stuck: dict[int, float] = {}
+        self._stuck_volts: dict[int, float] = {}
         self.power_cycle()
 
     def power_cycle(self) -> None:
@@ -63,13 +63,13 @@ class ADS1115Emulator(I2CDevice):
         self._pointer = _CONVERSION
         self._registers = [0x0000, _RESET_CONFIG, 0x8000, 0x7FFF]
         self._done_at: float | None = None
-        self._converting = _RESET_CONFIG  # the settings of the conversion under way
+        self._conversion_config = _RESET_CONFIG  # the settings of the conversion under way
 
     def mend(self, fault: str | None = None) -> None:
         """Switches a fault off, or all of them; a stuck input moves again."""
         super().mend(fault)
         if fault in (None, "stuck_channel"):
-            self._stuck.clear()
+            self._stuck_volts.clear()
 
     def answers(self, address: int) -> bool:
         """Whether an address is the chip's, or that of the general call."""
@@ -105,15 +105,15 @@ class ADS1115Emulator(I2CDevice):
 
     def _store(self, register: int, value: int) -> None:
         self._finish()
-        start = register == _CONFIG and (value & _START or not value & _SINGLE_SHOT)
+        starts = register == _CONFIG and (value & _START or not value & _SINGLE_SHOT)
         self._registers[register] = value
-        if start and self._done_at is None:
+        if starts and self._done_at is None:
             self._begin()
 
     def _begin(self) -> None:
-        self._converting = self._registers[_CONFIG]
-        rate = _RATES[self._converting >> 5 & 0x07]
-        self._done_at = self._clock.now() + _WAKING + 1.0 / rate
+        self._conversion_config = self._registers[_CONFIG]
+        rate = _RATES[self._conversion_config >> 5 & 0x07]
+        self._done_at = self._clock.now() + _WAKE_TIME + 1.0 / rate
 
     def _finish(self) -> None:
         if self._done_at is None or self._clock.now() < self._done_at or "busy" in self._faults:
@@ -124,15 +124,15 @@ class ADS1115Emulator(I2CDevice):
             self._begin()
 
     def _convert(self) -> int:
-        config = self._converting
-        plus, minus = _PAIRS[config >> 12 & 0x07]
+        config = self._conversion_config
+        plus, minus = _INPUT_PAIRS[config >> 12 & 0x07]
         full_scale = _FULL_SCALES[config >> 9 & 0x07]
         if self._faults.get("railed_channel") == plus:
             return 32767
-        volts = self._at(plus) - (0.0 if minus is None else self._at(minus))
+        volts = self._volts_at(plus) - (0.0 if minus is None else self._volts_at(minus))
         return max(-32768, min(32767, round(volts / full_scale * 32768)))
 
-    def _at(self, channel: int) -> float:
+    def _volts_at(self, channel: int) -> float:
         if self._faults.get("stuck_channel") == channel:
-            return self._stuck.setdefault(channel, self._volts(channel))
+            return self._stuck_volts.setdefault(channel, self._volts(channel))
         return self._volts(channel)

@@ -25,7 +25,7 @@ BOOT: Final = 0.3
 """Seconds after a reset in which a servo answers nothing; a guess."""
 
 _WARM, _HOT = 38, 85  # °C
-_OTHERS_GOAL: Final = 3000  # where the event "moved" sends a servo
+_MOVED_GOAL: Final = 3000  # where the event "moved" sends a servo
 
 
 class BusServo(ABC):
@@ -142,7 +142,7 @@ class BusServos(SerialDevice, Generic[S]):
         {
             "reboot": "the supply of servo n dips, of all without a number: it comes back limp",
             "overload": "servo n is overloaded, and switches its torque off",
-            "moved": f"another program on the line sends servo n to {_OTHERS_GOAL}",
+            "moved": f"another program on the line sends servo n to {_MOVED_GOAL}",
         }
     )
     NUMBERS: ClassVar[Mapping[str, range]] = MappingProxyType(
@@ -151,8 +151,8 @@ class BusServos(SerialDevice, Generic[S]):
 
     def __init__(self, servos: Iterable[S]):
         self.servos = list(servos)
-        self._answers = 0
-        self._twin: list[S] = []
+        self._answer_count = 0
+        self._twins: list[S] = []
         self._wheel: S | None = None
         self._find: Callable[[], Iterable[Felt]] = tuple
         super().__init__()
@@ -202,12 +202,12 @@ class BusServos(SerialDevice, Generic[S]):
     def inject(self, fault: str, value: int = 0, amount: float = 0.0) -> None:
         """Switches a fault on, or makes an event happen."""
         super().inject(fault, value, amount)
-        self._condition()
+        self._apply_faults()
 
     def mend(self, fault: str | None = None) -> None:
         """Switches a fault off, or all of them."""
         super().mend(fault)
-        self._condition()
+        self._apply_faults()
 
     def receive(self, data: bytes) -> bytes:
         """Gives bytes to every servo that listens at this baud rate; returns what they answer."""
@@ -222,21 +222,21 @@ class BusServos(SerialDevice, Generic[S]):
         silent = self._faults.get("silent")
         return [
             servo
-            for index, servo in enumerate((*self.servos, *self._twin), 1)
+            for index, servo in enumerate((*self.servos, *self._twins), 1)
             if servo.number == number and servo.baud == self.host_baud and index != silent
         ]
 
     def at_once(self, answers: Sequence[bytes]) -> bytes:
         """Bytes on the line when several servos send packets at the same time; a low level wins."""
-        line = bytes(map(_and, zip_longest(*answers, fillvalue=0xFF)))
-        return self._spoilt(line) if line and self._faults else line
+        line = bytes(map(_wired_and, zip_longest(*answers, fillvalue=0xFF)))
+        return self._damage_answer(line) if line and self._faults else line
 
-    def _spoilt(self, line: bytes) -> bytes:
-        self._answers += 1
+    def _damage_answer(self, line: bytes) -> bytes:
+        self._answer_count += 1
         garbage, lost = self._faults.get("garbage"), self._faults.get("lost")
-        if lost is not None and self._answers % max(lost, 1) == 0:
+        if lost is not None and self._answer_count % max(lost, 1) == 0:
             return b""
-        if garbage is not None and self._answers % max(garbage, 1) == 0:
+        if garbage is not None and self._answer_count % max(garbage, 1) == 0:
             return line[:-1] + bytes((line[-1] ^ 1,))
         return line
 
@@ -249,9 +249,9 @@ class BusServos(SerialDevice, Generic[S]):
                     case "overload":
                         servo.overload()
                     case "moved":
-                        servo.send_to(_OTHERS_GOAL)
+                        servo.send_to(_MOVED_GOAL)
 
-    def _condition(self) -> None:
+    def _apply_faults(self) -> None:
         """Brings the servos into the state that the faults make."""
         with self._changed:
             hot, twin, wheel = (self._faults.get(name) for name in ("hot", "twin", "wheel_mode"))
@@ -259,7 +259,7 @@ class BusServos(SerialDevice, Generic[S]):
                 servo.heat = _HOT if number == hot else _WARM
                 servo.volts = servo.DIPPED if "dip" in self._faults else servo.USUAL
                 servo.look()
-            self._twin = [] if twin is None else [self.servos[twin - 1].twin()]  # type: ignore[list-item]
+            self._twins = [] if twin is None else [self.servos[twin - 1].twin()]  # type: ignore[list-item]
             if wheel is None and self._wheel is not None:
                 self._wheel.set_wheel(False)
                 self._wheel = None
@@ -268,7 +268,7 @@ class BusServos(SerialDevice, Generic[S]):
                 self._wheel.set_wheel(True)
 
 
-def _and(column: Sequence[int]) -> int:
+def _wired_and(column: Sequence[int]) -> int:
     value = 0xFF
     for byte in column:
         value &= byte

@@ -76,9 +76,9 @@ class RealTimeClock:
         """Blocks for ``seconds`` while the world goes on."""
         deadline = self.now() + seconds
         self.synchronise()
-        while (left := deadline - self.now()) > 0:
+        while (remaining := deadline - self.now()) > 0:
             self._advance(self.now())
-            time.sleep(min(left, MAX_SLICE))
+            time.sleep(min(remaining, MAX_SLICE))
         self._advance(self.now())
 
     def charge(self, seconds: float) -> None:

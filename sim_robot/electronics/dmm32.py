@@ -89,7 +89,7 @@ class DMM32Emulator(FaultSwitch):
         self._clock = clock
         self._base = base
         self._depth = fifo_depth
-        self._stuck: dict[int, int] = {}
+        self._stuck_codes: dict[int, int] = {}
         self._paged = [bytearray(4) for _ in range(8)]
         self._last_code = 0
         self._reset()
@@ -147,7 +147,7 @@ class DMM32Emulator(FaultSwitch):
         """Switches a fault off, or all of them; a stuck channel moves again."""
         super().mend(fault)
         if fault in (None, "stuck_channel"):
-            self._stuck.clear()
+            self._stuck_codes.clear()
 
     def _reset(self) -> None:
         self._low = self._high = self._channel = 0
@@ -183,11 +183,11 @@ class DMM32Emulator(FaultSwitch):
         return bool(self._fifo) and self._fifo[0][0] <= now
 
     def _read_fifo_status(self, now: float) -> int:
-        there = sum(ready <= now for ready, _ in self._fifo)
+        samples = sum(ready <= now for ready, _ in self._fifo)
         return (
-            (there == 0) << 7
-            | (there >= self._depth // 2) << 6
-            | (there >= self._depth) << 5
+            (samples == 0) << 7
+            | (samples >= self._depth // 2) << 6
+            | (samples >= self._depth) << 5
             | self._overflowed << 4
             | self._fifo_flags
             | self._page & 0x03
@@ -212,9 +212,9 @@ class DMM32Emulator(FaultSwitch):
             interval = _SCAN_INTERVALS[self._analogue >> 4 & 0x03]
         else:
             count, interval = 1, CONVERSION_TIME
-        hasty = now < self._settled_at
+        is_unsettled = now < self._settled_at
         for index in range(count):
-            code = self._last_code if hasty else self._convert(self._channel)
+            code = self._last_code if is_unsettled else self._convert(self._channel)
             if len(self._fifo) >= self._depth:
                 self._overflowed = True
             else:
@@ -234,9 +234,9 @@ class DMM32Emulator(FaultSwitch):
             if self._faults.get("railed_channel") == channel:
                 return _CODES_PER_SIDE - 1
             if self._faults.get("stuck_channel") == channel:
-                if channel not in self._stuck:
-                    self._stuck[channel] = self._code(channel)
-                return self._stuck[channel]
+                if channel not in self._stuck_codes:
+                    self._stuck_codes[channel] = self._code(channel)
+                return self._stuck_codes[channel]
         return self._code(channel)
 
     def _code(self, channel: int) -> int:

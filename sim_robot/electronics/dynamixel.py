@@ -111,7 +111,7 @@ REGISTERS: Final[Mapping[str, Register]] = MappingProxyType(
 )
 """The control table, as far as it is emulated."""
 
-_BYTES: Final = MappingProxyType(
+_REGISTER_AT: Final = MappingProxyType(
     {
         register.address + offset: (name, 8 * offset)
         for name, register in REGISTERS.items()
@@ -146,8 +146,8 @@ class Servo(BusServo):
     def __init__(self, number: int, now: Callable[[], float] = lambda: 0.0):
         super().__init__()
         self.now = now
-        self._held = {name: register.initial for name, register in REGISTERS.items()}
-        self._held["id"] = number
+        self._values = {name: register.initial for name, register in REGISTERS.items()}
+        self._values["id"] = number
         self.power_up()
         self.warm_up()
 
@@ -155,11 +155,11 @@ class Servo(BusServo):
         """Starts up, by supply or reboot: RAM begins anew, torque is as ``startup`` says."""
         for name, register in REGISTERS.items():
             if register.address not in EEPROM:
-                self._held[name] = register.initial
-        self.switched_on = self._heard = self._looked = self.now()
+                self._values[name] = register.initial
+        self.switched_on = self._heard_at = self._looked_at = self.now()
         self._trajectory = self.position
-        self._held["goal"] = round(self.position)
-        self._held["torque"] = self["startup"] & 1
+        self._values["goal"] = round(self.position)
+        self._values["torque"] = self["startup"] & 1
         self.look()
 
     @property
@@ -174,17 +174,17 @@ class Servo(BusServo):
 
     def __getitem__(self, name: str) -> int:
         """Value of a register."""
-        return self._held[name]
+        return self._values[name]
 
     def __setitem__(self, name: str, value: int) -> None:
         """Sets a register, as the maker's program could."""
-        self._held[name] = value
+        self._values[name] = value
 
     def fail(self, bit: int) -> None:
         """Remembers a hardware error, which switches the torque off if ``shutdown`` has its bit."""
-        self._held["hardware_error"] |= bit
+        self._values["hardware_error"] |= bit
         if bit & self["shutdown"]:
-            self._held["torque"] = 0
+            self._values["torque"] = 0
 
     def overload(self) -> None:
         """Makes the servo find itself overloaded."""
@@ -192,19 +192,19 @@ class Servo(BusServo):
 
     def send_to(self, position: int) -> None:
         """Moves the servo as another program would."""
-        self._held["goal"] = position
+        self._values["goal"] = position
 
     def set_wheel(self, on: bool) -> None:
         """Sets wheel mode, or position mode again, as another program would; torque goes off."""
-        self._held |= {"torque": 0, "mode": 1 if on else POSITION_MODE}
+        self._values |= {"torque": 0, "mode": 1 if on else POSITION_MODE}
 
     def twin(self) -> Servo:
         """Another servo with the same ID, switched on a moment before."""
-        other = Servo(self["id"], self.now)
-        other._held |= {"baud": self["baud"]}
-        other.position = self.position
-        other.switched_on = self.switched_on - 0.137
-        return other
+        twin = Servo(self["id"], self.now)
+        twin._values |= {"baud": self["baud"]}
+        twin.position = self.position
+        twin.switched_on = self.switched_on - 0.137
+        return twin
 
     def driven_to(self) -> float:
         """The position that the motor drives to; ``LIMP`` where it has no torque."""
@@ -212,20 +212,20 @@ class Servo(BusServo):
         self.look()
         if self["torque"] and self["mode"] == POSITION_MODE:
             goal, speed = self["goal"], self["profile_velocity"] * _STEPS_PER_UNIT_SECOND
-            reach = speed * (now - self._looked) if speed else math.inf
+            reach = speed * (now - self._looked_at) if speed else math.inf
             self._trajectory = min(max(goal, self._trajectory - reach), self._trajectory + reach)
-        self._looked = now
+        self._looked_at = now
         return self._drives(self._trajectory) if self["torque"] else LIMP
 
     def answer(self, packet: Packet) -> Packet | None:
         """Acts on a packet for this servo alone; returns its answer, or ``None``."""
         if self.deaf:
             return None
-        self._heard_something()
+        self._feed_watchdog()
         self.look()
         error, data = 0, b""
         try:
-            data = self._do(packet)
+            data = self._execute(packet)
         except Refused as refusal:
             error = refusal.error
         level = {int(Instruction.PING): 0, int(Instruction.READ): 1}.get(packet.instruction, 2)
@@ -234,13 +234,13 @@ class Servo(BusServo):
         error |= ALERT if self["hardware_error"] else 0
         return Packet(self["id"], Instruction.STATUS, bytes((error,)) + data)
 
-    def _do(self, packet: Packet) -> bytes:
+    def _execute(self, packet: Packet) -> bytes:
         parameters = packet.parameters
         match packet.instruction:
             case Instruction.PING:
-                return self._bytes(0, 2) + self._bytes(6, 1)
+                return self._read(0, 2) + self._read(6, 1)
             case Instruction.READ if len(parameters) >= 4:
-                return self._bytes(_word(parameters), _word(parameters[2:]))
+                return self._read(_word(parameters), _word(parameters[2:]))
             case Instruction.WRITE if len(parameters) > 2:
                 self._write(_word(parameters), parameters[2:])
             case Instruction.REBOOT:
@@ -251,44 +251,44 @@ class Servo(BusServo):
                 raise Refused(PacketError.INSTRUCTION)
         return b""
 
-    def _bytes(self, first: int, size: int) -> bytes:
+    def _read(self, first: int, size: int) -> bytes:
         """Bytes of the control table from an address on, measured now."""
         if first + size > _FIRST_MEASURED:
             self._measure()
-        found = bytearray()
+        contents = bytearray()
         for address in range(first, first + size):
-            if address not in _BYTES:
+            if address not in _REGISTER_AT:
                 raise Refused(PacketError.ACCESS)
-            name, shift = _BYTES[address]
-            found.append(self._held[name] >> shift & 0xFF)
-        return bytes(found)
+            name, shift = _REGISTER_AT[address]
+            contents.append(self._values[name] >> shift & 0xFF)
+        return bytes(contents)
 
     def _write(self, first: int, data: bytes) -> None:
         changes = dict(self._changes(first, data))
         if self["hardware_error"] & self["shutdown"] and changes.get("torque"):
             raise Refused(PacketError.RESULT_FAIL)  # only a reboot helps
         self.driven_to()
-        before = self["goal"]
+        old_goal = self["goal"]
         if changes.get("torque") and not self["torque"]:
-            before = round(self.position)
+            old_goal = round(self.position)
             self._trajectory = self.position
-        self._held |= changes
-        if self["torque"] and self["goal"] != before:
-            self.on_move(before, self["goal"])
+        self._values |= changes
+        if self["torque"] and self["goal"] != old_goal:
+            self.on_move(old_goal, self["goal"])
 
     def _changes(self, first: int, data: bytes) -> Iterator[tuple[str, int]]:
-        at = first
-        while at < first + len(data):
-            name, shift = _BYTES.get(at, ("model", 0))
+        address = first
+        while address < first + len(data):
+            name, shift = _REGISTER_AT.get(address, ("model", 0))
             register = REGISTERS[name]
-            if register.span is None or (at in EEPROM and self["torque"]):
+            if register.span is None or (address in EEPROM and self["torque"]):
                 raise Refused(PacketError.ACCESS)
             if shift:
                 raise Refused(PacketError.DATA_LENGTH)
-            part = data[at - first : at - first + register.size]
-            if len(part) < register.size:
+            value_bytes = data[address - first : address - first + register.size]
+            if len(value_bytes) < register.size:
                 raise Refused(PacketError.DATA_LENGTH)
-            value = int.from_bytes(part, "little", signed=register.span[0] < 0)
+            value = int.from_bytes(value_bytes, "little", signed=register.span[0] < 0)
             if not register.span[0] <= value <= register.span[1]:
                 raise Refused(PacketError.DATA_RANGE)
             if name == "goal":
@@ -298,14 +298,14 @@ class Servo(BusServo):
                 if self["mode"] == POSITION_MODE and not limits[0] <= value <= limits[1]:
                     raise Refused(PacketError.DATA_LIMIT)
             yield name, value
-            at += register.size
+            address += register.size
 
-    def _heard_something(self) -> None:
+    def _feed_watchdog(self) -> None:
         now = self.now()
-        limit = self["watchdog"] * _WATCHDOG_UNIT
-        if self["torque"] and 0 < self["watchdog"] < _TRIPPED and now - self._heard > limit:
-            self._held["watchdog"] = _TRIPPED
-        self._heard = now
+        timeout = self["watchdog"] * _WATCHDOG_UNIT
+        if self["torque"] and 0 < self["watchdog"] < _TRIPPED and now - self._heard_at > timeout:
+            self._values["watchdog"] = _TRIPPED
+        self._heard_at = now
 
     def look(self) -> None:
         """Compares temperature and supply with their limits, and fails beyond."""
@@ -320,7 +320,7 @@ class Servo(BusServo):
         miss = self._trajectory - self.position
         drive = max(-1.0, min(1.0, self.torque + _P_GAIN * miss / _PWM_FULL)) * self["torque"]
         on_its_way = bool(self["torque"]) and round(self._trajectory) != self["goal"]
-        self._held |= {
+        self._values |= {
             "tick": int((self.now() - self.switched_on) * 1000) % 32768,
             "moving": int(on_its_way),
             "moving_status": 2 * on_its_way,
@@ -361,13 +361,13 @@ class DynamixelEmulator(BusServos[Servo]):
                 ids = sorted({servo.number for servo in self.servos})
             for number in ids:
                 answers = [servo.answer(packet) for servo in self.called(number)]
-                yield self.at_once([encode(one) for one in answers if one is not None])
+                yield self.at_once([encode(answer) for answer in answers if answer is not None])
 
     def _sync_write(self, parameters: bytes) -> None:
         size = _word(parameters[2:]) if len(parameters) >= 4 else 0
-        for at in range(4, len(parameters), size + 1):
-            data = parameters[at + 1 : at + 1 + size]
-            for servo in self.called(parameters[at]):
+        for start in range(4, len(parameters), size + 1):
+            data = parameters[start + 1 : start + 1 + size]
+            for servo in self.called(parameters[start]):
                 servo.answer(Packet(BROADCAST, Instruction.WRITE, parameters[:2] + data))
 
 

@@ -65,17 +65,17 @@ class FaultSwitch:
             CommandError: There is no such fault here, or none of this number or amount.
         """
         if fault not in self.FAULTS and fault not in self.EVENTS:
-            known = ", ".join([*self.FAULTS, *self.EVENTS])
-            raise CommandError(f"the faults here are {known}, not {fault!r}")
+            names = ", ".join([*self.FAULTS, *self.EVENTS])
+            raise CommandError(f"the faults here are {names}, not {fault!r}")
         numbers = self.numbers(fault)
         if value not in numbers:
             if isinstance(numbers, range):
                 needed = f"a number from {numbers[0]} to {numbers[-1]}"
             else:
                 needed = f"one of the numbers {', '.join(map(str, numbers))}"
-            given = f"not {value}" if value else f"as in {fault}={numbers[-1]}"
+            hint = f"not {value}" if value else f"as in {fault}={numbers[-1]}"
             raise CommandError(
-                f"{fault} needs {needed}, {given}"
+                f"{fault} needs {needed}, {hint}"
                 if numbers[-1]
                 else f"{fault} takes no number; leave out ={value}"
             )

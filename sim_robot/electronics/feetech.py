@@ -41,12 +41,12 @@ _FACTORY: Final = MappingProxyType(
     }
 )
 _PING, _READ, _WRITE, _SYNC_READ, _SYNC_WRITE = 0x01, 0x02, 0x03, 0x82, 0x83
-_EVERYBODY: Final = 0xFE
+_BROADCAST: Final = 0xFE
 _HEADER: Final = b"\xff\xff"
-_LONGEST: Final = 250
-_BROKEN_OFF: Final = 0.02  # s of silence
-_AT_GOAL: Final = 23  # steps, 2°; a servo further away drives with all it has
-_STALL: Final = 2.4  # A
+_MAX_LENGTH: Final = 250
+_MAX_SILENCE: Final = 0.02  # s of silence
+_GOAL_TOLERANCE: Final = 23  # steps, 2°; a servo further away drives with all it has
+_STALL_CURRENT: Final = 2.4  # A
 _CURRENT_UNIT: Final = 0.0065  # A
 
 
@@ -72,8 +72,8 @@ class Servo(BusServo):
         self.memory[ID] = number
         self._kept = bytes(self.memory)
         self.permanent_writes = 0
-        self._overload = False
-        self._last: float = STEPS / 2
+        self._overloaded = False
+        self._last_goal: float = STEPS / 2
         self.power_up()
         self.warm_up()
 
@@ -83,7 +83,7 @@ class Servo(BusServo):
         self.memory[TORQUE:] = bytes(SIZE - TORQUE)
         self.memory[TORQUE_LIMIT : TORQUE_LIMIT + 2] = self.memory[MOST_TORQUE : MOST_TORQUE + 2]
         self.memory[LOCK] = 1
-        self._overload = False
+        self._overloaded = False
         self.set_word(GOAL, round(self.position))
         self.switched_on = self.now()
 
@@ -111,7 +111,7 @@ class Servo(BusServo):
 
     def overload(self) -> None:
         """Makes the servo find itself overloaded."""
-        self._overload = True
+        self._overloaded = True
         self.look()
 
     def send_to(self, position: int) -> None:
@@ -125,19 +125,19 @@ class Servo(BusServo):
 
     def twin(self) -> Servo:
         """Another servo with the same ID, of another model."""
-        other = Servo(self.number)
-        other.memory[BAUD] = self.memory[BAUD]
-        other.memory[3] ^= 0x10
-        other.keep()
-        other.now = self.now
-        other.feel(Felt(self.position + 137, 0.0))
-        return other
+        twin = Servo(self.number)
+        twin.memory[BAUD] = self.memory[BAUD]
+        twin.memory[3] ^= 0x10
+        twin.keep()
+        twin.now = self.now
+        twin.feel(Felt(self.position + 137, 0.0))
+        return twin
 
     def look(self) -> None:
         """Brings status and torque up to date with the servo's condition."""
         low, high = self.memory[LOWEST_VOLTAGE], self.memory[HIGHEST_VOLTAGE]
         status = VOLTAGE * (not low <= self.volts <= high)
-        status |= OVERHEAT * (self.heat > self.memory[HOTTEST]) | OVERLOAD * self._overload
+        status |= OVERHEAT * (self.heat > self.memory[HOTTEST]) | OVERLOAD * self._overloaded
         self.memory[STATUS] = status
         if status & self.memory[SWITCHES_OFF]:
             self.memory[TORQUE] = 0
@@ -150,8 +150,8 @@ class Servo(BusServo):
         if not self.memory[MODE]:
             low, high = self.word(MIN_ANGLE), self.word(MAX_ANGLE)
             goal = self.word(GOAL)
-            self._last = min(max(goal, low), high) if high > low else goal
-        return self._drives(self._last)
+            self._last_goal = min(max(goal, low), high) if high > low else goal
+        return self._drives(self._last_goal)
 
     def answer(self, instruction: int, parameters: bytes, *, asked_alone: bool) -> bytes | None:
         """Acts on an instruction; returns the answer, error first, or ``None`` for no answer."""
@@ -164,8 +164,8 @@ class Servo(BusServo):
                 return status
             case 0x02 if len(parameters) == 2:  # read
                 first, count = parameters
-                found = bytes(self.memory[first : first + count])
-                return status + found.ljust(count, b"\0")
+                contents = bytes(self.memory[first : first + count])
+                return status + contents.ljust(count, b"\0")
             case 0x03 if parameters:  # write
                 self._write(parameters[0], parameters[1:])
                 if asked_alone and self.memory[ANSWERS]:
@@ -173,7 +173,7 @@ class Servo(BusServo):
         return None
 
     def _write(self, first: int, data: bytes) -> None:
-        before = self.driven_to()
+        old_goal = self.driven_to()
         written = range(first, min(first + len(data), POSITION))
         for address, value in zip(written, data, strict=False):
             if address >= PERMANENT[0]:
@@ -182,25 +182,25 @@ class Servo(BusServo):
         if GOAL in written and not self.memory[MODE]:
             self.memory[TORQUE] = 1
         if TORQUE in written:
-            self._overload = False
-        after = self.driven_to()
-        if GOAL in written and after != LIMP:
-            self.on_move(before or self.position, after)
+            self._overloaded = False
+        new_goal = self.driven_to()
+        if GOAL in written and new_goal != LIMP:
+            self.on_move(old_goal or self.position, new_goal)
 
     def _measure(self) -> None:
         """Brings the registers that can only be read up to date."""
         driven = self.driven_to()
         position, torque = self.position, self.torque
-        off = driven - position if driven else 0.0
+        miss = driven - position if driven else 0.0
         load = 0.0 if not driven else torque
-        if abs(off) > _AT_GOAL:
-            load = 1.0 if off > 0 else -1.0
+        if abs(miss) > _GOAL_TOLERANCE:
+            load = 1.0 if miss > 0 else -1.0
         self.set_word(POSITION, round(abs(position)) | (position < 0) << 15)
         self.set_word(LOAD, round(min(abs(load), 1.0) * 1000) | (load < 0) << 10)
         self.memory[VOLTS], self.memory[HEAT] = self.volts, self.heat
-        self.memory[MOVING] = abs(off) > _AT_GOAL
+        self.memory[MOVING] = abs(miss) > _GOAL_TOLERANCE
         drawn = min(abs(torque), 1.0) if driven else 0.0
-        self.set_word(CURRENT, round(drawn * _STALL / _CURRENT_UNIT))
+        self.set_word(CURRENT, round(drawn * _STALL_CURRENT / _CURRENT_UNIT))
 
 
 class FeetechEmulator(BusServos[Servo]):
@@ -213,7 +213,7 @@ class FeetechEmulator(BusServos[Servo]):
 
     def __init__(self, ids: Iterable[int] = (1,), *, baud: int = BAUDS[0]):
         self._buffer = bytearray()
-        self._heard = 0.0
+        self._heard_at = 0.0
         super().__init__(map(Servo, ids))
         for servo in self.servos:
             servo.memory[BAUD] = BAUDS.index(baud)
@@ -222,12 +222,12 @@ class FeetechEmulator(BusServos[Servo]):
     def answers(self, data: bytes) -> Iterator[bytes]:
         """Acts on complete packets and yields the answers; forgets one that was broken off."""
         now = self.servos[0].now()
-        if now - self._heard > _BROKEN_OFF:
+        if now - self._heard_at > _MAX_SILENCE:
             self._buffer.clear()
-        self._heard = now
+        self._heard_at = now
         self._buffer += data
         for packet in self._packets():
-            yield from self._answered(*packet)
+            yield from self._answers_to(*packet)
 
     def _packets(self) -> Iterator[tuple[int, int, bytes]]:
         """Takes the whole packets that came; yields ID, instruction and parameters of each."""
@@ -237,7 +237,7 @@ class FeetechEmulator(BusServos[Servo]):
             if len(buffer) < 4:
                 return
             length = buffer[3]
-            if not 2 <= length <= _LONGEST or buffer[2] == 0xFF:
+            if not 2 <= length <= _MAX_LENGTH or buffer[2] == 0xFF:
                 del buffer[:1]
                 continue
             if len(buffer) < length + 4:
@@ -250,25 +250,25 @@ class FeetechEmulator(BusServos[Servo]):
                 del buffer[:1]
         del buffer[: max(0, len(buffer) - 1)]
 
-    def _answered(self, number: int, instruction: int, parameters: bytes) -> Iterator[bytes]:
+    def _answers_to(self, number: int, instruction: int, parameters: bytes) -> Iterator[bytes]:
         """Answers to a packet, one after another; servos that share an ID answer at once."""
         if instruction == _SYNC_WRITE and len(parameters) >= 2:
             size = parameters[1]
-            for at in range(2, len(parameters) - size, size + 1):
-                for servo in self.called(parameters[at]):
-                    data = parameters[:1] + parameters[at + 1 : at + 1 + size]
+            for start in range(2, len(parameters) - size, size + 1):
+                for servo in self.called(parameters[start]):
+                    data = parameters[:1] + parameters[start + 1 : start + 1 + size]
                     servo.answer(_WRITE, data, asked_alone=False)
             return
-        wanted: Iterable[int] = (number,)
-        alone = number != _EVERYBODY
+        ids: Iterable[int] = (number,)
+        alone = number != _BROADCAST
         if instruction == _SYNC_READ:
-            wanted, instruction, parameters = parameters[2:], _READ, parameters[:2]
+            ids, instruction, parameters = parameters[2:], _READ, parameters[:2]
         elif not alone:
-            wanted = sorted({servo.number for servo in self.servos})
-        for one in wanted:
+            ids = sorted({servo.number for servo in self.servos})
+        for servo_id in ids:
             replies = [
                 _packet(servo.memory[ID], answer)
-                for servo in self.called(one)
+                for servo in self.called(servo_id)
                 if (answer := servo.answer(instruction, parameters, asked_alone=alone)) is not None
             ]
             yield self.at_once(replies)

@@ -110,7 +110,7 @@ class GPIOEmulator(FaultSwitch):
         self._level = level
         self._clock = clock
         self._driven = driven
-        self._next = _FIRST_DESCRIPTOR
+        self._last_descriptor = _FIRST_DESCRIPTOR
         self._files: dict[int, Chip] = {}
         self._lines: dict[int, _Line] = {}
 
@@ -134,8 +134,8 @@ class GPIOEmulator(FaultSwitch):
         """Opens a chip."""
         if path not in self.chips():
             raise _error(errno.ENOENT)
-        self._files[self._take()] = self._chips[path]
-        return self._next
+        self._files[self._new_descriptor()] = self._chips[path]
+        return self._last_descriptor
 
     def close(self, file: int) -> None:
         """Closes a chip, or a line, which is then free."""
@@ -165,7 +165,7 @@ class GPIOEmulator(FaultSwitch):
             case _Requests.LINE_INFO:
                 self._describe(chip, argument)
             case _Requests.GET_LINE:
-                self._give(chip, argument)
+                self._open_line(chip, argument)
             case _:
                 raise _error(errno.EINVAL)
 
@@ -182,7 +182,7 @@ class GPIOEmulator(FaultSwitch):
             *(chip.names.get(offset, "").encode(), consumer.encode(), offset, 0, flags),
         )
 
-    def _give(self, chip: Chip, argument: bytearray) -> None:
+    def _open_line(self, chip: Chip, argument: bytearray) -> None:
         offset, *_ = struct.unpack_from("=64I", argument, 0)
         (consumer,) = struct.unpack_from("=32s", argument, 256)
         flags, attributes = struct.unpack_from("=QI", argument, 288)
@@ -205,10 +205,10 @@ class GPIOEmulator(FaultSwitch):
             raise _error(errno.EBUSY)
         name = consumer.split(b"\0", 1)[0].decode()
         line = _Line(chip, offset, name or "?", flags, high)
-        self._lines[self._take()] = line
+        self._lines[self._new_descriptor()] = line
         if flags & _OUTPUT:
             self._driven(chip.path, offset, high != bool(flags & _ACTIVE_LOW))
-        struct.pack_into("=i", argument, 588, self._next)
+        struct.pack_into("=i", argument, 588, self._last_descriptor)
 
     def _line_request(self, line: _Line, request: int, argument: bytearray) -> None:
         if not line.alive:
@@ -218,7 +218,7 @@ class GPIOEmulator(FaultSwitch):
         if mask != 1:
             raise _error(errno.EINVAL)
         if request == _Requests.GET_VALUES:
-            high = line.high != inverted if line.flags & _OUTPUT else self._sensed(line)
+            high = line.high != inverted if line.flags & _OUTPUT else self._input_is_high(line)
             struct.pack_into("=QQ", argument, 0, int(high != inverted), mask)
         elif request == _Requests.SET_VALUES and line.flags & _OUTPUT:
             line.high = bool(bits & 1)
@@ -226,21 +226,21 @@ class GPIOEmulator(FaultSwitch):
         else:
             raise _error(errno.EPERM if request == _Requests.SET_VALUES else errno.EINVAL)
 
-    def _sensed(self, line: _Line) -> bool:
+    def _input_is_high(self, line: _Line) -> bool:
         """Whether an input is high."""
         if self._faults.get("short") == line.offset:
             return False
-        broken = self._faults.get("broken") == line.offset
-        outside = None if broken else self._level(line.chip.path, line.offset)
-        return bool(line.flags & _PULL_UP) if outside is None else outside
+        is_broken = self._faults.get("broken") == line.offset
+        outside_level = None if is_broken else self._level(line.chip.path, line.offset)
+        return bool(line.flags & _PULL_UP) if outside_level is None else outside_level
 
     def _holder(self, chip: Chip, offset: int) -> _Line | None:
         lines = (one for one in self._lines.values() if one.chip is chip and one.offset == offset)
         return next(lines, None)
 
-    def _take(self) -> int:
-        self._next += 1
-        return self._next
+    def _new_descriptor(self) -> int:
+        self._last_descriptor += 1
+        return self._last_descriptor
 
 
 def _error(number: int) -> OSError:

@@ -51,7 +51,7 @@ class I2CDevice(FaultSwitch, ABC):
         super().__init__()
         self._clock = clock
         self._bus = I2CBus([self], clock)
-        self._begun = 0
+        self._transfers = 0
         self._called = 0  # the address of the message under way
 
     def i2c_rdwr(self, *messages: i2c_msg) -> None:
@@ -63,7 +63,7 @@ class I2CDevice(FaultSwitch, ABC):
 
     def begin(self) -> bool:
         """Called at the beginning of a transfer; returns whether the device takes part in it."""
-        self._begun += 1
+        self._transfers += 1
         return not self._fails("nak")
 
     def heard(self) -> bool:
@@ -92,8 +92,8 @@ class I2CDevice(FaultSwitch, ABC):
 
     def _fails(self, fault: str) -> bool:
         """Whether a fault of every n-th transfer hits this one."""
-        number = self._faults.get(fault)
-        return number is not None and self._begun % max(number, 1) == 0
+        nth = self._faults.get(fault)
+        return nth is not None and self._transfers % max(nth, 1) == 0
 
 
 class I2CBus(FaultSwitch):
@@ -149,8 +149,8 @@ class I2CBus(FaultSwitch):
             raise _error(errno.ETIMEDOUT)
         self._clock.charge(TRANSFER_TIME)
         addresses = {message.addr for message in messages}
-        called = [one for one in self._devices if any(map(one.answers, addresses))]
-        present = [device for device in called if device.begin()]
+        addressed = [device for device in self._devices if any(map(device.answers, addresses))]
+        present = [device for device in addressed if device.begin()]
         try:
             for message in messages:
                 self._carry_out(message, [one for one in present if one.hears(message.addr)])
@@ -167,8 +167,8 @@ class I2CBus(FaultSwitch):
         if not devices:
             raise _error(errno.EREMOTEIO)
         if message.flags & _READ_FLAG:
-            answers = zip(*(device.send(message.len) for device in devices), strict=True)
-            data = bytes(reduce(and_, column) for column in answers)  # each can pull a bit down
+            columns = zip(*(device.send(message.len) for device in devices), strict=True)
+            data = bytes(reduce(and_, column) for column in columns)  # each can pull a bit down
             ctypes.memmove(message.buf, data, len(data))
         elif True not in [device.receive(bytes(message)) for device in devices]:
             raise _error(errno.EREMOTEIO)

@@ -79,7 +79,7 @@ class MPU6050Emulator(I2CDevice):
         self._acceleration = acceleration
         self._address = address
         self._samples = 0
-        self._stuck: int | None = None
+        self._stuck_code: int | None = None
         self.celsius = 28.0
         self.power_cycle()
 
@@ -95,7 +95,7 @@ class MPU6050Emulator(I2CDevice):
         self._registers[_POWER] = _ASLEEP
         self._registers[_WHO_AM_I] = 0x68
         self._pointer = 0
-        self._sampled = -1.0
+        self._sampled_at = -1.0
 
     def restart_dither(self) -> None:
         """Restarts the last bit's noise, so that a repeated observation reads the same."""
@@ -105,7 +105,7 @@ class MPU6050Emulator(I2CDevice):
         """Switches a fault off, or all of them; a stuck axis moves again."""
         super().mend(fault)
         if fault in (None, "stuck_axis"):
-            self._stuck = None
+            self._stuck_code = None
 
     def answers(self, address: int) -> bool:
         """Whether an address is the chip's."""
@@ -151,15 +151,15 @@ class MPU6050Emulator(I2CDevice):
     def _sample(self) -> None:
         now = self._clock.now()
         period = SAMPLE_PERIOD * (1 + self._registers[_SAMPLE_RATE])
-        if self._registers[_POWER] & _ASLEEP or now - self._sampled < period:
+        if self._registers[_POWER] & _ASLEEP or now - self._sampled_at < period:
             return
-        self._sampled = now
+        self._sampled_at = now
         self._samples += 1
         codes = [self._code(axis, value) for axis, value in enumerate(self._acceleration())]
-        stuck = self._faults.get("stuck_axis")
-        if stuck is not None and 0 <= stuck < 3:
-            self._stuck = codes[stuck] if self._stuck is None else self._stuck
-            codes[stuck] = self._stuck
+        stuck_axis = self._faults.get("stuck_axis")
+        if stuck_axis is not None and 0 <= stuck_axis < 3:
+            self._stuck_code = codes[stuck_axis] if self._stuck_code is None else self._stuck_code
+            codes[stuck_axis] = self._stuck_code
         words = [*codes, _word((self.celsius - 36.53) * 340), 0, 0, 0]
         for axis in range(3):
             if self._registers[_STANDBY] & 0x20 >> axis:

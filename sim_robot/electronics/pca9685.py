@@ -38,7 +38,7 @@ _FULL: Final = 0x10
 _LEAST_PRESCALE: Final = 3
 _GENERAL_CALL: Final = 0x00
 _SOFTWARE_RESET: Final = b"\x06"
-_WAKING: Final = 500e-6  # s
+_WAKE_TIME: Final = 500e-6  # s
 
 _INVERT: Final = 0x10
 _CHANGE_AT_ACK: Final = 0x08
@@ -48,7 +48,7 @@ _HIGH: Final = 0x01
 
 _ASLEEP: Final = _AUTO_INCREMENT | _SLEEP | _ALL_CALL
 _AWAKE: Final = _AUTO_INCREMENT | _ALL_CALL
-_OTHERS_TICKS: Final = 307  # where other programs move servos to: 1.5 ms at 50 Hz
+_MOVED_TICKS: Final = 307  # where other programs move servos to: 1.5 ms at 50 Hz
 
 
 class PCA9685Emulator(I2CDevice):
@@ -157,8 +157,8 @@ class PCA9685Emulator(I2CDevice):
         """Gives registers from the pointer on; the ones for all outputs read as zero."""
         data = bytearray()
         for _ in range(count):
-            shown = self._pointer if not _ALL_LED <= self._pointer < _PRESCALE else None
-            data.append(0 if shown is None else self._registers[shown])
+            register = self._pointer if not _ALL_LED <= self._pointer < _PRESCALE else None
+            data.append(0 if register is None else self._registers[register])
             self._advance()
         return bytes(data)
 
@@ -173,7 +173,7 @@ class PCA9685Emulator(I2CDevice):
             return
         for register, written in _written_by_others(event, value):
             self._store(register, written)
-            self._awake_since = -_WAKING  # others wait as long as the data sheet asks
+            self._awake_since = -_WAKE_TIME  # others wait as long as the data sheet asks
         self._end_transfer()
         self._drive()
 
@@ -200,26 +200,26 @@ class PCA9685Emulator(I2CDevice):
 
     def _store_output(self, register: int, value: int) -> None:
         self._writes += 1
-        number = self._faults.get("lost")
-        if number is not None and self._writes % max(number, 1) == 0:
+        nth = self._faults.get("lost")
+        if nth is not None and self._writes % max(nth, 1) == 0:
             return
-        high = (register - _LED0) % 2
-        self._registers[register] = value & 0x1F if high else value
+        is_high_byte = (register - _LED0) % 2
+        self._registers[register] = value & 0x1F if is_high_byte else value
         self._loaded.add(register)
 
     def _store_mode(self, value: int) -> None:
-        before = self._registers[_MODE1]
-        after = value & ~_RESTART | before & (_RESTART | _EXTERNAL_CLOCK)
-        if not before & _SLEEP:
-            after = after & ~_EXTERNAL_CLOCK | before & _EXTERNAL_CLOCK
+        old_mode = self._registers[_MODE1]
+        new_mode = value & ~_RESTART | old_mode & (_RESTART | _EXTERNAL_CLOCK)
+        if not old_mode & _SLEEP:
+            new_mode = new_mode & ~_EXTERNAL_CLOCK | old_mode & _EXTERNAL_CLOCK
         now = self._clock.now()
-        if value & _SLEEP and not before & _SLEEP and any(self._widths()):
-            after |= _RESTART
-        if before & _SLEEP and not value & _SLEEP:
+        if value & _SLEEP and not old_mode & _SLEEP and any(self._widths()):
+            new_mode |= _RESTART
+        if old_mode & _SLEEP and not value & _SLEEP:
             self._awake_since = now
-        elif value & _RESTART and not value & _SLEEP and now - self._awake_since >= _WAKING:
-            after &= ~_RESTART
-        self._registers[_MODE1] = after
+        elif value & _RESTART and not value & _SLEEP and now - self._awake_since >= _WAKE_TIME:
+            new_mode &= ~_RESTART
+        self._registers[_MODE1] = new_mode
 
     def _end_transfer(self) -> None:
         """Clears RESTART if an output was written, in all registers if it changes at each ACK."""
@@ -232,9 +232,9 @@ class PCA9685Emulator(I2CDevice):
 
     def _command(self) -> None:
         """Drives the outputs, and reports what changes."""
-        before = self._pulses
+        old_pulses = self._pulses
         self._drive()
-        for output, (old, new) in enumerate(zip(before, self._pulses, strict=True)):
+        for output, (old, new) in enumerate(zip(old_pulses, self._pulses, strict=True)):
             if old != new:
                 self.on_pulse(output, old, new)
 
@@ -282,6 +282,6 @@ def _written_by_others(event: str, value: int) -> tuple[tuple[int, int], ...]:
             return ((_MODE2, value),)
         case "all_off":
             return ((_ALL_LED + 3, _FULL),)
-    first = _LED0 + 4 * value
-    high = (_FULL, 0, 0) if event == "full_on" else (0, _OTHERS_TICKS & 0xFF, _OTHERS_TICKS >> 8)
-    return tuple(zip(range(first, first + 4), (0, *high), strict=True))
+    first_register = _LED0 + 4 * value
+    pulse = (_FULL, 0, 0) if event == "full_on" else (0, _MOVED_TICKS & 0xFF, _MOVED_TICKS >> 8)
+    return tuple(zip(range(first_register, first_register + 4), (0, *pulse), strict=True))

@@ -11,7 +11,7 @@ from typing import ClassVar, Final
 
 from sim_robot.electronics.fault_switch import FaultSwitch
 
-_LOAD: Final = 2.0  # N, of a gauge that is stuck: a leg's share of a robot's weight
+_STUCK_LOAD: Final = 2.0  # N, of a gauge that is stuck: a leg's share of a robot's weight
 
 
 class Sensors(FaultSwitch):
@@ -39,15 +39,15 @@ class Sensors(FaultSwitch):
         """Numbers that a fault may have: of a gauge, from 1; degrees; or millimetres."""
         if fault in ("deaf", "pressed"):
             return range(1, self._gauges + 1)
-        most = 50 if fault == "too_high" else 45
-        return [*range(-most, 0), *range(1, most + 1)]
+        limit = 50 if fault == "too_high" else 45
+        return [*range(-limit, 0), *range(1, limit + 1)]
 
     def load(self, gauge: int, newtons: float) -> float:
         """Load that a gauge, by its index, feels of a load of so many newtons, N."""
         faults = self.faults
         if faults.get("deaf") == gauge + 1:
             return 0.0
-        return _LOAD if faults.get("pressed") == gauge + 1 else newtons
+        return _STUCK_LOAD if faults.get("pressed") == gauge + 1 else newtons
 
     @property
     def turned(self) -> tuple[float, float]:

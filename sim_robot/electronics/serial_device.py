@@ -139,14 +139,14 @@ class SerialDevice(FaultSwitch, ABC):
 
     def _damage(self, data: bytes) -> bytes:
         drop, corrupt = self._faults.get("drop"), self._faults.get("corrupt")
-        kept = bytearray()
+        arrived = bytearray()
         for byte in data:
             self._bytes_seen += 1
             if drop is not None and self._bytes_seen % max(drop, 1) == 0:
                 continue
             flip = corrupt is not None and self._bytes_seen % max(corrupt, 1) == 0
-            kept.append(byte ^ flip)
-        return bytes(kept)
+            arrived.append(byte ^ flip)
+        return bytes(arrived)
 
 
 class Writes(Protocol):
@@ -168,13 +168,13 @@ class Follower:
     def __init__(self, device: SerialDevice, driver: Writes):
         self._device = device
         self._driver = driver
-        self._lost = 0
+        self._lost_bytes = 0
 
     def __call__(self) -> None:
         """Waits; bytes that never came are waited for only once."""
         written = self._driver.bytes_written
-        self._device.wait_until_read(written - self._lost, _SYNCHRONISE_TIMEOUT)
-        self._lost = written - self._device.bytes_read  # or late: a computer may stand still
+        self._device.wait_until_read(written - self._lost_bytes, _SYNCHRONISE_TIMEOUT)
+        self._lost_bytes = written - self._device.bytes_read  # or late: a computer may stand still
 
 
 def _sweep() -> None:

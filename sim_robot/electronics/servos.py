@@ -50,7 +50,7 @@ class Servos(FaultSwitch):
     def __init__(self, count: int) -> None:
         super().__init__()
         self._count = count
-        self._last: tuple[int, ...] = ()
+        self._last_driven: tuple[int, ...] = ()
         self._stuck: dict[str, int] = {}  # count when the fault began, by fault
 
     def numbers(self, fault: str) -> Sequence[int]:
@@ -62,20 +62,20 @@ class Servos(FaultSwitch):
         driven = list(pulses)
         faults = self.faults
         _swap(driven, faults)
-        self._stuck = {name: at for name, at in self._stuck.items() if name in faults}
+        self._stuck = {name: count for name, count in self._stuck.items() if name in faults}
         for name, play in (("jammed", 0.0), ("blocked", _PLAY)):
             if name in faults:
                 servo = faults[name] - 1
-                at = self._stuck.setdefault(name, (self._last or driven)[servo])
-                if at and driven[servo]:
-                    room = round(play * at)
-                    driven[servo] = min(max(driven[servo], at - room), at + room)
+                count = self._stuck.setdefault(name, (self._last_driven or driven)[servo])
+                if count and driven[servo]:
+                    room = round(play * count)
+                    driven[servo] = min(max(driven[servo], count - room), count + room)
                 elif name == "jammed":
-                    driven[servo] = at
+                    driven[servo] = count
         if "dead" in faults:
             driven[faults["dead"] - 1] = 0
-        self._last = tuple(driven)
-        return self._last
+        self._last_driven = tuple(driven)
+        return self._last_driven
 
     def turned(self, index: int, angle: float) -> float:
         """Angle to which a servo, by its index, brings its joint if told ``angle``, rad."""
@@ -103,17 +103,17 @@ class Servos(FaultSwitch):
             felt: What the world has at each joint; where a joint is held, without the torque with
                 which its servo pushes in vain.
         """
-        found, faults = list(felt), self.faults
-        _swap(found, faults)
+        measured, faults = list(felt), self.faults
+        _swap(measured, faults)
         for name in ("jammed", "blocked"):
             servo = faults.get(name, 0) - 1
-            if servo >= 0 and pulses[servo] and abs(pulses[servo] - found[servo].position) > 1:
-                push = 1.0 if pulses[servo] > found[servo].position else -1.0
-                found[servo] = found[servo]._replace(torque=push)
+            if servo >= 0 and pulses[servo] and abs(pulses[servo] - measured[servo].position) > 1:
+                torque = 1.0 if pulses[servo] > measured[servo].position else -1.0
+                measured[servo] = measured[servo]._replace(torque=torque)
         if "dead" in faults:
             servo = faults["dead"] - 1
-            found[servo] = found[servo]._replace(torque=0.0)
-        return found
+            measured[servo] = measured[servo]._replace(torque=0.0)
+        return measured
 
 
 def _swap(outputs: list[Any], faults: Mapping[str, int]) -> None:

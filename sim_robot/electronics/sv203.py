@@ -29,7 +29,7 @@ _FIRST_POSITION: Final = 51  # RAM cell of servo 1's count
 _EEPROM_SIZE: Final = 8191
 _MAX_BUFFER: Final = 256  # longer lines are long since void
 _TOKEN: Final = re.compile(r"[ ,]*(?:(\?)|([A-Z]{1,2}) *(-?[0-9]{1,6})?(?: +(-?[0-9]{1,6}))?)")
-_OTHERS_COUNT: Final = 200  # where the fault "moved" sends an output
+_MOVED_COUNT: Final = 200  # where the fault "moved" sends an output
 
 
 class Board:
@@ -79,9 +79,9 @@ class Board:
 
     def _execute(self, line: str) -> bytes:
         replies = []
-        at = 0
-        while (token := _TOKEN.match(line, at)) is not None:
-            at = token.end()
+        start = 0
+        while (token := _TOKEN.match(line, start)) is not None:
+            start = token.end()
             name = token[1] or token[2]
             handler, *limits = self._COMMANDS.get(name, (None,))
             if handler is None:
@@ -121,10 +121,10 @@ class Board:
         self.pulses = tuple(self._counts)
 
     def _set(self, servo: int, count: int) -> None:
-        before = self._counts[servo - 1]
+        old_count = self._counts[servo - 1]
         self.place(servo, count)
-        if count != before:
-            self.on_move(servo, before, count)
+        if count != old_count:
+            self.on_move(servo, old_count, count)
 
     def _delay(self, milliseconds: int) -> None:
         """Does nothing: the emulated processor has no time of its own."""
@@ -216,7 +216,7 @@ class SV203Emulator(SerialDevice):
         {
             "brown_out": "the supply of board n dips, of all without a number: servos jump to "
             "neutral, the board is deselected",
-            "moved": f"another program on the line sends output n to count {_OTHERS_COUNT}",
+            "moved": f"another program on the line sends output n to count {_MOVED_COUNT}",
         }
     )
 
@@ -235,8 +235,8 @@ class SV203Emulator(SerialDevice):
         Args:
             on_move: Called with output, count before and count after.
         """
-        for first, board in zip(count(0, OUTPUTS), self._boards.values(), strict=False):
-            board.on_move = partial(_shifted, on_move, first)
+        for offset, board in zip(count(0, OUTPUTS), self._boards.values(), strict=False):
+            board.on_move = partial(_report_move, on_move, offset)
 
     def numbers(self, fault: str) -> Sequence[int]:
         """Numbers of a fault: of a brown-out a board's, or 0 for all; of a move an output's."""
@@ -268,21 +268,21 @@ class SV203Emulator(SerialDevice):
         if event == "brown_out":
             self.power_cycle(value)
             return
-        row, servo = divmod(value - 1, OUTPUTS)
+        board_index, servo = divmod(value - 1, OUTPUTS)
         with self._changed:
-            tuple(self._boards.values())[row].place(servo + 1, _OTHERS_COUNT)
+            tuple(self._boards.values())[board_index].place(servo + 1, _MOVED_COUNT)
 
     def _damage_reply(self, reply: bytes) -> bytes:
         if "mute" in self._faults:
             return b""
-        every = self._faults.get("garbage")
-        if every is None:
+        nth = self._faults.get("garbage")
+        if nth is None:
             return reply
         self._replies += 1
-        return reply if self._replies % max(every, 1) else b"~" + reply[1:]
+        return reply if self._replies % max(nth, 1) else b"~" + reply[1:]
 
 
-def _shifted(
+def _report_move(
     on_move: Callable[[int, int, int], None], first: int, servo: int, before: int, after: int
 ) -> None:
     """Reports the move of a servo by its output."""

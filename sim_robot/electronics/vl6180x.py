@@ -19,18 +19,18 @@ from sim_robot.electronics.i2c_bus import I2CDevice
 
 _SIZE: Final = 0x300
 _OVERHEAD_TIME: Final = 7.5e-3  # s; preparation and read-out
-_NEAR_TIME: Final = 1e-3  # s; convergence at no distance
-_SLOWEST: Final = 49e-3  # s; convergence without a target in reach, as set by a reset
-_RATE: Final = 20.0  # Mcps returned at no distance
+_LEAST_CONVERGENCE: Final = 1e-3  # s; convergence at no distance
+_LONGEST_CONVERGENCE: Final = 49e-3  # s; convergence without a target in reach, as set by a reset
+_NEAR_RATE: Final = 20.0  # Mcps returned at no distance
 
 _COUNTS: Final = 0x06C
 _COUNTS_SIZE: Final = 24
 _READ_ONLY: Final = frozenset({0x000, 0x04D, 0x04F, 0x062, *range(_COUNTS, _COUNTS + _COUNTS_SIZE)})
 
-_EARLY: Final = 6
+_EARLY_CONVERGENCE: Final = 6
 _NO_CONVERGENCE: Final = 7
-_IGNORED: Final = 8
-_UNDERFLOW: Final = 12
+_RANGE_IGNORED: Final = 8
+_RANGE_UNDERFLOW: Final = 12
 
 _START: Final = 0x018
 _OFFSET: Final = 0x024
@@ -39,7 +39,7 @@ _SCALER: Final = 0x096
 _NO_SCALING: Final = 253
 _IN_TURN: Final = 0x2A3
 
-_AT_RESET: Final = {
+_RESET_VALUES: Final = {
     0x000: 0xB4, 0x016: 0x01, 0x01B: 0xFF, 0x01C: 0x31, 0x021: 0x14, 0x02C: 0xA0, 0x02D: 0x11,
     0x03A: 0xFF, 0x03B: 0xFF, 0x04D: 0x01, 0x119: 0x01,
 }  # fmt: skip
@@ -111,7 +111,7 @@ class VL6180XEmulator(I2CDevice):
         """Resets the sensor: every setting is lost."""
         self.address = 0x29
         self._registers = bytearray(_SIZE)
-        for register, value in _AT_RESET.items():
+        for register, value in _RESET_VALUES.items():
             self._registers[register] = value
         self._registers[_OFFSET] = self._factory_offset & 0xFF
         self._used = bytes(self._registers)  # by the measurement under way
@@ -176,16 +176,16 @@ class VL6180XEmulator(I2CDevice):
         if not self._registers[0x017]:  # else settings are held back
             self._used = bytes(self._registers)
         distance = self._distance()
-        longest = self._used[0x01C] / 1000
-        convergence = min(longest, self._convergence(distance))
+        max_convergence = self._used[0x01C] / 1000
+        convergence = min(max_convergence, self._convergence(distance))
         self._done_at = self._clock.now() + _OVERHEAD_TIME + convergence
         self._result = self._measure(distance)
         self._registers[0x04D] = 0x00
 
     def _convergence(self, distance: float | None) -> float:
         if distance is None or distance > self._reach:
-            return _SLOWEST
-        return _NEAR_TIME + max(distance, 0.0) / self._reach * _SLOWEST / 2
+            return _LONGEST_CONVERGENCE
+        return _LEAST_CONVERGENCE + max(distance, 0.0) / self._reach * _LONGEST_CONVERGENCE / 2
 
     def _measure(self, distance: float | None) -> tuple[int, int, bytes]:
         """Error code, value and photon counts of a measurement."""
@@ -200,7 +200,7 @@ class VL6180XEmulator(I2CDevice):
     def _see(self, distance: float | None) -> tuple[int, int]:
         if "error" in self._faults:
             return self._faults["error"] & 0x0F, 255
-        if distance is None or (error := self._obstacle(distance)):
+        if distance is None or (error := self._range_error(distance)):
             return (_NO_CONVERGENCE if distance is None else error), 255
         used = self._used
         scaler = int.from_bytes(used[_SCALER : _SCALER + 2], "big") or _NO_SCALING
@@ -208,18 +208,18 @@ class VL6180XEmulator(I2CDevice):
         value = (distance - self._factory_offset) * scaler / _NO_SCALING + offset
         if any(used[register] != wanted for register, wanted in {**_MANDATORY, **_NEUTRAL}.items()):
             value *= 0.8
-        return (_UNDERFLOW, 0) if value < -0.5 else (0, min(255, round(value)))
+        return (_RANGE_UNDERFLOW, 0) if value < -0.5 else (0, min(255, round(value)))
 
-    def _obstacle(self, distance: float) -> int:
+    def _range_error(self, distance: float) -> int:
         """Why a target at a distance cannot be measured, an error code, or 0."""
         used = self._used
-        rate = _RATE * (1 - max(distance, 0.0) / 255)
+        rate = _NEAR_RATE * (1 - max(distance, 0.0) / 255)
         checks, estimate, threshold = used[0x02D], _mcps(used[0x022:]), _mcps(used[0x026:])
         if checks & 0x01 and rate < estimate:
-            return _EARLY
+            return _EARLY_CONVERGENCE
         if distance > self._reach or self._convergence(distance) > used[0x01C] / 1000:
             return _NO_CONVERGENCE
-        return _IGNORED if checks & 0x02 and rate < threshold else 0
+        return _RANGE_IGNORED if checks & 0x02 and rate < threshold else 0
 
     def _count(self) -> bytes:
         """Photon counts, which are never the same twice; only that they differ is modelled."""

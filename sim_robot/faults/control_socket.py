@@ -33,12 +33,12 @@ from robot.errors import CommandError
 from sim_robot.errors import FaultError
 from sim_robot.faults.fault_panel import FaultPanel, FaultSpec
 
-_IPC: Final = "ipc://"
+_IPC_PREFIX: Final = "ipc://"
 _MAX_REQUEST: Final = 65536  # bytes of a line
 _MAX_OPEN: Final = 64  # connections whose request has not come yet
 _MAX_ACCEPTED: Final = 16  # connections before those that are open are read
 _BACKLOG: Final = 1024  # connections in the kernel's queue; one that it drops comes again after 1 s
-_TIMEOUT: Final = 10.0  # s that a client waits for an answer
+_ANSWER_TIMEOUT: Final = 10.0  # s that a client waits for an answer
 
 
 class FaultSocket(Closable):
@@ -83,9 +83,9 @@ class FaultSocket(Closable):
         self._thread.join()
         self._waker.close()
         self._listener.close()
-        if self.endpoint.startswith(_IPC):
+        if self.endpoint.startswith(_IPC_PREFIX):
             with suppress(FileNotFoundError):
-                os.unlink(self.endpoint.removeprefix(_IPC))
+                os.unlink(self.endpoint.removeprefix(_IPC_PREFIX))
 
     def _run(self) -> None:
         with self._selector:
@@ -194,7 +194,7 @@ class FaultClient:
         family, address = _address(self._uri)
         try:
             with socket.socket(family, socket.SOCK_STREAM) as connection:
-                connection.settimeout(_TIMEOUT)
+                connection.settimeout(_ANSWER_TIMEOUT)
                 connection.connect(address)
                 with connection.makefile("rwb") as stream:
                     stream.write(json.dumps(request).encode() + b"\n")
@@ -212,14 +212,14 @@ class FaultClient:
 
 def _address(uri: str) -> tuple[socket.AddressFamily, Any]:
     """The family and address of a socket on this computer."""
-    if uri.startswith(_IPC) and uri != _IPC:
-        return socket.AF_UNIX, uri.removeprefix(_IPC)
-    place = Endpoint.parse(uri)
-    if not place.is_loopback:
+    if uri.startswith(_IPC_PREFIX) and uri != _IPC_PREFIX:
+        return socket.AF_UNIX, uri.removeprefix(_IPC_PREFIX)
+    endpoint = Endpoint.parse(uri)
+    if not endpoint.is_loopback:
         raise FaultError(
             f"Other computers can reach {uri}; write ipc://PATH or tcp://127.0.0.1:PORT."
         )
-    return (socket.AF_INET6 if place.is_ipv6 else socket.AF_INET), (place.host, place.port)
+    return (socket.AF_INET6 if endpoint.is_ipv6 else socket.AF_INET), (endpoint.host, endpoint.port)
 
 
 def _listening(uri: str) -> tuple[socket.socket, str]:

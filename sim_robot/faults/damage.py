@@ -44,21 +44,21 @@ class Damage(FaultSwitch):
 
     def __init__(self, body: Body, damaged: Callable[[Body, str, int, float], Body]) -> None:
         super().__init__()
-        self._whole = body
+        self._undamaged = body
         self._damaged = damaged
-        self._done: dict[str, tuple[int, float]] = {}
+        self._applied: dict[str, tuple[int, float]] = {}
 
     def numbers(self, fault: str) -> Sequence[int]:
         """Numbers of the motors, from 1."""
-        return range(1, len(self._whole.motors) + 1)
+        return range(1, len(self._undamaged.motors) + 1)
 
     def new_body(self) -> Body | None:
         """The body with its damages; ``None`` if these have not changed since the last call."""
-        wanted = {fault: (number, self.amount(fault)) for fault, number in self.faults.items()}
-        if wanted == self._done:
+        damages = {fault: (number, self.amount(fault)) for fault, number in self.faults.items()}
+        if damages == self._applied:
             return None
-        self._done = wanted
-        body = self._whole
-        for fault, (number, amount) in wanted.items():
+        self._applied = damages
+        body = self._undamaged
+        for fault, (number, amount) in damages.items():
             body = self._damaged(body, fault, number, amount)
         return body

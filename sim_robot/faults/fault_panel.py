@@ -61,9 +61,9 @@ DEVICES: Final[Mapping[str, type[FaultSwitch]]] = MappingProxyType(
 
 KNOWN: Final[Mapping[str, str]] = MappingProxyType(
     {
-        f"{device}.{fault}": what
+        f"{device}.{fault}": effect
         for device, kind in DEVICES.items()
-        for fault, what in {**kind.FAULTS, **kind.EVENTS}.items()
+        for fault, effect in {**kind.FAULTS, **kind.EVENTS}.items()
     }
 )
 """Every fault and what it does."""
@@ -149,8 +149,8 @@ def check_name(name: str) -> str:
         FaultError: There is no such fault; the message names one that is spelt like it, or all.
     """
     if name not in KNOWN:
-        near = difflib.get_close_matches(name, KNOWN, n=1)
-        hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(KNOWN)}."
+        similar = difflib.get_close_matches(name, KNOWN, n=1)
+        hint = f"did you mean {similar[0]}?" if similar else f"known are {', '.join(KNOWN)}."
         raise FaultError(f"There is no fault {name!r}: {hint}")
     return name
 
@@ -172,7 +172,7 @@ class FaultPanel:
         self._now = now
         self._lock = threading.RLock()
         self._waiting: list[FaultSpec] = []
-        self._ending: list[tuple[Span, FaultSpec]] = []  # end, in absolute terms, and fault
+        self._endings: list[tuple[Span, FaultSpec]] = []  # end, in absolute terms, and fault
         self._timers: list[threading.Timer] = []
 
     def order(self, spec: FaultSpec) -> None:
@@ -189,7 +189,7 @@ class FaultPanel:
             raise FaultError(f"{spec.device}.{error}.") from None
         with self._lock:
             self._waiting.append(spec)
-            self._look()
+            self._apply_due()
 
     def mend(self, name: str | None = None) -> None:
         """Ends a fault, or all of them; also those that have not begun.
@@ -200,8 +200,8 @@ class FaultPanel:
         if name is not None:
             check_name(name)
         with self._lock:
-            self._waiting = [s for s in self._waiting if name not in (None, s.name)]
-            self._ending = [item for item in self._ending if name not in (None, item[1].name)]
+            self._waiting = [spec for spec in self._waiting if name not in (None, spec.name)]
+            self._endings = [item for item in self._endings if name not in (None, item[1].name)]
             for device, switch in self._devices.items():
                 for fault in switch.faults:
                     if name in (None, f"{device}.{fault}"):
@@ -222,30 +222,30 @@ class FaultPanel:
 
     def advance(self) -> None:
         """Injects and mends what is due; called when robot time has advanced."""
-        if self._waiting or self._ending:
+        if self._waiting or self._endings:
             with self._lock:
-                self._look()
+                self._apply_due()
 
     def begin_interaction(self) -> None:
         """Counts interactions; called when one begins, in the zero pose."""
         with self._lock:
             self.interactions += 1
-            self._look()
+            self._apply_due()
 
     def close(self) -> None:
         """Cancels the faults that have not begun, and the ends of the others."""
         with self._lock:
             self._waiting.clear()
-            self._ending.clear()
+            self._endings.clear()
             for timer in self._timers:
                 timer.cancel()
 
-    def _look(self) -> None:
+    def _apply_due(self) -> None:
         for spec in [spec for spec in self._waiting if self._reached(spec.start)]:
             self._waiting.remove(spec)
             self._begin(spec)
-        for item in [item for item in self._ending if self._reached(item[0])]:
-            self._ending.remove(item)
+        for item in [item for item in self._endings if self._reached(item[0])]:
+            self._endings.remove(item)
             self._devices[item[1].device].mend(item[1].fault)
 
     def _reached(self, when: Span | None) -> bool:
@@ -255,16 +255,16 @@ class FaultPanel:
         return reached >= when.amount
 
     def _begin(self, spec: FaultSpec) -> None:
-        device = self._devices[spec.device]
-        device.inject(spec.fault, spec.value, spec.amount)
-        length = spec.duration
-        if length is None:
+        switch = self._devices[spec.device]
+        switch.inject(spec.fault, spec.value, spec.amount)
+        duration = spec.duration
+        if duration is None:
             return
-        if length.unit == "w":
-            timer = threading.Timer(length.amount, device.mend, [spec.fault])
+        if duration.unit == "w":
+            timer = threading.Timer(duration.amount, switch.mend, [spec.fault])
             timer.daemon = True
             self._timers = [t for t in self._timers if t.is_alive()] + [timer]
             timer.start()
         else:
-            start = self.interactions if length.unit == "i" else self._now()
-            self._ending.append((Span(start + length.amount, length.unit), spec))
+            start = self.interactions if duration.unit == "i" else self._now()
+            self._endings.append((Span(start + duration.amount, duration.unit), spec))

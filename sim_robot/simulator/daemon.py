@@ -129,9 +129,9 @@ def emulation(
     """
     with ExitStack() as stack:
         if own is not None:
-            body, otherwise = fitted(body, own)
+            body, fit_notes = fitted(body, own)
             boards: ElectronicsSet = OwnSet(body, own)
-            for note in (*otherwise, *boards.notes):
+            for note in (*fit_notes, *boards.notes):
                 log.warning("%s", note)
         else:
             boards = SETS[electronics](body)
@@ -149,19 +149,19 @@ def emulation(
 
         def advance(time: float) -> None:
             panel.advance()
-            if (changed := damage.new_body()) is not None:
-                world.become(changed)
+            if (new_body := damage.new_body()) is not None:
+                world.become(new_body)
             wiring.drive(boards.pulses())
             world.advance_to(time)
             boards.feel(lambda: wiring.servos.feel(boards.pulses(), wiring.felt()))
 
         clock = RealTimeClock(advance) if real_time else VirtualClock(advance)
-        host = HostClock(clock)
+        host_clock = HostClock(clock)
         boards.connect(wiring, clock)
         switches = {"servos": wiring.servos, "sensors": wiring.sensors, "body": damage}
-        panel = FaultPanel({**boards.switches, **switches, "clock": host}, host.now)
+        panel = FaultPanel({**boards.switches, **switches, "clock": host_clock}, host_clock.now)
         stack.callback(panel.close)
-        buses = boards.buses(host)
+        buses = boards.buses(host_clock)
         devices = open_devices(config, buses)
         stack.callback(devices.close)
         clock.synchronise = boards.follow(devices.servos)
@@ -173,7 +173,7 @@ def emulation(
             truth=truth,
             buses=buses,
             devices=devices,
-            clock=host,
+            clock=host_clock,
             real_time=real_time,
             noise=noise,
             body=body,
@@ -187,9 +187,9 @@ def switch_on(parts: Emulation, log: logging.Logger) -> None:
     """Puts joints whose servos are off at 0°, and switches them on, as a person would."""
     joints, servos = parts.config.joints, parts.devices.servos
     counts = servos.read_counts([joint.output for joint in joints])
-    off = {joint.output: joint.quantise(0.0) for joint in joints if not counts[joint.output]}
-    if off:
-        servos.set_counts(off)
+    off_counts = {joint.output: joint.quantise(0.0) for joint in joints if not counts[joint.output]}
+    if off_counts:
+        servos.set_counts(off_counts)
         parts.world.lay_down()
         log.info("the servos were off; the operator put every joint at 0° and switched them on")
 

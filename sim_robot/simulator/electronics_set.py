@@ -40,7 +40,7 @@ REACH_MM: Final = int(1000 * (REACH + RECESS))
 ENCODER: Final = math.radians(0.05)
 """Error of a measured angle, rad: an emulated encoder of 4096 steps has neither noise nor play."""
 
-_SPARE: Final = 2 / 255
+_SPARE_SHARE: Final = 2 / 255
 """Share of the counts beyond each limit of a joint."""
 
 
@@ -128,7 +128,7 @@ def configuration(
         turn: Angle that a servo turns over all its counts, rad, if known: the middle count is 0.
     """
     counts = servos.counts
-    spare = int(len(counts) * _SPARE)
+    spare = int(len(counts) * _SPARE_SHARE)
     ends = counts[0] + spare, counts[-1] - spare
 
     def scale(motor: Motor) -> JointScale:

@@ -57,9 +57,9 @@ from sim_robot.simulator.wiring import Wiring
 from sim_robot.world.body import Body, load_body, shipped_bodies
 from sim_robot.world.sensor_noise import NoiseLevels
 
-_SIZE: Final = 2e-3  # m by which a main body may differ from the file without a word
-_MASS: Final = 0.05  # kg by which its mass may differ without a word, or
-_SHARE: Final = 0.05  # this share of its mass
+_SIZE_TOLERANCE: Final = 2e-3  # m by which a main body may differ from the file without a word
+_MASS_TOLERANCE: Final = 0.05  # kg by which its mass may differ without a word, or
+_MASS_SHARE: Final = 0.05  # this share of its mass
 
 
 class OwnSet(ElectronicsSet):
@@ -77,9 +77,9 @@ class OwnSet(ElectronicsSet):
 
     def __init__(self, body: Body, config: RobotConfig) -> None:
         super().__init__(body)
-        self._said: list[str] = []
+        self._stand_in_notes: list[str] = []
         self._config = self._with_stand_ins(config)
-        self.notes = tuple(self._said)
+        self.notes = tuple(self._stand_in_notes)
         self._switches: dict[str, FaultSwitch] = {}
         self._pwm: list[PCA9685Emulator] = []
         self._serial: SV203Emulator | BusServos[Any] | None = None
@@ -142,7 +142,7 @@ class OwnSet(ElectronicsSet):
             sensor = VL6180XEmulator(wiring.distance_mm, clock, reach_mm=REACH_MM)
             devices[finder.bus].append(sensor)
             self._switches["distance"] = sensor
-        self._i2c = {number: I2CBus(found, clock) for number, found in devices.items()}
+        self._i2c = {number: I2CBus(bus_devices, clock) for number, bus_devices in devices.items()}
         for bus in list(self._i2c.values())[:1]:
             self._switches["i2c"] = bus
         self._connect_lines(clock)
@@ -152,8 +152,8 @@ class OwnSet(ElectronicsSet):
 
         def port(path: str, baud: int) -> Any:
             servos = self._config.servos
-            ours = self._serial if path == getattr(servos, "port", None) else None
-            return open_serial(ours.port if ours is not None else path, baud)
+            emulator = self._serial if path == getattr(servos, "port", None) else None
+            return open_serial(emulator.port if emulator is not None else path, baud)
 
         return Buses(
             clock=clock,
@@ -165,8 +165,8 @@ class OwnSet(ElectronicsSet):
 
     def pulses(self) -> Sequence[int]:
         """The count of each joint, in the file's order."""
-        held = self._held()
-        return [held[joint.output] for joint in self._config.joints]
+        counts = self._counts_by_output()
+        return [counts[joint.output] for joint in self._config.joints]
 
     def feel(self, find: Callable[[], Sequence[Felt]]) -> None:
         """Tells servos that answer where the world has their joints."""
@@ -189,7 +189,7 @@ class OwnSet(ElectronicsSet):
         if self._serial is not None:
             self._serial.close()
 
-    def _held(self) -> Mapping[int, int]:
+    def _counts_by_output(self) -> Mapping[int, int]:
         """The count at each output."""
         servos = self._config.servos
         if self._stand_in is not None:
@@ -239,12 +239,12 @@ class OwnSet(ElectronicsSet):
         """The configuration with stand-ins for the drivers that there is no emulator of."""
         servos, daq, distance = config.servos, config.daq, config.distance
         tilt = config.accelerometer
-        known = SV203Settings | PCA9685Settings | FeetechSettings | DynamixelSettings
-        if not isinstance(servos, known):
-            self._say("servos", servos.name)
+        emulated = SV203Settings | PCA9685Settings | FeetechSettings | DynamixelSettings
+        if not isinstance(servos, emulated):
+            self._note_stand_in("servos", servos.name)
             servos = cast(ServoSettings, StandInServos(servos))
         if daq is not None and not isinstance(daq, DMM32Settings | ADS1115Settings):
-            self._say("daq", daq.name)
+            self._note_stand_in("daq", daq.name)
             daq = cast(BoardSettings, StandInBoard(daq, self._volts))
         if tilt is not None and not isinstance(tilt, MPU6050Settings | AnalogueAxes):
             tilt = self._sensor("accelerometer", tilt, Wiring.gravity)
@@ -274,12 +274,12 @@ class OwnSet(ElectronicsSet):
     def _sensor(
         self, table: str, settings: SensorSettings, read: Callable[[Wiring], Any]
     ) -> SensorSettings:
-        self._say(table, settings.name)
+        self._note_stand_in(table, settings.name)
         sensor = StandInSensor(f"stand-in for {settings.name}", lambda: read(self._wiring))
         return cast(SensorSettings, sensor)
 
-    def _say(self, table: str, name: str) -> None:
-        self._said.append(
+    def _note_stand_in(self, table: str, name: str) -> None:
+        self._stand_in_notes.append(
             f"[{table}]: there is no emulator of the {brief(name)}: a stand-in gives what the "
             "contract of its driver promises, and the driver itself is not rehearsed"
         )
@@ -333,21 +333,21 @@ def fitted(body: Body, config: RobotConfig) -> tuple[Body, list[str]]:
 
 
 def _with_joints(number: int) -> str:
-    found = [
+    names = [
         name for name, path in shipped_bodies().items() if len(load_body(path).motors) == number
     ]
-    return f" (with as many comes {', '.join(found)})" if found else ""
+    return f" (with as many comes {', '.join(names)})" if names else ""
 
 
 def _differences(body: Body, config: RobotConfig) -> Iterator[str]:
     """Sentences on what the file, and so the robot, says otherwise than the body."""
-    sizes = zip(body.base_size, config.body.size, strict=True)
-    if any(abs(one - other) > _SIZE for one, other in sizes):
-        both = body.base_size, config.body.size
-        true, said = (" x ".join(f"{1000 * metres:.0f}" for metres in size) for size in both)
+    extents = zip(body.base_size, config.body.size, strict=True)
+    if any(abs(one - other) > _SIZE_TOLERANCE for one, other in extents):
+        sizes = body.base_size, config.body.size
+        true, said = (" x ".join(f"{1000 * metres:.0f}" for metres in size) for size in sizes)
         yield f"the main body is {true} mm in the URDF and {said} mm in robot.toml"
     mass, said_mass = body.base_mass, config.body.mass
-    if abs(mass - said_mass) > max(_MASS, _SHARE * mass):
+    if abs(mass - said_mass) > max(_MASS_TOLERANCE, _MASS_SHARE * mass):
         yield f"the main body has {mass:.3g} kg in the URDF and {said_mass:.3g} kg in robot.toml"
     if body.lies_flat != config.body.lies_flat:
         words = {True: "lies flat", False: "stands"}
@@ -367,29 +367,29 @@ def _from(volts: Callable[[int], float], first: int) -> Callable[[int], float]:
 
 def _in_chip_axes(mounting: Sequence[str], along: Sequence[float]) -> list[float]:
     """Acceleration along a chip's own x, y, z, mounted so that these point forward, left and up."""
-    felt = [0.0] * 3
+    acceleration = [0.0] * 3
     for axis, value in zip(mounting, along, strict=True):
-        felt["xyz".index(axis[-1])] = -value if axis.startswith("-") else value
-    return felt
+        acceleration["xyz".index(axis[-1])] = -value if axis.startswith("-") else value
+    return acceleration
 
 
 def _chips(places: Sequence[LinePlace]) -> Iterator[Chip]:
     """Chips that have the lines at some places, by device file, label, number and name."""
     numbers = count()
-    taken = {place.chip for place in places}
-    for called in dict.fromkeys(place.chip for place in places):
-        path = called
-        if not called.startswith("/"):
-            path = next(one for n in numbers if (one := f"/dev/gpiochip{n}") not in taken)
-        lines = [place.line for place in places if place.chip == called]
+    taken_paths = {place.chip for place in places}
+    for chip_name in dict.fromkeys(place.chip for place in places):
+        path = chip_name
+        if not chip_name.startswith("/"):
+            path = next(one for n in numbers if (one := f"/dev/gpiochip{n}") not in taken_paths)
+        lines = [place.line for place in places if place.chip == chip_name]
         free = (number for number in range(LINES) if number not in lines)
         names = dict(zip(free, (line for line in lines if isinstance(line, str)), strict=False))
-        yield Chip(path=path, label=called if path != called else "emulated", names=names)
+        yield Chip(path=path, label=chip_name if path != chip_name else "emulated", names=names)
 
 
 def _line_of(chips: Sequence[Chip], place: LinePlace) -> tuple[str, int]:
     """The path of the chip, and the number of the line, that a place means."""
-    (chip,) = (one for one in chips if place.chip in (one.path, one.label))
+    (chip,) = (chip for chip in chips if place.chip in (chip.path, chip.label))
     if isinstance(place.line, int):
         return chip.path, place.line
     return chip.path, next(n for n, name in chip.names.items() if name == place.line)

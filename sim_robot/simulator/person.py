@@ -45,10 +45,10 @@ PLATE_MM: Final = 150
 WEIGHT_G: Final = 200
 STAND: Final = 2.0  # m
 
-_EVERY: Final = 40  # counts between measured angles
-_APART: Final = 10  # counts below which two angles say little
-_STEEPEST: Final = 0.9  # degrees a count; no servo turns further
-_STILL: Final = 0.5  # s until what was moved by hand, or by a servo, is still
+_SPACING: Final = 40  # counts between measured angles
+_MIN_SPACING: Final = 10  # counts below which two angles say little
+_MAX_SLOPE: Final = 0.9  # degrees a count; no servo turns further
+_SETTLING_TIME: Final = 0.5  # s until what was moved by hand, or by a servo, is still
 _CREEPING: Final = 0.05  # degrees in that time
 
 _UP: Final = MappingProxyType(
@@ -87,7 +87,7 @@ class SimulatedPerson:
         self._clock = parts.clock
         self._rng = np.random.default_rng(seed)
         self._echo = echo
-        self._placed = 0
+        self._placements = 0
         self._counts = parts.config.servos.counts
         self._joint = _Joint(self._counts)
         self._answers: tuple[tuple[str, Callable[[re.Match[str]], str]], ...] = (
@@ -118,8 +118,8 @@ class SimulatedPerson:
         Raises:
             AbandonedError: This person was refused; the file has what was measured before.
         """
-        config, before = with_calibration(self._parts.config, file)
-        calibrate(config, before, devices, clock=self._clock, terminal=self, file=file, only=only)
+        config, stored = with_calibration(self._parts.config, file)
+        calibrate(config, stored, devices, clock=self._clock, terminal=self, file=file, only=only)
 
     def say(self, text: str) -> None:
         """Shows the text to ``echo``."""
@@ -157,7 +157,7 @@ class SimulatedPerson:
     def _on_the_ground(self, match: re.Match[str]) -> str:
         del match
         self._world.lay_down()
-        self._wait()
+        self._settle()
         return ""
 
     def _over_a_plate(self, match: re.Match[str]) -> str:
@@ -172,7 +172,7 @@ class SimulatedPerson:
     def _loaded(self, match: re.Match[str]) -> str:
         for name in self._body.touch:
             self._world.press(name, WEIGHT_G * 9.81e-3 if name == match["name"] else 0.0)
-        self._clock.sleep(_STILL)
+        self._clock.sleep(_SETTLING_TIME)
         return f"{WEIGHT_G} g"
 
     def _at_zero(self, match: re.Match[str]) -> str:
@@ -191,13 +191,13 @@ class SimulatedPerson:
 
     def _protractor(self, index: int) -> float:
         """The angle of a joint, degrees, as a person reads it."""
-        self._clock.sleep(_STILL)
-        angle, before = self._angle(index), math.inf
-        while abs(angle - before) > _CREEPING:  # a servo that was off may have come a long way
-            self._clock.sleep(_STILL)
-            angle, before = self._angle(index), angle
-        slip = PROTRACTOR - 0.05
-        return round(angle + float(self._rng.uniform(-slip, slip)), 1)
+        self._clock.sleep(_SETTLING_TIME)
+        angle, previous = self._angle(index), math.inf
+        while abs(angle - previous) > _CREEPING:  # a servo that was off may have come a long way
+            self._clock.sleep(_SETTLING_TIME)
+            angle, previous = self._angle(index), angle
+        max_error = PROTRACTOR - 0.05
+        return round(angle + float(self._rng.uniform(-max_error, max_error)), 1)
 
     def _angle(self, index: int) -> float:
         return math.degrees(self._world.angles()[index])
@@ -206,12 +206,12 @@ class SimulatedPerson:
         for name in self._body.touch:
             self._world.press(name, 0.0)
         self._world.hold(height, up)
-        self._wait()
+        self._settle()
 
-    def _wait(self) -> None:
-        self._placed += 1
-        self._noise.begin(self._placed)
-        self._clock.sleep(_STILL)
+    def _settle(self) -> None:
+        self._placements += 1
+        self._noise.begin(self._placements)
+        self._clock.sleep(_SETTLING_TIME)
 
 
 class Rehearsal(SimulatedPerson):
@@ -222,9 +222,9 @@ class Rehearsal(SimulatedPerson):
 
     def ask(self, prompt: str) -> str:
         """Handles the body, and reads a line from standard input."""
-        seen = self._handle(prompt)
-        if seen:
-            self.say(f"  (simulated: {seen})")
+        answer = self._handle(prompt)
+        if answer:
+            self.say(f"  (simulated: {answer})")
         return Console().ask(prompt)
 
     def _at_a_count(self, match: re.Match[str]) -> str:
@@ -238,29 +238,29 @@ class _Joint:
         self.name = name
         self._counts = counts
         self._points: dict[int, float] = {}
-        self._way = 1
-        self._marked: set[str] = set()
-        self._done = False
+        self._direction = 1
+        self._marked_ends: set[str] = set()
+        self._finished = False
 
     def next(self, count: int, angle: float, limits: tuple[float, float]) -> str:
         """Answer at a count where the protractor shows ``angle``; angle and limits in degrees."""
-        nearest = min((abs(count - other) for other in self._points), default=_EVERY)
+        nearest = min((abs(count - measured) for measured in self._points), default=_SPACING)
         steps = self._steps(count, angle, limits)
-        if nearest >= (_EVERY if steps else _APART):
+        if nearest >= (_SPACING if steps else _MIN_SPACING):
             self._points[count] = angle
             return f"{angle:.1f}"
         if steps:
-            return f"{'u' if self._way > 0 else 'd'} {steps}"
+            return f"{'u' if self._direction > 0 else 'd'} {steps}"
         end = self._end(angle, limits)
-        if end is not None and end not in self._marked:
-            self._marked.add(end)
+        if end is not None and end not in self._marked_ends:
+            self._marked_ends.add(end)
             return end
-        if self._way > 0:
-            self._way = -1
+        if self._direction > 0:
+            self._direction = -1
             return self.next(count, angle, limits)
-        if self._done:
+        if self._finished:
             return "q"  # it was refused: better ask somebody
-        self._done = True
+        self._finished = True
         return "done"
 
     def _steps(self, count: int, angle: float, limits: tuple[float, float]) -> int:
@@ -268,18 +268,18 @@ class _Joint:
         room = limits[1] - angle, angle - limits[0]
         points = sorted(self._points.items())
         if len(points) < 2:
-            left = min(room)
+            degrees_left = min(room)
         else:
-            rises = (points[-1][1] > points[0][1]) == (self._way > 0)
-            left = room[0] if rises else room[1]
-        counts = self._counts[-1] - count if self._way > 0 else count - self._counts[0]
-        return max(0, min(MAX_STEP, counts, int(left / _STEEPEST)))
+            rises = (points[-1][1] > points[0][1]) == (self._direction > 0)
+            degrees_left = room[0] if rises else room[1]
+        counts = self._counts[-1] - count if self._direction > 0 else count - self._counts[0]
+        return max(0, min(MAX_STEP, counts, int(degrees_left / _MAX_SLOPE)))
 
     @staticmethod
     def _end(angle: float, limits: tuple[float, float]) -> str | None:
-        if abs(angle - limits[0]) < 2 * _STEEPEST:
+        if abs(angle - limits[0]) < 2 * _MAX_SLOPE:
             return "lower"
-        return "upper" if abs(angle - limits[1]) < 2 * _STEEPEST else None
+        return "upper" if abs(angle - limits[1]) < 2 * _MAX_SLOPE else None
 
 
 class RehearsalConsole:

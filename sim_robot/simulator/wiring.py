@@ -70,11 +70,11 @@ class Wiring:
         self._scales = [joint.scale for joint in truth.joints]
         self._axes = truth.axes
         self._feet = truth.touch
-        self._closed: set[int] = set()  # feet whose switch is closed
-        self._belly = None if truth.distance is None else truth.distance.sensor
+        self._closed_feet: set[int] = set()  # feet whose switch is closed
+        self._belly_sensor = None if truth.distance is None else truth.distance.sensor
         self._inputs = inputs
         self._carried: tuple[int, ...] = ()  # last by servos without a fault
-        self._read_at = -1
+        self._read_step = -1
         self._volts: dict[int, float] = {}
 
     def drive(self, pulses: Sequence[int]) -> None:
@@ -106,8 +106,8 @@ class Wiring:
 
         A scan begins with the lowest input, and all that it reads is of one moment.
         """
-        if channel == min(self._inputs, default=0) or self._read_at != self._world.steps:
-            self._read_at = self._world.steps
+        if channel == min(self._inputs, default=0) or self._read_step != self._world.steps:
+            self._read_step = self._world.steps
             dither = self._noise.dither()
             analogue = self.acceleration() if isinstance(self._axes, AnalogueAxes) else []
             values = [value + dither for value in (*analogue, *self._foot_volts())]
@@ -123,11 +123,11 @@ class Wiring:
 
     def _closes(self, foot: int, load: float) -> bool:
         point = self._feet[foot]
-        if load > (point.off if foot in self._closed else point.on):
-            self._closed.add(foot)
+        if load > (point.off if foot in self._closed_feet else point.on):
+            self._closed_feet.add(foot)
         else:
-            self._closed.discard(foot)
-        return foot in self._closed
+            self._closed_feet.discard(foot)
+        return foot in self._closed_feet
 
     def distance(self) -> float | None:
         """The distance in front of the distance sensor, m; ``None`` out of its range."""
@@ -136,12 +136,12 @@ class Wiring:
 
     def distance_mm(self) -> float | None:
         """The distance in front of the distance sensor, mm; ``None`` out of its range."""
-        assert self._belly is not None
+        assert self._belly_sensor is not None
         ray = self._world.belly_ray()
         if math.isinf(ray):
             return None
-        measured = (ray + self._noise.clearance()) / self._belly.scale
-        return (measured + self._belly.zero) * 1000 + self.sensors.too_high
+        measured = (ray + self._noise.clearance()) / self._belly_sensor.scale
+        return (measured + self._belly_sensor.zero) * 1000 + self.sensors.too_high
 
     def acceleration(self) -> list[float]:
         """Readings of the accelerometer along x, y and z of the body, in its unit."""

@@ -115,8 +115,8 @@ def load_body(path: Path) -> Body:
     body, faults = examine(path)
     if body is None:
         if len(faults) > 1:
-            first, more = faults[0], f" ({len(faults) - 1} more: sim-robotd --check {path})"
-            raise BodyError(first.file, first.element, first.reason + more)
+            first, hint = faults[0], f" ({len(faults) - 1} more: sim-robotd --check {path})"
+            raise BodyError(first.file, first.element, first.reason + hint)
         raise faults[0]
     return body
 

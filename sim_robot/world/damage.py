@@ -33,10 +33,10 @@ from sim_robot.world.urdf.declarations import (
     vector,
 )
 
-_LOST: Final = Inertial(
+_STUMP: Final = Inertial(
     mass=Mass(value=1e-3), inertia=Inertia(ixx=1e-7, iyy=1e-7, izz=1e-7)
 )  # what is left of a link that broke off: an engine needs a mass
-_ALONG: Final = 0.99  # cosine to a leg's direction of what is stretched or cut with it
+_ALIGNED: Final = 0.99  # cosine to a leg's direction of what is stretched or cut with it
 
 
 def damaged(body: Body, fault: str, number: int, amount: float) -> Body:
@@ -94,7 +94,7 @@ class _Leg:
     @classmethod
     def of(cls, robot: Robot, name: str) -> _Leg:
         """The leg of a joint."""
-        (joint,) = (one for one in robot.joints if one.name == name)
+        (joint,) = (joint for joint in robot.joints if joint.name == name)
         frames, joints = {joint.child.link: np.eye(4)}, []
         for one in robot.joints:  # parents come first
             if one.parent.link in frames:
@@ -141,10 +141,10 @@ class _Leg:
         """Takes away what is farther out than the share ``left`` of the length."""
         place = left * self.length
         for name, link in self.links.items():
-            along, kept, volume, before = self._along(name), list[Collision](), 0.0, 0.0
+            along, kept, volume, old_volume = self._along(name), list[Collision](), 0.0, 0.0
             for shape in link.collisions:
                 low, high = _extent(self.frames[name], shape, self.direction)
-                before += high - low
+                old_volume += high - low
                 if high > place:
                     share = (place - low) / (high - low)
                     if share <= 0 or not _resize(shape, along, share):
@@ -156,54 +156,54 @@ class _Leg:
                 else:
                     volume += high - low
                 kept.append(shape)
-            if link.inertial is not None and volume < before:
-                share = volume / before
+            if link.inertial is not None and volume < old_volume:
+                share = volume / old_volume
                 origin = _moved(link.inertial.origin, along, share - 1)
-                lost = _LOST.model_copy(deep=True)
-                link.inertial = _scaled(link.inertial, origin, share) if share > 0 else lost
+                stump = _STUMP.model_copy(deep=True)
+                link.inertial = _scaled(link.inertial, origin, share) if share > 0 else stump
             link.collisions = kept
 
     def bend(self, angle: float) -> None:
         """Bends the leg at half its length by an angle, rad, about its hinge's axis if possible."""
         axis = np.array(vector(self.joint.axis.xyz))
-        if abs(axis @ self.direction) > _ALONG:
+        if abs(axis @ self.direction) > _ALIGNED:
             axis = np.cross(self.direction, np.eye(3)[np.argmin(np.abs(self.direction))])
         place = self.length / 2
-        turned = frame_of(place * self.direction)
-        turned[:3, :3] = _turn(axis, angle)
-        bend = turned @ frame_of(-place * self.direction)
-        gone = set[str]()  # links that are turned with what carries them
+        turned_middle = frame_of(place * self.direction)
+        turned_middle[:3, :3] = _turn(axis, angle)
+        bend = turned_middle @ frame_of(-place * self.direction)
+        turned_links = set[str]()  # links that are turned with what carries them
         for joint in self.joints:
             frame = self.frames[joint.parent.link]
-            if joint.parent.link in gone:
-                gone.add(joint.child.link)
+            if joint.parent.link in turned_links:
+                turned_links.add(joint.child.link)
             elif self.frames[joint.child.link][:3, 3] @ self.direction > place - 1e-9:
                 joint.origin = Origin.at(np.linalg.inv(frame) @ bend @ frame @ joint.origin.frame)
-                gone.add(joint.child.link)
+                turned_links.add(joint.child.link)
         for name, link in self.links.items():
-            if name not in gone:
+            if name not in turned_links:
                 self._bend_link(name, link, place, bend)
 
     def _bend_link(self, name: str, link: Link, place: float, bend: Frame) -> None:
         frame, along = self.frames[name], self._along(name)
-        local = np.linalg.inv(frame) @ bend @ frame
-        bent = list[Collision]()
+        local_bend = np.linalg.inv(frame) @ bend @ frame
+        bent_shapes = list[Collision]()
         for shape in link.collisions:
             low, high = _extent(frame, shape, self.direction)
             share = (place - low) / (high - low)
             outer = shape.model_copy(deep=True)
             if share >= 1:
-                bent.append(shape)
+                bent_shapes.append(shape)
                 continue
             if share > 0 and _resize(shape, along, share):
                 _resize(outer, along, 1 - share)
                 for part, shift in ((shape, -(high - place) / 2), (outer, (place - low) / 2)):
                     xyz = np.array(vector(part.origin.xyz)) + shift * along
                     part.origin = Origin(xyz=text_of(xyz), rpy=part.origin.rpy)
-                bent.append(shape)
-            outer.origin = Origin.at(local @ outer.origin.frame)
-            bent.append(outer)
-        link.collisions = bent
+                bent_shapes.append(shape)
+            outer.origin = Origin.at(local_bend @ outer.origin.frame)
+            bent_shapes.append(outer)
+        link.collisions = bent_shapes
 
     def load(self, mass: float) -> None:
         """Hangs a weight, kg, at the far end."""
@@ -214,14 +214,14 @@ class _Leg:
         tip = np.append(self.length * self.direction, 1.0)
         frame = inertial.origin.frame
         offset = (np.linalg.inv(self.frames[self.farthest] @ frame) @ tip)[:3]
-        before, total = inertial.mass.value, inertial.mass.value + mass
-        tensor = inertial.inertia.matrix + before * mass / total * (
+        old_mass, new_mass = inertial.mass.value, inertial.mass.value + mass
+        tensor = inertial.inertia.matrix + old_mass * mass / new_mass * (
             (offset @ offset) * np.eye(3) - np.outer(offset, offset)
         )
-        frame[:3, 3] += frame[:3, :3] @ offset * mass / total
+        frame[:3, 3] += frame[:3, :3] @ offset * mass / new_mass
         link.inertial = Inertial(
             origin=Origin(xyz=text_of(frame[:3, 3]), rpy=inertial.origin.rpy),
-            mass=Mass(value=total),
+            mass=Mass(value=new_mass),
             inertia=_inertia(tensor),
         )
 
@@ -257,10 +257,10 @@ def _resize(shape: Collision, along: Points, factor: float) -> bool:
     """Scales a shape along a direction of its link, if it has an axis there; returns whether."""
     solid, turn = shape.geometry.shape, shape.origin.frame[:3, :3]
     cosines = np.abs(turn.T @ along)
-    if isinstance(solid, Cylinder) and cosines[2] > _ALONG:
+    if isinstance(solid, Cylinder) and cosines[2] > _ALIGNED:
         solid.length *= factor
         return True
-    if isinstance(solid, Box) and cosines.max() > _ALONG:
+    if isinstance(solid, Box) and cosines.max() > _ALIGNED:
         size = np.array(vector(solid.size))
         size[np.argmax(cosines)] *= factor
         solid.size = text_of(size)

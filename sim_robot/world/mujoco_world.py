@@ -31,7 +31,7 @@ from sim_robot.world.urdf.declarations import Box, Collision, Cylinder, Link, Or
 
 _SUBSTEPS: Final = 4  # of MuJoCo in one step of the world
 _STEP: Final = STEP / _SUBSTEPS  # s
-_YIELD: Final = 0.2  # share of HOLD_TOLERANCE at which a servo gives its full torque
+_FULL_TORQUE_SHARE: Final = 0.2  # share of HOLD_TOLERANCE at which a servo gives its full torque
 _MIN_INERTIA: Final = 1e-8  # kg·m²
 
 
@@ -42,7 +42,7 @@ class MuJoCoWorld(World):
         if mujoco.get_mju_user_warning() is None:
             # MuJoCo would write warnings into a file in the working directory.
             mujoco.set_mju_user_warning(log.debug)
-        self._aims = np.zeros(len(body.motors))  # where the servos' slewing targets are
+        self._setpoints = np.zeros(len(body.motors))  # where the servos' slewing targets are
         super().__init__(body, log=log)
 
     def close(self) -> None:
@@ -50,7 +50,7 @@ class MuJoCoWorld(World):
 
     def angles(self) -> tuple[float, ...]:
         """Angle of each motor's joint, rad."""
-        return tuple(self._data.qpos[self._places].tolist())
+        return tuple(self._data.qpos[self._qpos_indices].tolist())
 
     def torques(self) -> tuple[float, ...]:
         """Torque of each servo, as a share of the most that it can give."""
@@ -58,22 +58,22 @@ class MuJoCoWorld(World):
         return tuple((self._data.actuator_force / efforts).tolist())
 
     def _pose(self) -> Pose:
-        x, y, z = self._data.xpos[self._main].tolist()
-        w, *axis = self._data.xquat[self._main].tolist()
+        x, y, z = self._data.xpos[self._main_id].tolist()
+        w, *axis = self._data.xquat[self._main_id].tolist()
         return Pose((x, y, z), (*axis, w))
 
     def _command(self) -> None:
         limp = np.array([target is None for target in self._targets])
         efforts = np.where(limp, 0.0, [motor.effort for motor in self._body.motors])
         self._model.actuator_forcerange[:] = np.stack([-efforts, efforts], axis=1)
-        self._wanted = np.array([target or 0.0 for target in self._targets])
+        self._goals = np.array([target or 0.0 for target in self._targets])
         self._limp = limp
 
     def _step(self) -> None:
-        turn = SERVO_SPEED * STEP
-        self._aims += np.clip(self._wanted - self._aims, -turn, turn)
-        self._aims[self._limp] = self._data.qpos[self._places][self._limp]
-        self._data.ctrl[:] = self._aims
+        max_turn = SERVO_SPEED * STEP
+        self._setpoints += np.clip(self._goals - self._setpoints, -max_turn, max_turn)
+        self._setpoints[self._limp] = self._data.qpos[self._qpos_indices][self._limp]
+        self._data.ctrl[:] = self._setpoints
         mujoco.mj_step(self._model, self._data, _SUBSTEPS)
 
     def _contacts(self) -> Iterator[tuple[str, float]]:
@@ -103,18 +103,18 @@ class MuJoCoWorld(World):
         return float(self._data.geom_xpos[geom][2] - depth)
 
     def _build(self) -> None:
-        body, start = self._body, self._held
-        self._model = _model(body, start)
+        body, held = self._body, self._held
+        self._model = _model(body, held)
         self._data = mujoco.MjData(self._model)
-        self._main = self._model.body(body.base).id
+        self._main_id = self._model.body(body.base).id
         joints = [self._model.joint(motor.name) for motor in body.motors]
-        self._places = [int(joint.qposadr[0]) for joint in joints]
+        self._qpos_indices = [int(joint.qposadr[0]) for joint in joints]
         self._sensor_of = {
             self._model.body(link).id: name for name, group in body.touch.items() for link in group
         }
         self._command()
-        self._aims[:] = self._data.qpos[self._places] = self._wanted
-        if start is None:
+        self._setpoints[:] = self._data.qpos[self._qpos_indices] = self._goals
+        if held is None:
             mujoco.mj_kinematics(self._model, self._data)
             self._data.qpos[2] -= min(map(self._lowest, range(1, self._model.ngeom)))
         mujoco.mj_forward(self._model, self._data)
@@ -149,7 +149,7 @@ def _model(body: Body, held: Pose | None) -> Any:
         carriers[joint.child.link] = child
         _furnish(child, links[joint.child.link])
         if joint.name in motors:
-            stiffness = motors[joint.name].effort / (_YIELD * HOLD_TOLERANCE)
+            stiffness = motors[joint.name].effort / (_FULL_TORQUE_SHARE * HOLD_TOLERANCE)
             hinge = child.add_joint(name=joint.name, axis=vector(joint.axis.xyz))
             hinge.armature = stiffness * _STEP**2
             servo = spec.add_actuator(
@@ -188,8 +188,8 @@ def _furnish(element: Any, link: Link) -> None:
 def _shape(collision: Collision) -> dict[str, Any]:
     shape = collision.geometry.shape
     if isinstance(shape, Box):
-        half = [extent / 2 for extent in vector(shape.size)]
-        return {"type": mujoco.mjtGeom.mjGEOM_BOX, "size": half}
+        half_extents = [extent / 2 for extent in vector(shape.size)]
+        return {"type": mujoco.mjtGeom.mjGEOM_BOX, "size": half_extents}
     if isinstance(shape, Cylinder):
         size = (shape.radius, shape.length / 2, 0)
         return {"type": mujoco.mjtGeom.mjGEOM_CYLINDER, "size": size}
@@ -203,10 +203,10 @@ def _place(origin: Origin) -> dict[str, Sequence[float]]:
     cr, sr = math.cos(roll), math.sin(roll)
     cp, sp = math.cos(pitch), math.sin(pitch)
     cy, sy = math.cos(yaw), math.sin(yaw)
-    turn = (
+    quaternion = (
         cr * cp * cy + sr * sp * sy,
         sr * cp * cy - cr * sp * sy,
         cr * sp * cy + sr * cp * sy,
         cr * cp * sy - sr * sp * cy,
     )
-    return {"pos": vector(origin.xyz), "quat": turn}
+    return {"pos": vector(origin.xyz), "quat": quaternion}

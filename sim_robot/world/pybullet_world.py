@@ -30,12 +30,12 @@ class PyBulletWorld(World):
     def __init__(self, body: Body, *, log: logging.Logger):
         with native_output_discarded():
             self._client: int = pybullet.connect(pybullet.DIRECT)
-        self._file = _fresh_file()
+        self._file = _new_body_file()
         super().__init__(body, log=log)
 
     def become(self, body: Body) -> None:
         """Replaces the body; from a file with the old name PyBullet would load the old one."""
-        self._file = _fresh_file()
+        self._file = _new_body_file()
         super().become(body)
 
     def close(self) -> None:
@@ -53,7 +53,7 @@ class PyBulletWorld(World):
         """Torque of each servo, as a share of the most that it can give."""
         states = pybullet.getJointStates(self._robot, self._motors, physicsClientId=self._client)
         efforts = [motor.effort for motor in self._body.motors]
-        return tuple(state[3] / most for state, most in zip(states, efforts, strict=True))
+        return tuple(state[3] / effort for state, effort in zip(states, efforts, strict=True))
 
     def _step(self) -> None:
         pybullet.stepSimulation(physicsClientId=self._client)
@@ -75,8 +75,8 @@ class PyBulletWorld(World):
 
     def _pose(self) -> Pose:
         # PyBullet gives the root link's inertial frame.
-        place = pybullet.getBasePositionAndOrientation(self._robot, physicsClientId=self._client)
-        return Pose(*pybullet.multiplyTransforms(*place, *self._inertial_to_link))
+        pose = pybullet.getBasePositionAndOrientation(self._robot, physicsClientId=self._client)
+        return Pose(*pybullet.multiplyTransforms(*pose, *self._inertial_to_link))
 
     def _build(self) -> None:
         client = self._client
@@ -176,5 +176,5 @@ class PyBulletWorld(World):
             )
 
 
-def _fresh_file() -> Path:
+def _new_body_file() -> Path:
     return Path(tempfile.gettempdir(), f"body-{secrets.token_hex(8)}.urdf")

@@ -48,7 +48,7 @@ def load_noise(choice: str) -> NoiseLevels:
         return NO_NOISE
     table = read_toml(Path(choice))
     levels = {
-        name: table.number(name, 0, 1e6, usual) for name, usual in vars(NoiseLevels()).items()
+        name: table.number(name, 0, 1e6, default) for name, default in vars(NoiseLevels()).items()
     }
     table.done()
     return NoiseLevels(**levels)

@@ -36,7 +36,7 @@ HOLD_TOLERANCE: Final = math.radians(0.1)
 MAX_GAP: Final = 1.0
 """Largest distance from the ground that is told, m, also of what is farther."""
 
-_LOOK: Final = 12  # steps from one look at the pose to the next: 0.05 s
+_LOOK_STEPS: Final = 12  # steps from one look at the pose to the next: 0.05 s
 _CALM_LOOKS: Final = 10  # 0.5 s in one pose are rest; low speed alone is not, if a body tips over
 _SAME_HEIGHT: Final = 5e-5  # m
 _SAME_ANGLE: Final = math.radians(0.02)
@@ -82,11 +82,11 @@ class World(Closable):
         self._targets: list[float | None] = [0.0] * len(body.motors)
         self._steps = 0
         self._time = 0.0
-        self._due = 0.0
+        self._due_time = 0.0
         self._held: Pose | None = None
         self._pressed: dict[str, float] = {}
-        self._rested: tuple[float, ...]  # the pose since which looks are counted
-        self._calm, self._rested = 0, ()
+        self._rest_pose: tuple[float, ...]  # the pose since which looks are counted
+        self._calm_looks, self._rest_pose = 0, ()
         self._build()
 
     def lay_down(self) -> None:
@@ -95,8 +95,8 @@ class World(Closable):
         The next step begins now: when steps fall due does not depend on what was before.
         """
         self._held = None
-        self._calm, self._rested = 0, ()
-        self._time = self._due
+        self._calm_looks, self._rest_pose = 0, ()
+        self._time = self._due_time
         self._build()
 
     def become(self, body: Body) -> None:
@@ -113,7 +113,7 @@ class World(Closable):
         """
         center = self._body.base_center[2] - self._body.base_size[2] / 2
         self._held = Pose((0.0, 0.0, height - center), _turn_up(up))
-        self._calm, self._rested = 0, ()
+        self._calm_looks, self._rest_pose = 0, ()
         self._build()
 
     def press(self, sensor: str, force: float) -> None:
@@ -122,15 +122,15 @@ class World(Closable):
 
     def set_targets(self, angles: Sequence[float | None]) -> None:
         """Commands the servos: an angle (rad) per motor, ``None`` for no pulses (limp)."""
-        wanted = list(angles)
-        if wanted != self._targets:
-            self._targets = wanted
-            self._calm, self._rested = 0, ()
+        targets = list(angles)
+        if targets != self._targets:
+            self._targets = targets
+            self._calm_looks, self._rest_pose = 0, ()
             self._command()
 
     def advance_to(self, time: float) -> None:
         """Steps the world until ``time`` (s)."""
-        self._due = time
+        self._due_time = time
         while self._time + STEP <= time + 1e-9:
             self._step()
             self._steps += 1
@@ -216,18 +216,18 @@ class World(Closable):
 
     def _watch(self) -> None:
         """Logs, once a pose, that the robot rests without having reached its angles."""
-        if self._steps % _LOOK:
+        if self._steps % _LOOK_STEPS:
             return
         pose = (self._pose().position[2], *self.up(), *self.angles())
         limits = (_SAME_HEIGHT, *[_SAME_ANGLE] * (len(pose) - 1))
-        if not self._rested or any(
-            abs(one - other) > limit
-            for one, other, limit in zip(pose, self._rested, limits, strict=True)
+        if not self._rest_pose or any(
+            abs(value - rest_value) > limit
+            for value, rest_value, limit in zip(pose, self._rest_pose, limits, strict=True)
         ):
-            self._calm, self._rested = 0, pose
+            self._calm_looks, self._rest_pose = 0, pose
             return
-        self._calm += 1
-        miss = self.largest_miss() if self._calm == _CALM_LOOKS else 0.0
+        self._calm_looks += 1
+        miss = self.largest_miss() if self._calm_looks == _CALM_LOOKS else 0.0
         if miss > HOLD_TOLERANCE:
             self._log.warning(
                 "a servo is too weak for this pose: it rests %.2f° from its target "

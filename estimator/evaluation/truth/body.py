@@ -178,7 +178,7 @@ class _Reader:
 
         A limb points to the middle of its furthest shape, so that a wide foot does not turn a leg.
         """
-        here = parent.turn.T @ (start - parent.place)
+        origin = parent.turn.T @ (start - parent.place)
         ways = np.array([parent.turn @ direction(place)[:, 0] for place in places])
         shapes = [
             (self._poses[name] @ _pose(collision.origin), collision)
@@ -189,15 +189,15 @@ class _Reader:
         if not shapes:
             return 0, 0.0, 0.0
         reach = [max(_reach(pose, shape, start, way) for pose, shape in shapes) for way in ways]
-        far = max((pose.place - start for pose, _ in shapes), key=lambda offset: offset @ offset)
-        distance = float(np.linalg.norm(far))
+        tip = max((pose.place - start for pose, _ in shapes), key=lambda offset: offset @ offset)
+        distance = float(np.linalg.norm(tip))
         if distance <= PLACE_TOLERANCE:
             pointing, slant = int(np.argmax(reach)), 0.0
         else:
-            _, slant = _nearest(far / distance, ways)
-            alike = np.flatnonzero(ways @ far / distance >= math.cos(slant) - 1e-9)
-            apart = [float(np.linalg.norm(here - places[way].at)) for way in alike.tolist()]
-            pointing = int(alike[np.argmin(apart)])  # of several that hang down, the nearest
+            _, slant = _nearest(tip / distance, ways)
+            alike = np.flatnonzero(ways @ tip / distance >= math.cos(slant) - 1e-9)
+            distances = [float(np.linalg.norm(origin - places[way].at)) for way in alike.tolist()]
+            pointing = int(alike[np.argmin(distances)])  # of several that hang down, the nearest
         return pointing, max(0.0, reach[pointing]), slant
 
 
@@ -300,9 +300,9 @@ def check_robot(path: Path, robot: Capabilities) -> None:
     """
     urdf = read_urdf(path)
     joints = tuple(joint.name for joint in urdf.joints if joint.type == "revolute")
-    known = tuple(joint.name for joint in robot.joints)
-    if joints != known:
-        raise _refusal(path, robot, f"the joints {', '.join(joints)}", ", ".join(known))
+    announced = tuple(joint.name for joint in robot.joints)
+    if joints != announced:
+        raise _refusal(path, robot, f"the joints {', '.join(joints)}", ", ".join(announced))
     size, _, is_round = urdf.main_body
     root = next(link for link in urdf.links if link.name == urdf.root)
     mass = None if root.inertial is None else root.inertial.mass.value

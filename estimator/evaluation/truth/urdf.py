@@ -269,22 +269,22 @@ def _check_tree(path: Path, urdf: Urdf) -> None:
     main = next((link for link in urdf.links if link.name not in children), None)
     if main is None:
         raise TruthError(f"{path}: every link is some joint's child, so there is no main body.")
-    known = {main.name}
+    reached = {main.name}
     for joint in urdf.joints:
-        if joint.parent.link not in known:
+        if joint.parent.link not in reached:
             raise TruthError(
                 f"{path}: joint {joint.name}: its parent {joint.parent.link} is unknown here; "
                 "list a joint after the one that holds its parent."
             )
-        if joint.child.link not in links or joint.child.link in known:
+        if joint.child.link not in links or joint.child.link in reached:
             raise TruthError(
                 f"{path}: joint {joint.name}: its child {joint.child.link} must be a link that "
                 "no other joint holds."
             )
         if math.hypot(*numbers(joint.axis.xyz)) == 0:
             raise TruthError(f"{path}: joint {joint.name}: its axis has no direction.")
-        known.add(joint.child.link)
-    loose = [name for name in links if name not in known]
+        reached.add(joint.child.link)
+    loose = [name for name in links if name not in reached]
     if loose:
         raise TruthError(f"{path}: no joint holds {', '.join(loose)}.")
     for link in urdf.links:

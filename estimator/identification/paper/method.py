@@ -131,12 +131,12 @@ class PaperMethod:
     def work(self, number: int) -> float:
         """Number of simulations after an interaction, if none is saved by an early verdict."""
         first = self._first(number)
-        return sum(self._size(one) for one in range(first, self._first(number + 1)))
+        return sum(self._size(generation) for generation in range(first, self._first(number + 1)))
 
     def done(self, number: int) -> float:
         """Number of simulations, counted as by ``work``, of the generations that are on disk."""
-        last = min(self._first(number + 1), self._generations_done)
-        return sum(self._size(one) for one in range(self._first(number), last))
+        end = min(self._first(number + 1), self._generations_done)
+        return sum(self._size(generation) for generation in range(self._first(number), end))
 
     def learn(self, number: int, observations: Sequence[Observation]) -> None:
         """Does the generations that follow an interaction, but for those that are on disk."""

@@ -65,12 +65,12 @@ def finish(
 def leading(genome: Genome, population: Array, errors: Array) -> list[int]:
     """Indices of the best models, none of them much like a better one; at most ``LEADERS``."""
     leaders: list[int] = []
-    kept: list[Morphology] = []
+    bodies: list[Morphology] = []
     for index in np.argsort(errors, kind="stable").tolist():
         body = genome.decode(population[index])
-        if np.isfinite(errors[index]) and not any(_alike(body, other) for other in kept):
+        if np.isfinite(errors[index]) and not any(_alike(body, better) for better in bodies):
             leaders.append(index)
-            kept.append(body)
+            bodies.append(body)
         if len(leaders) == LEADERS:
             break
     return leaders

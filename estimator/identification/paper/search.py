@@ -131,7 +131,7 @@ class DeterministicCrowding:
         self._generation = 0
         self._children: Array | None = None
         self._rivals: NDArray[np.intp] = np.arange(size)
-        self._asked = False
+        self._awaits_errors = False
         self._rng_state = rng.bit_generator.state
 
     @property
@@ -178,7 +178,7 @@ class DeterministicCrowding:
         Raises:
             SearchOrderError: Nothing was asked for.
         """
-        if not self._asked:
+        if not self._awaits_errors:
             raise SearchOrderError("limits belong to what was asked for: call ask() first")
         if self._errors is None:
             return np.full(len(self._population), np.inf)
@@ -190,9 +190,9 @@ class DeterministicCrowding:
         Raises:
             SearchOrderError: The last ones were not told yet.
         """
-        if self._asked:
+        if self._awaits_errors:
             raise SearchOrderError("ask() was called twice: call tell(errors) in between")
-        self._asked = True
+        self._awaits_errors = True
         if self._errors is None:
             return self._population.copy()
         self._children, self._rivals = self._breed()
@@ -208,18 +208,18 @@ class DeterministicCrowding:
             SearchOrderError: Nothing was asked for.
             SearchStateError: The shape is wrong, or an error is minus infinity.
         """
-        if not self._asked:
+        if not self._awaits_errors:
             raise SearchOrderError("tell(errors) answers ask(): call ask() first")
         checked = _checked_errors(errors, len(self._population))
         if self._children is None or self._errors is None:
             self._errors = checked
         else:
-            better = checked < self._errors[self._rivals]
-            winners = self._rivals[better]
-            self._population[winners] = self._children[better]
-            self._errors[winners] = checked[better]
+            wins = checked < self._errors[self._rivals]
+            winners = self._rivals[wins]
+            self._population[winners] = self._children[wins]
+            self._errors[winners] = checked[wins]
             self._generation += 1
-        self._asked = False
+        self._awaits_errors = False
         self._children = None
         self._rng_state = self._rng.bit_generator.state
 
@@ -231,7 +231,7 @@ class DeterministicCrowding:
         Raises:
             SearchOrderError: Something was asked for and not told yet.
         """
-        if self._asked:
+        if self._awaits_errors:
             raise SearchOrderError("forget_errors() was called between ask() and tell(errors)")
         self._errors = None
 
@@ -287,14 +287,14 @@ class DeterministicCrowding:
         apply = self._operators
         mates = self._rng.permutation(len(self._population)).reshape(2, -1)
         first, second = self._population[mates[0]], self._population[mates[1]]
-        one, two = apply.crossover(first, second, self._rng)
-        one, two = apply.mutation(one, self._rng), apply.mutation(two, self._rng)
-        one, two = apply.permit(one), apply.permit(two)
-        straight = apply.distance(first, one) + apply.distance(second, two)
-        crossed = apply.distance(first, two) + apply.distance(second, one)
+        child, sibling = apply.crossover(first, second, self._rng)
+        child, sibling = apply.mutation(child, self._rng), apply.mutation(sibling, self._rng)
+        child, sibling = apply.permit(child), apply.permit(sibling)
+        straight = apply.distance(first, child) + apply.distance(second, sibling)
+        crossed = apply.distance(first, sibling) + apply.distance(second, child)
         swap = crossed < straight
         rivals = np.where(swap, mates[::-1], mates)
-        return np.concatenate([one, two]), rivals.ravel()
+        return np.concatenate([child, sibling]), rivals.ravel()
 
 
 def _checked_genes(genes: Array, shape: tuple[int, int]) -> Array:

@@ -85,9 +85,11 @@ _SOURCES: Final = stamp(
     Path(geometry.__file__),
 )
 
-_REFINED: Final = 4  # times at most that rims are placed until they hardly move; not tuned
-_MOVED: Final = 1e-4  # rad; where a rim bears has hardly moved by less
-_QUICK: Final = 8.0  # paces by which a body may turn in one step and be followed; not tuned
+_MOST_REFINEMENTS: Final = 4  # times at most that rims are placed until they hardly move; not tuned
+_LEAST_MOVE: Final = 1e-4  # rad; where a rim bears has hardly moved by less
+_FOLLOWED_PACES: Final = (
+    8.0  # paces by which a body may turn in one step and be followed; not tuned
+)
 
 
 @inlined
@@ -97,7 +99,7 @@ def _rest_alike(work: Work, least_cosine: float) -> int:
     Updates their poses, and of all bodies ``MIDDLE``, ``DEEP`` and ``work.lowest``.
     """
     bodies, points, counts = work.bodies, work.points, work.counts
-    before = load(bodies, UP), load(bodies, UP + 1), load(bodies, UP + 2)
+    old_up = load(bodies, UP), load(bodies, UP + 1), load(bodies, UP + 2)
     lies = load(bodies, LIES) > 0.0
     half_x, half_y, half_z = load(bodies, HALF), load(bodies, HALF + 1), load(bodies, HALF + 2)
     foot = _contact(points, counts, STANCE)
@@ -108,23 +110,23 @@ def _rest_alike(work: Work, least_cosine: float) -> int:
     weight = load(bodies, WEIGHT)
     x, y = load(bodies, MOMENTS) / weight, load(bodies, MOMENTS + 1) / weight
     z = load(bodies, MOMENTS + 2) / weight
-    height = radius + dot(before, minus((x, y, z), foot))
+    height = radius + dot(old_up, minus((x, y, z), foot))
     x, y = x + load(bodies, GRAVITY) * height, y + load(bodies, GRAVITY + 1) * height
     store(bodies, MIDDLE, x)
     store(bodies, MIDDLE + 1, y)
     store(bodies, MIDDLE + 2, z)
-    does, up, _ = stands(
-        foot, second, third, second_rise, third_rise, (x, y, z), before, least_cosine
+    is_standing, up, _ = stands(
+        foot, second, third, second_rise, third_rise, (x, y, z), old_up, least_cosine
     )
-    up_x, up_y = choose(lies, before[0], up[0]), choose(lies, before[1], up[1])
-    up_z = choose(lies, before[2], up[2])
+    up_x, up_y = choose(lies, old_up[0], up[0]), choose(lies, old_up[1], up[1])
+    up_z = choose(lies, old_up[2], up[2])
     deepest = every(-math.inf)
     for part in range(len(work.first)):
         lowest = every(-math.inf)
         for point in range(work.first[part], work.end[part]):
-            first = POINT_ROWS * point
-            across = up_x * load(points, first) + up_y * load(points, first + 1)
-            below = load(points, first + 3) - (across + up_z * load(points, first + 2))
+            row = POINT_ROWS * point
+            across = up_x * load(points, row) + up_y * load(points, row + 1)
+            below = load(points, row + 3) - (across + up_z * load(points, row + 2))
             lowest = choose(below > lowest, below, lowest)
         store(work.lowest, part, lowest)
         deepest = choose(lowest > deepest, lowest, deepest)
@@ -138,11 +140,11 @@ def _rest_alike(work: Work, least_cosine: float) -> int:
     lowest = radius - dot((up_x, up_y, up_z), foot) + TOUCHING
     flat = within & (deepest <= half_z + TOUCHING)
     firm = (load(bodies, FIRM) > 0.0) & (deepest <= lowest) & (corner <= lowest)
-    stays = (lies & flat) | ((load(bodies, LIES) <= 0.0) & firm & does)
+    stays = (lies & flat) | ((load(bodies, LIES) <= 0.0) & firm & is_standing)
     store(bodies, DEEP, choose(corner > deepest, corner, deepest))
-    store(bodies, UP, choose(stays, up_x, before[0]))
-    store(bodies, UP + 1, choose(stays, up_y, before[1]))
-    store(bodies, UP + 2, choose(stays, up_z, before[2]))
+    store(bodies, UP, choose(stays, up_x, old_up[0]))
+    store(bodies, UP + 1, choose(stays, up_y, old_up[1]))
+    store(bodies, UP + 2, choose(stays, up_z, old_up[2]))
     staying: int = bits(stays)
     return staying
 
@@ -189,8 +191,8 @@ def _come_to_rest(work: Work, lane: int, least_cosine: float) -> None:
     bodies[LIES, lane] = 0.0
     centre = bodies[MIDDLE, lane], bodies[MIDDLE + 1, lane], bodies[MIDDLE + 2, lane]
     is_round, count = bodies[ROUND, lane] > 0, work.one.shape[1]
-    for _ in range(_REFINED if is_round else 1):
-        x, y = _bears(work, lane, centre)
+    for _ in range(_MOST_REFINEMENTS if is_round else 1):
+        x, y = _bearing(work, lane, centre)
         if is_round:
             place_rims(work, lane, x, y)
         pick_out(work, lane)
@@ -200,13 +202,13 @@ def _come_to_rest(work: Work, lane: int, least_cosine: float) -> None:
         ):
             _roll(work, lane, centre)
         _keep_pose(work, lane)
-        now_x, now_y = _bears(work, lane, centre)
-        if x * now_x + y * now_y > 0 and abs(x * now_y - y * now_x) < _MOVED:
+        new_x, new_y = _bearing(work, lane, centre)
+        if x * new_x + y * new_y > 0 and abs(x * new_y - y * new_x) < _LEAST_MOVE:
             return
 
 
 @inlined
-def _bears(work: Work, lane: int, centre: Vector) -> tuple[float, float]:
+def _bearing(work: Work, lane: int, centre: Vector) -> tuple[float, float]:
     """Unit vector to where a main body is lowest, or, if it is level, to where the mass acts."""
     x, y = -work.bodies[UP, lane], -work.bodies[UP + 1, lane]
     if x * x + y * y < BALANCED * BALANCED:
@@ -290,7 +292,7 @@ def _make_rest(sources: int) -> Any:
         """
         work = work_space(trees, which, start, end)
         counts = work.counts
-        least_cosine = math.cos(_QUICK * slew.pace)
+        least_cosine = math.cos(_FOLLOWED_PACES * slew.pace)
         steps = 0 * sources  # named here to be a part of the cache's key
         row, occupied, latest = start, 0, -1
         for lane in range(LANES):
@@ -298,7 +300,7 @@ def _make_rest(sources: int) -> Any:
         while row < end or occupied:
             for lane in range(LANES):
                 if counts[ROW, lane] < 0 and row < end:
-                    _take_in(work, lane, latest, row, trees, which, programs, slew)
+                    _board_row(work, lane, latest, row, trees, which, programs, slew)
                     _start(work, lane, row, gravity_tilts, slew)
                     stance = stances[row if len(stances) > 1 else 0]
                     if stance >= 0 and take_stance(work, lane, stance):
@@ -327,19 +329,19 @@ def _make_rest(sources: int) -> Any:
                     counts[AT, lane] = step
                     _turn_to(work, lane, min(step + counts[STRIDE, lane], last), slew)
                     continue
-                done = counts[ROW, lane]
-                program = programs[done if len(programs) > 1 else 0]
+                done_row = counts[ROW, lane]
+                program = programs[done_row if len(programs) > 1 else 0]
                 if _upright(work, lane, plumb):
                     stays = False
                 read(
                     work,
                     lane,
                     trees,
-                    which[done],
+                    which[done_row],
                     program,
                     slew,
                     limits,
-                    done,
+                    done_row,
                     stays,
                     plumb,
                     readings,
@@ -352,7 +354,7 @@ def _make_rest(sources: int) -> Any:
 
 
 @inlined
-def _take_in(
+def _board_row(
     work: Work,
     lane: int,
     latest: int,
@@ -364,14 +366,14 @@ def _take_in(
 ) -> None:
     """Puts a row of the batch into a lane."""
     program = programs[row if len(programs) > 1 else 0]
-    if latest >= 0 and which[row] == which[row - 1] and _same(programs, row):
+    if latest >= 0 and which[row] == which[row - 1] and _same_program(programs, row):
         board_again(work, lane, latest)
     else:
         board(trees, which[row], program, slew, work, lane)
 
 
 @inlined
-def _same(programs: Array, row: int) -> bool:
+def _same_program(programs: Array, row: int) -> bool:
     """Whether a row has the program of the one before it."""
     if len(programs) > 1:
         for motor in range(programs.shape[1]):

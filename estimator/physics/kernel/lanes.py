@@ -81,8 +81,8 @@ def _called(name: str) -> _Function:
 
     def emit(builder: Any, values: Any) -> Any:
         kind = ir.FunctionType(_DOUBLES, [_DOUBLES])
-        full = f"llvm.{name}.v{LANES}f64"
-        return builder.call(_function_named(builder.module, kind, full), values)
+        function_name = f"llvm.{name}.v{LANES}f64"
+        return builder.call(_function_named(builder.module, kind, function_name), values)
 
     return emit
 

@@ -80,7 +80,7 @@ def board(trees: Trees, row: int, program: Array, slew: Slew, work: Work, lane: 
         lane: Lane of the body.
     """
     base, bodies, points = trees.base[row], work.bodies, work.points
-    mass, last = base[3], 0
+    mass, most_steps = base[3], 0
     for axis in range(3):
         bodies[HALF + axis, lane] = 0.5 * base[axis]
         bodies[BASE_MOMENT + axis, lane] = base[3] * base[CENTRE + axis]
@@ -90,14 +90,14 @@ def board(trees: Trees, row: int, program: Array, slew: Slew, work: Work, lane: 
         if part < trees.parts[row]:
             weight, steps = _board_part(trees, row, part, program, slew, work, lane)
             mass += weight
-            last = max(last, steps)
+            most_steps = max(most_steps, steps)
         else:
             for number in range(HINGE_ROWS):
                 work.hinges[part * HINGE_ROWS + number, lane] = 0.0
             for point in range(work.first[part], work.end[part]):
                 points[POINT_ROWS * point + 3, lane] = NOWHERE
     bodies[WEIGHT, lane] = mass
-    work.counts[LAST, lane] = last
+    work.counts[LAST, lane] = most_steps
 
 
 @inlined
@@ -114,21 +114,21 @@ def _board_part(
     trees: Trees, row: int, part: int, program: Array, slew: Slew, work: Work, lane: int
 ) -> tuple[float, int]:
     """Puts one part of a body into a lane; returns its mass, kg, and its hinge's steps."""
-    on, where, motor = trees.parent[row, part], trees.mount[row, part], trees.motor[row, part]
+    parent, place, motor = trees.parent[row, part], trees.mount[row, part], trees.motor[row, part]
     length, radius, box = trees.length[row, part], trees.radius[row, part], trees.box[row, part]
     hinges, first = work.hinges, part * HINGE_ROWS
-    if on < 0:
-        mount = trees.base_mounts[where]
+    if parent < 0:
+        mount = trees.base_mounts[place]
         x, y, z = mount[0], mount[1], mount[2]
         east, north, level, rise = mount[3], mount[4], mount[5], mount[6]
     else:
-        mount = trees.part_mounts[where]
-        x, y, z = mount[0] * trees.length[row, on], 0.0, 0.0
+        mount = trees.part_mounts[place]
+        x, y, z = mount[0] * trees.length[row, parent], 0.0, 0.0
         east, north, level, rise = mount[1], mount[2], mount[3], mount[4]
-        work.carries[on] = True
-    _note_carrier(work, part, on + 1)
-    rigid = on >= 0 and motor < 0
-    work.group[part, lane] = work.group[on, lane] if rigid else part
+        work.carries[parent] = True
+    _note_carrier(work, part, parent + 1)
+    rigid = parent >= 0 and motor < 0
+    work.group[part, lane] = work.group[parent, lane] if rigid else part
     target = target_of(trees, row, part, program)
     angle = min(abs(target), slew.reach)
     steps = math.ceil(angle / slew.pace - 1e-9)
@@ -145,7 +145,7 @@ def _board_part(
     mass = trees.density[row, part] * _volume(far - near, radius, box)
     hinges[first + MASS, lane], hinges[first + MOMENT, lane] = mass, mass * 0.5 * (near + far)
     hinges[first + NEAR, lane], hinges[first + FAR, lane] = near if box else 0.0, far
-    hinges[first + ASIDE, lane], hinges[first + CARRIER, lane] = radius if box else 0.0, on + 1
+    hinges[first + ASIDE, lane], hinges[first + CARRIER, lane] = radius if box else 0.0, parent + 1
     hinges[first + TURNS, lane] = steps
     hinges[first + COSINE, lane], hinges[first + SINE, lane] = (
         math.cos(angle),
@@ -156,15 +156,15 @@ def _board_part(
         for point in range(start, start + CORNERS):
             work.points[POINT_ROWS * point + 3, lane] = 0.0
         return mass, steps
-    two = far > 0.0  # two spheres, not one
+    two_spheres = far > 0.0
     # rigid, and straight on from the carrier's far end
     straight = rigid and mount[0] == 1.0 and east == 1.0 and level == 1.0
-    if two and straight and not trees.box[row, on]:
-        thick = trees.radius[row, on]
-        if trees.length[row, on] >= thick:
+    if two_spheres and straight and not trees.box[row, parent]:
+        thick = trees.radius[row, parent]
+        if trees.length[row, parent] >= thick:
             share = thick / (thick + far)  # of the way from the carrier's far sphere to the part's
-            two = radius > thick + (radius - thick) * share
-    work.points[POINT_ROWS * start + 3, lane] = radius if two else NOWHERE
+            two_spheres = radius > thick + (radius - thick) * share
+    work.points[POINT_ROWS * start + 3, lane] = radius if two_spheres else NOWHERE
     work.points[POINT_ROWS * start + 7, lane] = radius
     for point in range(start + 2, work.end[part]):
         work.points[POINT_ROWS * point + 3, lane] = NOWHERE
@@ -189,8 +189,8 @@ def board_again(work: Work, lane: int, other: int) -> None:
 @inlined
 def _set_corners(work: Work, lane: int) -> None:
     """Places the main body's corners, or the points of its rims, in any direction."""
-    points, several = work.points, work.main > CORNERS
-    if several:
+    points, has_rims = work.points, work.main > CORNERS
+    if has_rims:
         is_round = work.bodies[ROUND, lane] > 0
         for point in range(work.main):
             points[POINT_ROWS * point + 3, lane] = 0.0 if is_round or point < CORNERS else NOWHERE
@@ -199,7 +199,7 @@ def _set_corners(work: Work, lane: int) -> None:
             return
     for axis in range(3):
         half = work.bodies[HALF + axis, lane]
-        if several or points[axis, lane] != -half:  # else the body before was as large
+        if has_rims or points[axis, lane] != -half:  # else the body before was as large
             for corner in range(CORNERS):
                 points[POINT_ROWS * corner + axis, lane] = half if corner >> axis & 1 else -half
 
@@ -217,10 +217,10 @@ def place_rims(work: Work, lane: int, x: float, y: float) -> None:
     radius, half = work.bodies[HALF, lane], work.bodies[HALF + 2, lane]
     for point in range(2 * RIM):
         cosine, sine = RIM_COSINES[point % RIM], RIM_SINES[point % RIM]
-        first = POINT_ROWS * point
-        work.points[first, lane] = radius * (x * cosine - y * sine)
-        work.points[first + 1, lane] = radius * (y * cosine + x * sine)
-        work.points[first + 2, lane] = -half if point < RIM else half
+        row = POINT_ROWS * point
+        work.points[row, lane] = radius * (x * cosine - y * sine)
+        work.points[row + 1, lane] = radius * (y * cosine + x * sine)
+        work.points[row + 2, lane] = -half if point < RIM else half
 
 
 @inlined
@@ -242,14 +242,14 @@ def move(work: Work) -> None:
     for axis in range(3):
         store(bodies, MOMENTS + axis, load(bodies, BASE_MOMENT + axis))
     for part in range(len(work.first)):
-        at = part * HINGE_ROWS
-        turning = step < load(hinges, at + TURNS)
-        cosine = choose(turning, step_cosine, load(hinges, at + COSINE))
-        sine = choose(turning, step_sine * load(hinges, at + SIGN), load(hinges, at + SINE))
-        x, y, z = load(hinges, at), load(hinges, at + 1), load(hinges, at + 2)
-        east, north = load(hinges, at + EAST), load(hinges, at + NORTH)
-        level, rise = load(hinges, at + LEVEL), load(hinges, at + RISE)
-        about = load(hinges, at + AXIS), load(hinges, at + AXIS + 1), load(hinges, at + AXIS + 2)
+        row = part * HINGE_ROWS
+        turning = step < load(hinges, row + TURNS)
+        cosine = choose(turning, step_cosine, load(hinges, row + COSINE))
+        sine = choose(turning, step_sine * load(hinges, row + SIGN), load(hinges, row + SINE))
+        x, y, z = load(hinges, row), load(hinges, row + 1), load(hinges, row + 2)
+        east, north = load(hinges, row + EAST), load(hinges, row + NORTH)
+        level, rise = load(hinges, row + LEVEL), load(hinges, row + RISE)
+        about = load(hinges, row + AXIS), load(hinges, row + AXIS + 1), load(hinges, row + AXIS + 2)
         ahead_x, left_x, over_x = _turned(
             level * east, -1.0 * north, -1.0 * rise * east, about, cosine, sine
         )
@@ -257,44 +257,44 @@ def move(work: Work) -> None:
             level * north, east, -1.0 * rise * north, about, cosine, sine
         )
         ahead_z, left_z, over_z = _turned(rise, every(0.0), level, about, cosine, sine)
-        mass, moment = load(hinges, at + MASS), load(hinges, at + MOMENT)
-        near, far = load(hinges, at + NEAR), load(hinges, at + FAR)
-        aside, carrier = load(hinges, at + ASIDE), load(hinges, at + CARRIER)
-        boxed, whole = work.boxed[part], work.boxed[part] or work.carries[part]
-        own, start = (part + 1) * FRAME_ROWS, work.first[part]
+        mass, moment = load(hinges, row + MASS), load(hinges, row + MOMENT)
+        near, far = load(hinges, row + NEAR), load(hinges, row + FAR)
+        aside, carrier = load(hinges, row + ASIDE), load(hinges, row + CARRIER)
+        boxed, needs_frame = work.boxed[part], work.boxed[part] or work.carries[part]
+        own_frame, start = (part + 1) * FRAME_ROWS, work.first[part]
         for way in range(3):
-            other = work.carriers[part, 0]
-            frame = other * FRAME_ROWS + way
+            candidate = work.carriers[part, 0]
+            frame = candidate * FRAME_ROWS + way
             origin, east = load(frames, frame), load(frames, frame + 3)
             north, rise = load(frames, frame + 6), load(frames, frame + 9)
             for number in range(1, work.several[part]):
-                other = work.carriers[part, number]
-                frame = other * FRAME_ROWS + way
-                here = carrier == float(other)
-                origin = choose(here, load(frames, frame), origin)
-                east = choose(here, load(frames, frame + 3), east)
-                north = choose(here, load(frames, frame + 6), north)
-                rise = choose(here, load(frames, frame + 9), rise)
+                candidate = work.carriers[part, number]
+                frame = candidate * FRAME_ROWS + way
+                is_carrier = carrier == float(candidate)
+                origin = choose(is_carrier, load(frames, frame), origin)
+                east = choose(is_carrier, load(frames, frame + 3), east)
+                north = choose(is_carrier, load(frames, frame + 6), north)
+                rise = choose(is_carrier, load(frames, frame + 9), rise)
             origin = origin + x * east + y * north + z * rise
             ahead = ahead_x * east + ahead_y * north + ahead_z * rise
             total = load(bodies, MOMENTS + way)
             store(bodies, MOMENTS + way, total + (mass * origin + moment * ahead))
-            if whole:
+            if needs_frame:
                 left = left_x * east + left_y * north + left_z * rise
                 over = over_x * east + over_y * north + over_z * rise
-                store(frames, own + way, origin)
-                store(frames, own + 3 + way, ahead)
-                store(frames, own + 6 + way, left)
-                store(frames, own + 9 + way, over)
+                store(frames, own_frame + way, origin)
+                store(frames, own_frame + 3 + way, ahead)
+                store(frames, own_frame + 6 + way, left)
+                store(frames, own_frame + 9 + way, over)
                 if boxed:
                     beside, above = aside * left, aside * over
-                    one, two = origin + near * ahead, origin + far * ahead
+                    near_end, far_end = origin + near * ahead, origin + far * ahead
                     for quarter in range(4):
                         across = beside if quarter & 1 else -1.0 * beside
                         corner = across + (above if quarter & 2 else -1.0 * above)
                         point = POINT_ROWS * (start + 2 * quarter) + way
-                        store(points, point, one + corner)
-                        store(points, point + POINT_ROWS, two + corner)
+                        store(points, point, near_end + corner)
+                        store(points, point + POINT_ROWS, far_end + corner)
             if not boxed:
                 store(points, POINT_ROWS * start + way, origin)
                 store(points, POINT_ROWS * start + POINT_ROWS + way, origin + far * ahead)

@@ -89,7 +89,7 @@ TOUCHING: Final = 1e-7
 BALANCED: Final = 1e-6
 """A centre of mass this close to the rim of its support is balanced on it, m."""
 
-_SAME = 1e-9  # relative; how much nearer a point must be to be called nearer
+_NEARER_BY = 1e-9  # relative; how much nearer a point must be to be called nearer
 
 
 @compiled_for_vectors
@@ -156,16 +156,16 @@ def nearest(
     first, second, third = 0, -1, -1
     x, y = flat[0, 0] - from_x, flat[1, 0] - from_y
     for point in range(1, count):
-        other_x, other_y = flat[0, point] - from_x, flat[1, point] - from_y
-        if other_x * other_x + other_y * other_y < x * x + y * y:
-            first, x, y = point, other_x, other_y
+        point_x, point_y = flat[0, point] - from_x, flat[1, point] - from_y
+        if point_x * point_x + point_y * point_y < x * x + y * y:
+            first, x, y = point, point_x, point_y
     for _ in range(2 * count + 8):  # each turn comes nearer, so no set of corners comes twice
         squared = x * x + y * y
         if squared < BALANCED * BALANCED:
             if second >= 0:  # on a line between two points, which may be a diagonal
-                third = _beyond(flat, count, first, second)
+                third = _farthest_left(flat, count, first, second)
             return first, second, third, x, y
-        third, least = -1, squared * (1 - _SAME)
+        third, least = -1, squared * (1 - _NEARER_BY)
         for point in range(count):
             along = (flat[0, point] - from_x) * x + (flat[1, point] - from_y) * y
             if along < least:
@@ -173,40 +173,40 @@ def nearest(
         if third < 0:
             break
         if second >= 0:
-            one_x, one_y = flat[0, first] - from_x, flat[1, first] - from_y
-            two_x, two_y = flat[0, second] - from_x, flat[1, second] - from_y
-            three_x, three_y = flat[0, third] - from_x, flat[1, third] - from_y
-            one = one_x * two_y - one_y * two_x
-            two = two_x * three_y - two_y * three_x
-            three = three_x * one_y - three_y * one_x
-            if (one >= 0 and two >= 0 and three >= 0) or (one <= 0 and two <= 0 and three <= 0):
+            a_x, a_y = flat[0, first] - from_x, flat[1, first] - from_y
+            b_x, b_y = flat[0, second] - from_x, flat[1, second] - from_y
+            c_x, c_y = flat[0, third] - from_x, flat[1, third] - from_y
+            a_b = a_x * b_y - a_y * b_x
+            b_c = b_x * c_y - b_y * c_x
+            c_a = c_x * a_y - c_y * a_x
+            if (a_b >= 0 and b_c >= 0 and c_a >= 0) or (a_b <= 0 and b_c <= 0 and c_a <= 0):
                 return first, second, third, 0.0, 0.0
-        one_end, other_end, best = first, second, math.inf
+        first_end, second_end, shortest = first, second, math.inf
         for turn in range(2 if second >= 0 else 1):
-            end = one_end if turn == 0 else other_end
+            end = first_end if turn == 0 else second_end
             start_x, start_y = flat[0, end] - from_x, flat[1, end] - from_y
             edge_x, edge_y = flat[0, third] - flat[0, end], flat[1, third] - flat[1, end]
             share = -(start_x * edge_x + start_y * edge_y) / (edge_x * edge_x + edge_y * edge_y)
             share = min(1.0, max(0.0, share))
             near_x, near_y = start_x + share * edge_x, start_y + share * edge_y
-            if near_x * near_x + near_y * near_y < best:
-                best, x, y = near_x * near_x + near_y * near_y, near_x, near_y
+            if near_x * near_x + near_y * near_y < shortest:
+                shortest, x, y = near_x * near_x + near_y * near_y, near_x, near_y
                 first, second = (third, -1) if share >= 1 else (end, third if share > 0 else -1)
     return first, second, -1, x, y
 
 
 @compiled
-def _beyond(flat: Array, count: int, first: int, second: int) -> int:
+def _farthest_left(flat: Array, count: int, first: int, second: int) -> int:
     """The point farthest left of a line through two; −1: there are not points on both sides."""
     x, y = flat[0, second] - flat[0, first], flat[1, second] - flat[1, first]
     rim = BALANCED * math.sqrt(x * x + y * y)
-    farthest, most, least = -1, rim, 0.0
+    farthest, leftmost, rightmost = -1, rim, 0.0
     for point in range(count):
         left = x * (flat[1, point] - flat[1, first]) - y * (flat[0, point] - flat[0, first])
-        least = min(least, left)
-        if left > most:
-            farthest, most = point, left
-    return farthest if least < -rim else -1
+        rightmost = min(rightmost, left)
+        if left > leftmost:
+            farthest, leftmost = point, left
+    return farthest if rightmost < -rim else -1
 
 
 @compiled
@@ -220,9 +220,9 @@ def balanced(flat: Array, count: int) -> bool:
     return False
 
 
-_ROLLS: Final = 100  # a body needs 0 to 5; no descent needs more than it has edges
-_PIVOTS: Final = 4  # after so many exchanged contacts a body rolls instead; not tuned
-_FLAT: Final = 1e-14  # m⁴: three contacts nearly in a line fix no plane
+_MOST_ROLLS: Final = 100  # a body needs 0 to 5; no descent needs more than it has edges
+_MOST_PIVOTS: Final = 4  # after so many exchanged contacts a body rolls instead; not tuned
+_IN_LINE: Final = 1e-14  # m⁴: three contacts nearly in a line fix no plane
 
 
 @compiled
@@ -248,7 +248,7 @@ def roll(
     Returns:
         Whether it came to rest.
     """
-    for _ in range(_ROLLS):
+    for _ in range(_MOST_ROLLS):
         contacts = touching(points, count, centre, vector(up), touch, flat)
         first, second, third, x, y = nearest(flat, contacts, 0.0, 0.0)
         stance[0] = touch[first]
@@ -264,35 +264,35 @@ def roll(
 @compiled
 def _turn(points: Array, count: int, centre: Vector, up: Array, pivot: int, other: int) -> bool:
     """Turns the body about one contact, or two, until another point touches."""
-    before, foot = vector(up), at(points, pivot)
+    old_up, foot = vector(up), at(points, pivot)
     # u(t) = share·axis + size·(start cos t + down sin t)
     arm = minus(foot, centre)
-    down = minus(arm, times(dot(before, arm), before))
-    start, axis, share, size = before, (0.0, 0.0, 0.0), 0.0, 1.0
+    down = minus(arm, times(dot(old_up, arm), old_up))
+    start, axis, share, size = old_up, (0.0, 0.0, 0.0), 0.0, 1.0
     if other >= 0:
         axis = unit(minus(at(points, other), foot))
-        share = dot(before, axis)
-        start = minus(before, times(share, axis))
+        share = dot(old_up, axis)
+        start = minus(old_up, times(share, axis))
         size = math.sqrt(dot(start, start))
         start = start[0] / size, start[1] / size, start[2] / size
         side = cross(axis, start)
         down = times(1.0 if dot(side, down) > 0 else -1.0, side)
     else:
         down = unit(down)
-    half = math.inf  # tangent of half the angle at which the first point touches
+    tangent = math.inf  # tangent of half the angle at which the first point touches
     for point in range(count):
-        away = minus(at(points, point), foot)
-        constant = points[3, pivot] - points[3, point] + share * dot(axis, away)
-        cosine, sine = size * dot(start, away), size * dot(down, away)
-        gap, left = constant + cosine, cosine * cosine + sine * sine - constant * constant
-        if gap > TOUCHING and left > 0:
-            rate = math.sqrt(left) - sine
-            if gap < half * rate:
-                half = gap / rate
-    if half == math.inf:
+        from_foot = minus(at(points, point), foot)
+        constant = points[3, pivot] - points[3, point] + share * dot(axis, from_foot)
+        cosine, sine = size * dot(start, from_foot), size * dot(down, from_foot)
+        gap, discriminant = constant + cosine, cosine * cosine + sine * sine - constant * constant
+        if gap > TOUCHING and discriminant > 0:
+            rate = math.sqrt(discriminant) - sine
+            if gap < tangent * rate:
+                tangent = gap / rate
+    if tangent == math.inf:
         return False  # nothing to fall on: cannot be, with the main body's eight corners
-    scale = 1 / (1 + half * half)
-    cosine, sine = size * (1 - half * half) * scale, size * 2 * half * scale
+    scale = 1 / (1 + tangent * tangent)
+    cosine, sine = size * (1 - tangent * tangent) * scale, size * 2 * tangent * scale
     up[0], up[1], up[2] = unit(
         plus(plus(times(share, axis), times(cosine, start)), times(sine, down))
     )
@@ -334,17 +334,17 @@ def stands(
     tilted = times(
         scale, plus(times(second_rise, cross(to_c, across)), times(third_rise, cross(across, to_b)))
     )
-    left = 1.0 - dot(tilted, tilted)
-    length = root(left * scale)
+    remaining = 1.0 - dot(tilted, tilted)
+    length = root(remaining * scale)
     length = choose(dot(across, before) < 0.0, -1.0 * length, length)
     up = plus(tilted, times(length, across))
     to_a, to_b, to_c = minus(foot, centre), minus(second, centre), minus(third, centre)
     a_b, b_c, c_a = turning(up, to_a, to_b), turning(up, to_b, to_c), turning(up, to_c, to_a)
     leftward = (a_b > 0.0) & (b_c > 0.0) & (c_a > 0.0)
     rightward = (a_b < 0.0) & (b_c < 0.0) & (c_a < 0.0)
-    fixed = (squared >= _FLAT) & (left > 0.0)
-    near = (dot(up, before) >= least_cosine) | (dot(before, before) == 0.0)
-    return fixed & near & (leftward | rightward), up, a_b
+    fixed = (squared >= _IN_LINE) & (remaining > 0.0)
+    is_near = (dot(up, before) >= least_cosine) | (dot(before, before) == 0.0)
+    return fixed & is_near & (leftward | rightward), up, a_b
 
 
 @compiled
@@ -364,8 +364,8 @@ def follow(
     """
     a, b, c = stance[0], stance[1], stance[2]
     before = vector(up)
-    for _ in range(_PIVOTS):
-        does, now, left = stands(
+    for _ in range(_MOST_PIVOTS):
+        is_standing, new_up, area = stands(
             at(points, a),
             at(points, b),
             at(points, c),
@@ -375,26 +375,26 @@ def follow(
             before,
             least_cosine,
         )
-        if not does:
+        if not is_standing:
             return False
-        lowest = depth(points, count, now)
-        if lowest <= points[3, a] - dot(now, at(points, a)) + TOUCHING:
-            up[0], up[1], up[2] = now
+        lowest = depth(points, count, new_up)
+        if lowest <= points[3, a] - dot(new_up, at(points, a)) + TOUCHING:
+            up[0], up[1], up[2] = new_up
             stance[0], stance[1], stance[2] = a, b, c
             return True
-        new = 0
+        new_contact = 0
         for point in range(count):
-            if points[3, point] - dot(now, at(points, point)) >= lowest:
-                new = point
-        to_new = minus(at(points, new), centre)
-        side = 1.0 if left > 0 else -1.0
-        n_a = side * turning(now, to_new, minus(at(points, a), centre))
-        n_b = side * turning(now, to_new, minus(at(points, b), centre))
-        n_c = side * turning(now, to_new, minus(at(points, c), centre))
+            if points[3, point] - dot(new_up, at(points, point)) >= lowest:
+                new_contact = point
+        to_new = minus(at(points, new_contact), centre)
+        side = 1.0 if area > 0 else -1.0
+        n_a = side * turning(new_up, to_new, minus(at(points, a), centre))
+        n_b = side * turning(new_up, to_new, minus(at(points, b), centre))
+        n_c = side * turning(new_up, to_new, minus(at(points, c), centre))
         if n_a > 0 > n_b:
-            c = new
+            c = new_contact
         elif n_b > 0 > n_c:
-            a = new
+            a = new_contact
         else:
-            b = new
+            b = new_contact
     return False

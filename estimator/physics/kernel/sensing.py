@@ -98,9 +98,9 @@ def _undecided(work: Work, lane: int, centre: Vector, up: Vector) -> bool:
     if work.bodies[FIRM, lane] != 0.0:
         least = math.inf
         for side in range(3):
-            one = point_of(work, lane, work.counts[STANCE + side, lane])
-            edge = minus(point_of(work, lane, work.counts[STANCE + (side + 1) % 3, lane]), one)
-            area = turning(up, minus(one, centre), edge)
+            start = point_of(work, lane, work.counts[STANCE + side, lane])
+            edge = minus(point_of(work, lane, work.counts[STANCE + (side + 1) % 3, lane]), start)
+            area = turning(up, minus(start, centre), edge)
             least = min(least, area * area / dot(edge, edge))
         if least > 4 * BALANCED * BALANCED:
             return False
@@ -127,7 +127,7 @@ def read(
 
     If the body ``stays`` as it was before its last step, ``work.lowest`` is known already.
     """
-    bodies, own = work.bodies, trees.base[body]
+    bodies, base = work.bodies, trees.base[body]
     rests = work.counts[RESTS, lane] > 0
     for axis in range(3):
         readings.up[row, axis] = bodies[UP + axis, lane] if rests else math.nan
@@ -136,11 +136,11 @@ def read(
     up, deep = (bodies[UP, lane], bodies[UP + 1, lane], bodies[UP + 2, lane]), bodies[DEEP, lane]
     readings.stance[row] = stance_of(work, lane) if rests else -1
     readings.balances[row] = _undecided(work, lane, centre_of(work, lane), up)
-    measured = _up_as_measured(up, own[ACCELEROMETER], own[ACCELEROMETER + 1])
+    measured = _up_as_measured(up, base[ACCELEROMETER], base[ACCELEROMETER + 1])
     readings.tilt[row, 0], readings.tilt[row, 1] = _tilt_of(measured)
-    ray = _belly_ray(deep - 0.5 * own[2] * up[2], up)
+    ray = _belly_ray(deep - 0.5 * base[2] * up[2], up)
     readings.clearance[row], readings.saturated[row] = _clearance_of(ray, limits.cap)
-    largest, parts = 0.0, trees.parts[body]
+    largest_miss, parts = 0.0, trees.parts[body]
     for part in range(parts):
         work.above[part] = math.inf
     for part in range(parts):
@@ -149,7 +149,7 @@ def read(
         group = work.group[part, lane]
         work.above[group] = min(work.above[group], deep - work.lowest[part, lane])
         target = target_of(trees, body, part, program)
-        largest = max(largest, abs(target) - slew.reach)
+        largest_miss = max(largest_miss, abs(target) - slew.reach)
     for part in range(parts):
         sensor = trees.sensor[body, part]
         if sensor >= 0:
@@ -157,8 +157,8 @@ def read(
             gap = 0.0 if above < TOUCHING else above
             readings.touch[row, sensor] = _touches(gap, limits.touch_gap)
             readings.doubtful[row, sensor] = _touch_is_doubtful(gap, limits.doubtful_gap)
-    readings.miss[row] = largest
-    readings.valid[row] = work.counts[RESTS, lane] > 0 and largest <= limits.joint_tolerance
+    readings.miss[row] = largest_miss
+    readings.valid[row] = work.counts[RESTS, lane] > 0 and largest_miss <= limits.joint_tolerance
 
 
 @inlined

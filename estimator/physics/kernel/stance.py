@@ -24,8 +24,8 @@ GUESSED: Final = -2
 """Value in the row ``AT``: it is not known yet whether the body rests on its stance."""
 
 _FLAT: Final = 0  # stance of a body that lies on its main body
-_BITS: Final = 16  # bits of each contact
-_OF_A_PART: Final = 8  # points of a part, at most
+_CONTACT_BITS: Final = 16  # bits of each contact
+_POINTS_OF_A_PART: Final = 8  # points of a part, at most
 
 
 @inlined
@@ -39,13 +39,15 @@ def stance_of(work: Work, lane: int) -> int:
         return _FLAT
     if bodies[FIRM, lane] == 0.0 or bodies[ROUND, lane] > 0.0:
         return -1
-    one, two, three = counts[STANCE, lane], counts[STANCE + 1, lane], counts[STANCE + 2, lane]
-    foot = point_of(work, lane, one)
-    across = cross(minus(point_of(work, lane, two), foot), minus(point_of(work, lane, three), foot))
+    a, b, c = counts[STANCE, lane], counts[STANCE + 1, lane], counts[STANCE + 2, lane]
+    foot = point_of(work, lane, a)
+    across = cross(minus(point_of(work, lane, b), foot), minus(point_of(work, lane, c), foot))
     if dot(across, (bodies[UP, lane], bodies[UP + 1, lane], bodies[UP + 2, lane])) < 0.0:
-        two, three = three, two
-    stance: int = 1 + _numbered(work, one)
-    stance += (_numbered(work, two) << _BITS) + (_numbered(work, three) << 2 * _BITS)
+        b, c = c, b
+    stance: int = 1 + _contact_number(work, a)
+    stance += (_contact_number(work, b) << _CONTACT_BITS) + (
+        _contact_number(work, c) << 2 * _CONTACT_BITS
+    )
     return stance
 
 
@@ -57,14 +59,14 @@ def take_stance(work: Work, lane: int, stance: int) -> bool:
     """
     bodies, counts = work.bodies, work.counts
     if stance > _FLAT:
-        one, two, three = (
+        a, b, c = (
             _contact(work, stance - 1),
-            _contact(work, (stance - 1) >> _BITS),
-            _contact(work, (stance - 1) >> 2 * _BITS),
+            _contact(work, (stance - 1) >> _CONTACT_BITS),
+            _contact(work, (stance - 1) >> 2 * _CONTACT_BITS),
         )
-        if min(one, two, three) < 0:
+        if min(a, b, c) < 0:
             return False
-        counts[STANCE, lane], counts[STANCE + 1, lane], counts[STANCE + 2, lane] = one, two, three
+        counts[STANCE, lane], counts[STANCE + 1, lane], counts[STANCE + 2, lane] = a, b, c
         bodies[LIES, lane], bodies[UP + 2, lane] = 0.0, 0.0
     bodies[GRAVITY, lane] = bodies[GRAVITY + 1, lane] = 0.0
     counts[AT, lane], counts[STRIDE, lane] = GUESSED, 1
@@ -73,29 +75,29 @@ def take_stance(work: Work, lane: int, stance: int) -> bool:
 
 @inlined
 def _contact(work: Work, numbers: int) -> int:
-    """The point that the lowest ``_BITS`` bits stand for; −1: there is none."""
-    number = numbers & (1 << _BITS) - 1
-    part, point = number // _OF_A_PART - 1, number % _OF_A_PART
+    """The point that the lowest ``_CONTACT_BITS`` bits stand for; −1: there is none."""
+    number = numbers & (1 << _CONTACT_BITS) - 1
+    part, point = number // _POINTS_OF_A_PART - 1, number % _POINTS_OF_A_PART
     if part < 0:
         return point
     if part >= len(work.first) or work.first[part] + point >= work.end[part]:
         return -1
-    where: int = work.first[part] + point
-    return where
+    contact: int = work.first[part] + point
+    return contact
 
 
 @inlined
-def _numbered(work: Work, point: int) -> int:
+def _contact_number(work: Work, point: int) -> int:
     """A point by its part and its place there, as other bodies' parts may have other points."""
     number = point
     for part in range(len(work.first)):
         if work.first[part] <= point < work.end[part]:
-            number = (part + 1) * _OF_A_PART + point - work.first[part]
+            number = (part + 1) * _POINTS_OF_A_PART + point - work.first[part]
     return number
 
 
 @inlined
 def point_of(work: Work, lane: int, point: int) -> Vector:
     """Where a point of a body is, in the main body's frame, m."""
-    first = POINT_ROWS * point
-    return work.points[first, lane], work.points[first + 1, lane], work.points[first + 2, lane]
+    row = POINT_ROWS * point
+    return work.points[row, lane], work.points[row + 1, lane], work.points[row + 2, lane]

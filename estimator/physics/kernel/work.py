@@ -72,15 +72,15 @@ POINT_ROWS: Final = 4
 CORNERS: Final = 8
 NOWHERE: Final = -1e30  # radius of a point that is left out
 
-_CLOSE: Final = tuple(math.radians(0.35 * 2**step) for step in range(5))
-_AROUND: Final = tuple(math.radians(15.0 * step) for step in range(1, 12))
-_TURNS: Final = (
+_CLOSE_TURNS: Final = tuple(math.radians(0.35 * 2**step) for step in range(5))
+_TURNS_AROUND: Final = tuple(math.radians(15.0 * step) for step in range(1, 12))
+_RIM_TURNS: Final = (
     *(0.0, math.pi),
-    *(side * turn for turn in (*_CLOSE, *_AROUND) for side in (1.0, -1.0)),
+    *(side * turn for turn in (*_CLOSE_TURNS, *_TURNS_AROUND) for side in (1.0, -1.0)),
 )
-RIM_COSINES: Final = tuple(map(math.cos, _TURNS))
-RIM_SINES: Final = tuple(map(math.sin, _TURNS))
-RIM: Final = len(_TURNS)
+RIM_COSINES: Final = tuple(map(math.cos, _RIM_TURNS))
+RIM_SINES: Final = tuple(map(math.sin, _RIM_TURNS))
+RIM: Final = len(_RIM_TURNS)
 """Number of points of a rim: where it bears, and others at turns from there; not tuned."""
 
 

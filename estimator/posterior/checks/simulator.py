@@ -28,9 +28,9 @@ STEP: Final = 1 / 240  # the fine time step, s
 
 _REST_WINDOW: Final = 0.3  # s: see ``WorldSettings``
 
-_RIVALS: Final = 6  # modes that are simulated, at most
-_WORTH: Final = 0.005  # least probability of a mode that is simulated
-_FEWEST: Final = 3  # least number of samples of a mode
+_MOST_MODES: Final = 6  # modes that are simulated, at most
+_LEAST_SHARE: Final = 0.005  # least probability of a mode that is simulated
+_FEWEST_SAMPLES: Final = 3  # least number of samples of a mode
 
 
 def fine(world: WorldSettings) -> WorldSettings:
@@ -67,14 +67,14 @@ def recheck(
     """
     keys = predictor.unknowns.keys(posterior.values)
     values, scales, owners = [], [], []
-    modes = [mode for mode in posterior.modes[:_RIVALS] if mode.probability >= _WORTH]
+    modes = [mode for mode in posterior.modes[:_MOST_MODES] if mode.probability >= _LEAST_SHARE]
     modes = modes or list(posterior.modes[:1])
     # a single mode has nothing to be weighed against
     shared_out = SAMPLES if len(modes) > 1 else SAMPLES // 2
     for index, mode in enumerate(modes):
-        own = np.array([key == mode.attachments for key in keys])
-        count = max(_FEWEST, round(shared_out * mode.probability)) if own.any() else 0
-        chosen = systematic(np.where(own, posterior.weights, 0.0), count, 0.5)
+        rows = np.array([key == mode.attachments for key in keys])
+        count = max(_FEWEST_SAMPLES, round(shared_out * mode.probability)) if rows.any() else 0
+        chosen = systematic(np.where(rows, posterior.weights, 0.0), count, 0.5)
         values.append(posterior.values[chosen] if count else mode.point[None])
         scales.append(posterior.scales[chosen] if count else np.zeros((1, 2)))
         owners += [index] * max(1, count)
@@ -89,23 +89,23 @@ def recheck(
     ratios = fits - by_statics.sum(axis=1)
     of_modes = [owner == index for index in range(len(modes))]
     logs = np.log([mode.probability for mode in modes])
-    logs += [logsumexp(ratios[own]) - np.log(np.sum(own)) for own in of_modes]
+    logs += [logsumexp(ratios[rows]) - np.log(np.sum(rows)) for rows in of_modes]
     probabilities = softmax(logs) * sum(mode.probability for mode in modes)
-    better = [
-        replace(mode, probability=float(probability), point=points[own][np.argmax(fits[own])])
-        for mode, probability, own in zip(modes, probabilities, of_modes, strict=True)
+    reweighted = [
+        replace(mode, probability=float(probability), point=points[rows][np.argmax(fits[rows])])
+        for mode, probability, rows in zip(modes, probabilities, of_modes, strict=True)
     ]
     others = [mode for mode in posterior.modes if mode not in modes]
     gains = {
         mode.attachments: new.probability / mode.probability
-        for mode, new in zip(modes, better, strict=True)
+        for mode, new in zip(modes, reweighted, strict=True)
     }
     weights = posterior.weights * np.array([gains.get(key, 1.0) for key in keys])
     return Recheck(
         posterior=replace(
             posterior,
             weights=weights / weights.sum(),
-            modes=tuple(sorted([*better, *others], key=lambda mode: -mode.probability)),
+            modes=tuple(sorted([*reweighted, *others], key=lambda mode: -mode.probability)),
         ),
         ess=float(1 / np.sum(softmax(ratios) ** 2)),
         simulated=len(points),
@@ -118,8 +118,8 @@ _BY_AMOUNT: Final = 0.3  # share of these that read like one with a large amount
 _OUTLIER_RATE: Final = 0.004  # unexplained interactions of robots as stated: 2 of 615 recorded
 _UNLISTED_RATE: Final = 0.3  # unexplained interactions of the other robots that deviate so
 _TRIED: Final = 32  # samples that are simulated where an interaction is unexplained
-_MORE_LIKELY: Final = 0.5  # probability from which an interaction is unexplained
-_POORLY: Final = 3.0  # nats below a perfect prediction from which an interaction is simulated
+_UNEXPLAINED: Final = 0.5  # probability from which an interaction is unexplained
+_POOR_FIT: Final = 3.0  # nats below a perfect prediction from which an interaction is simulated
 
 
 def probability_unlisted(outliers: Array, noise: Noise, *, deviating: float, prior: float) -> float:
@@ -142,11 +142,11 @@ def probability_unlisted(outliers: Array, noise: Noise, *, deviating: float, pri
     def log_density(rate: float) -> float:
         return float(np.log(rate * outlier + (1 - rate) * inlier).sum())
 
-    seen = math.log(1 - _AS_STATED - _BY_AMOUNT)
-    seen += log_density(_UNLISTED_RATE) - log_density(_OUTLIER_RATE)
+    log_seen = math.log(1 - _AS_STATED - _BY_AMOUNT)
+    log_seen += log_density(_UNLISTED_RATE) - log_density(_OUTLIER_RATE)
     unseen = _AS_STATED * (1 - deviating) / (1 - prior) + _BY_AMOUNT * deviating / (prior or 1.0)
-    gained = np.logaddexp(seen, math.log(unseen))
-    return float(expit(np.array(math.log(_UNLISTED / (1 - _UNLISTED)) + gained)))
+    log_factor = np.logaddexp(log_seen, math.log(unseen))
+    return float(expit(np.array(math.log(_UNLISTED / (1 - _UNLISTED)) + log_factor)))
 
 
 def outliers_left(
@@ -160,25 +160,22 @@ def outliers_left(
     """Probability of each interaction that it says nothing about the body, by the simulator, too.
 
     Args:
-        outliers: The same probability by statics, shape (k,).
+        outliers: The same probability by statics; both have the shape (k,).
         posterior: The posterior over bodies.
         predictor: Computes the bodies' readings.
         likelihood: Likelihood of the observations.
         reference: The simulator, asked about interactions that the best body explains poorly, if
             any is more likely an outlier than not.
-
-    Returns:
-        Shape (k,).
     """
-    if not np.any(outliers > _MORE_LIKELY):
+    if not np.any(outliers > _UNEXPLAINED):
         return outliers
     samples = posterior.values[systematic(posterior.weights, _TRIED, 0.5)]
     points = np.vstack([posterior.modes[0].point, samples])
     fits = likelihood.of(likelihood.misfits_of(predictor, points))
     amends = np.zeros(len(likelihood))
-    for interaction in np.flatnonzero(likelihood.best()[0] - fits[0] > _POORLY).tolist():
-        one = likelihood[interaction : interaction + 1]
-        simulated = _simulated_fits(points, predictor, one, reference)[:, 0]
+    for interaction in np.flatnonzero(likelihood.best()[0] - fits[0] > _POOR_FIT).tolist():
+        alone = likelihood[interaction : interaction + 1]
+        simulated = _simulated_fits(points, predictor, alone, reference)[:, 0]
         average = logsumexp(simulated - fits[:, interaction]) - logsumexp(-fits[:, interaction])
         amends[interaction] = max(0.0, average - fits[0, interaction])
     left: Array = outliers * np.exp(-amends)

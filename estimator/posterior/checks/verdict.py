@@ -52,9 +52,9 @@ def judge(posterior: Posterior, predictor: Predictor, likelihood: Likelihood) ->
     best, weights = posterior.modes[0].point[None], posterior.weights
     misfits = likelihood.misfits_of(predictor, posterior.values)
     outliers = weights @ likelihood.inlier_share(misfits, scales=posterior.scales) < 0.5
-    odd = np.flatnonzero(outliers)
+    interactions = np.flatnonzero(outliers)
     sure = (
-        weights @ (_margins(posterior.values, predictor, likelihood.data[odd]) > SURE_PATH)
+        weights @ (_margins(posterior.values, predictor, likelihood.data[interactions]) > SURE_PATH)
         > _SURELY
     )
     residuals = standardised_residuals(best, predictor, likelihood)
@@ -69,10 +69,10 @@ def judge(posterior: Posterior, predictor: Predictor, likelihood: Likelihood) ->
             ),
             residual=float(farthest[index]),
         )
-        for index in odd[sure].tolist()
+        for index in interactions[sure].tolist()
     )
-    share = weights @ (posterior.scales > math.log(TOO_NOISY))
-    noisy = tuple(name for name, one in zip(SCALED, share, strict=True) if one > _SURELY)
+    shares = weights @ (posterior.scales > math.log(TOO_NOISY))
+    noisy = tuple(name for name, share in zip(SCALED, shares, strict=True) if share > _SURELY)
     contradicting = _contradicting(best, predictor, likelihood, ~outliers)
     return FitVerdict(unexplained=unexplained, noisy=noisy, contradicting=contradicting)
 
@@ -112,21 +112,21 @@ class Fit:
 
 def fit_of(point: Array, predictor: Predictor, likelihood: Likelihood) -> Fit:
     """How well a body, shape (size,), explains the readings."""
-    one, data = point[None], likelihood.data
-    misfits = likelihood.misfits_of(predictor, one)
+    points, data = point[None], likelihood.data
+    misfits = likelihood.misfits_of(predictor, points)
     outliers = likelihood.inlier_share(misfits)[0] < 0.5
-    short = (likelihood.best() - likelihood.of(misfits))[0]
-    read = sum(float(data.observed[name].count[~outliers].sum()) for name in SCALED)
-    excess = float(short[~outliers].sum()) - MEAN_LOSS * read
+    losses = (likelihood.best() - likelihood.of(misfits))[0]
+    readings = sum(float(data.observed[name].count[~outliers].sum()) for name in SCALED)
+    excess = float(losses[~outliers].sum()) - MEAN_LOSS * readings
     unexplained = (
-        np.count_nonzero(outliers & (_margins(one, predictor, data)[0] > SURE_PATH))
+        np.count_nonzero(outliers & (_margins(points, predictor, data)[0] > SURE_PATH))
         if outliers.any()
         else 0
     )
     return Fit(
         unexplained=int(unexplained),
         # without readings there is no loss
-        excess=excess / math.sqrt(VARIANCE_LOSS * read) if read else 0.0,
+        excess=excess / math.sqrt(VARIANCE_LOSS * readings) if readings else 0.0,
     )
 
 

@@ -21,7 +21,7 @@ from estimator.posterior.discovery.population import Population
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.unknowns import Cost, Predictor, Unknowns
 
-_BEST: Final = 4  # best points that are taken from each search
+_BEST_POINTS: Final = 4  # best points that are taken from each search
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,11 +44,11 @@ class Beginning:
         """A search for bodies that all have these deviations, shape (rows,)."""
         unknowns = self.unknowns
         predictor = Predictor(unknowns.with_fixed_deviations(deviations), self.make_physics())
-        of_chains, of_search = map(np.random.default_rng, seed.spawn(2))
+        chains_rng, search_rng = map(np.random.default_rng, seed.spawn(2))
         population = Population.of_prior(
-            predictor, of_chains, levels=self.levels, chains_per_level=self.chains_per_level
+            predictor, chains_rng, levels=self.levels, chains_per_level=self.chains_per_level
         )
-        return Discovery(population, predictor, of_search, explores=unknowns.many)
+        return Discovery(population, predictor, search_rng, explores=unknowns.many)
 
     def found_with_each(
         self, likelihood: Likelihood, steps: int, rng: np.random.Generator, workers: Executor
@@ -67,13 +67,13 @@ class Beginning:
         table = self.unknowns.table
         switches = [n for n, row in enumerate(table) if row.switch and row.may_deviate]
         seeds = np.random.SeedSequence(int(rng.integers(2**32))).spawn(len(switches))
-        each = zip(np.eye(len(table))[switches], seeds, strict=True)
-        tasks = [(likelihood, steps, deviations, seed) for deviations, seed in each]
-        found, costs = [np.empty((0, self.unknowns.size))], []
+        by_search = zip(np.eye(len(table))[switches], seeds, strict=True)
+        tasks = [(likelihood, steps, deviations, seed) for deviations, seed in by_search]
+        best_points, costs = [np.empty((0, self.unknowns.size))], []
         for points, cost in workers.map(self.found_with_cost, tasks):
-            found.append(points)
+            best_points.append(points)
             costs.append(cost)
-        return np.concatenate(found), Cost(*map(sum, zip(Cost(0, 0), *costs, strict=True)))
+        return np.concatenate(best_points), Cost(*map(sum, zip(Cost(0, 0), *costs, strict=True)))
 
     def found_with_cost(
         self, task: tuple[Likelihood, int, Array, np.random.SeedSequence]
@@ -87,5 +87,5 @@ class Beginning:
         search = self.search(deviations, seed)
         search.observe(likelihood)
         search.restart(steps)
-        best = search.search(steps).values[:_BEST]
+        best = search.search(steps).values[:_BEST_POINTS]
         return self.unknowns.with_deviations(best, deviations), search.predictor.cost

@@ -28,20 +28,20 @@ from estimator.posterior.model.gauss_newton import GaussNewton, best_of_each
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
 
-_WATCHED: Final = 3  # coldest levels, whose chains' attachments are kept
+_WATCHED_LEVELS: Final = 3  # coldest levels, whose chains' attachments are kept
 _FEW_STEPS: Final = 2 * EVERY  # steps where chains hardly have to look for attachments
 _POLISHED: Final = 200  # sets of attachments whose lengths are optimised in one round
-_POLISHED_BESIDE: Final = 40  # the same where many attachments are open
+_POLISHED_OF_MANY: Final = 40  # the same where many attachments are open
 _LEADERS: Final = 4  # sets of attachments in one sweep
 _SWEPT: Final = (math.inf, 16.0)  # nats that they may lie below the best, in each sweep of a round
 _PROMISING: Final = 60  # other attachments of a leader whose lengths are optimised
 _FINISHED: Final = 3  # one in so many of those points, the best, is optimised to the end
 _STARTS: Final = 24  # best points of the last search, whose lengths are optimised
-_HIGHER: Final = 3.0  # nats of improvement from which neighbours are tried again
+_IMPROVEMENT: Final = 3.0  # nats of improvement from which neighbours are tried again
 _FOUNDERS: Final = 6  # best bodies of each restart, whose subtrees are given to others
 _CROSSED: Final = 4  # best bodies that are given subtrees
 _REMEMBERED: Final = 64  # best points that are kept for the next interaction
-_SEVERAL: Final = 4  # interactions from which neighbours are tried
+_NEIGHBOURS_FROM: Final = 4  # interactions from which neighbours are tried
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,8 +59,8 @@ class BestPoints:
     @classmethod
     def joined(cls, several: Sequence[BestPoints], unknowns: Unknowns) -> BestPoints:
         """The best point of each set of attachments among several collections."""
-        values = np.concatenate([one.values for one in several])
-        fits = np.concatenate([one.fits for one in several])
+        values = np.concatenate([bodies.values for bodies in several])
+        fits = np.concatenate([bodies.fits for bodies in several])
         order = best_of_each(unknowns.keys(values), fits)
         return cls(values=values[order], fits=fits[order])
 
@@ -101,20 +101,16 @@ class Discovery:
         self._explores = explores
 
     def observe(self, likelihood: Likelihood) -> None:
-        """Takes in all observations; the search goes on from its chains and points.
-
-        Args:
-            likelihood: Likelihood of all interactions.
-        """
+        """Takes in all observations by their likelihood; goes on from its chains and points."""
         predictor = self.predictor
         self._likelihood = likelihood
         self._founders: list[Array] = []
         self.population.observe(likelihood, surely=True)
         self._solver = GaussNewton(predictor, likelihood)
         self._neighbours = None
-        if joined_parts(predictor.unknowns) and len(likelihood) >= _SEVERAL:
+        if joined_parts(predictor.unknowns) and len(likelihood) >= _NEIGHBOURS_FROM:
             self._neighbours = Neighbours(predictor.unknowns, self._solver, self.rng)
-        self._before, self._visited = _Visited(predictor), _Visited(predictor)
+        self._visited_before, self._visited = _Visited(predictor), _Visited(predictor)
         fits = self._solver.fits(self.starts)
         self._visited.add(self.starts, fits)
         if self._explores and len(fits):  # with fewer attachments searches would agree too early
@@ -122,23 +118,20 @@ class Discovery:
             self._visited.add(*self._solver.polished(self.starts[best]))
 
     def search(self, steps: int) -> BestPoints:
-        """Makes one round of the search.
+        """Makes one round of the search; returns the best points as ``best`` does.
 
         Args:
             steps: Steps of the chains; at most ten where the search has converged, or lengths alone
                 are open.
-
-        Returns:
-            The best points of all sets of attachments that were found so far.
         """
         population, visited = self.population, self._visited
-        few = self._has_converged() or not self.predictor.unknowns.choices.size
-        for step in range(min(steps, _FEW_STEPS) if few else steps):
+        is_brief = self._has_converged() or not self.predictor.unknowns.choices.size
+        for step in range(min(steps, _FEW_STEPS) if is_brief else steps):
             population.step()
             if step % EVERY == EVERY - 1:
-                levels = slice(0, _WATCHED * population.chains_per_level)
-                visited.add(population.values[levels], population.posterior_fits(_WATCHED))
-        visited.polish(self._solver, _POLISHED_BESIDE if self._explores else _POLISHED)
+                levels = slice(0, _WATCHED_LEVELS * population.chains_per_level)
+                visited.add(population.values[levels], population.posterior_fits(_WATCHED_LEVELS))
+        visited.polish(self._solver, _POLISHED_OF_MANY if self._explores else _POLISHED)
         if not self._has_converged():
             self._try_others(visited)
         bodies = self.best()
@@ -147,8 +140,8 @@ class Discovery:
 
     def best(self) -> BestPoints:
         """The best points of all sets of attachments that were found so far."""
-        both = [self._before.best(), self._visited.best()]
-        return BestPoints.joined(both, self.predictor.unknowns)
+        collections = [self._visited_before.best(), self._visited.best()]
+        return BestPoints.joined(collections, self.predictor.unknowns)
 
     def _try_others(self, visited: _Visited) -> None:
         """Tries bodies near the best ones, and recombinations of bodies."""
@@ -175,7 +168,7 @@ class Discovery:
     def _recombine(self, neighbours: Neighbours) -> None:
         """Gives the best bodies subtrees that earlier starts have found, and tries neighbours."""
         founders = np.concatenate([*self._founders, self._visited.best().values[:_FOUNDERS]])
-        visited = self._before
+        visited = self._visited_before
         visited.join(self._visited)
         while True:
             bodies = visited.best()
@@ -184,7 +177,7 @@ class Discovery:
                     *with_subtrees_of_others(body, founders, self.predictor.unknowns, self._solver)
                 )
             visited.climb(neighbours)
-            if visited.best().fits[0] < bodies.fits[0] + _HIGHER:
+            if visited.best().fits[0] < bodies.fits[0] + _IMPROVEMENT:
                 break
 
     def restart(self, steps: int) -> None:
@@ -206,7 +199,7 @@ class Discovery:
                 population.step()
         population.observe(likelihood, surely=True)
         self._founders.append(self._visited.best().values[:_FOUNDERS])
-        self._before.join(self._visited)
+        self._visited_before.join(self._visited)
         self._visited = _Visited(self.predictor)
 
 
@@ -248,8 +241,8 @@ class _Visited:
 
     def polish(self, solver: GaussNewton, count: int) -> None:
         values = self.best().values
-        fresh = [key not in self._polished for key in self._unknowns.keys(values)]
-        values = values[np.flatnonzero(fresh)[:count]]
+        unpolished = [key not in self._polished for key in self._unknowns.keys(values)]
+        values = values[np.flatnonzero(unpolished)[:count]]
         if len(values):
             self._polish([values], solver)
 
@@ -262,7 +255,7 @@ class _Visited:
         leaders = bodies.values[bodies.fits >= bodies.fits[0] - nats][: 2 * _LEADERS]
         keys = self._unknowns.keys(leaders)
         chosen = [row for row, key in enumerate(keys) if key not in self._swept][:_LEADERS]
-        near = []
+        promising = []
         for row in chosen:
             self._swept.add(keys[row])
             values = np.concatenate(
@@ -271,9 +264,9 @@ class _Visited:
                     for columns in self._unknowns.parts.values()
                 ]
             )
-            near.append(ranked(values, solver, self._unknowns, rng)[:_PROMISING])
+            promising.append(ranked(values, solver, self._unknowns, rng)[:_PROMISING])
         if chosen:
-            self._polish(near, solver)
+            self._polish(promising, solver)
         return bool(chosen)
 
     def climb(self, neighbours: Neighbours) -> None:
@@ -286,12 +279,12 @@ class _Visited:
                 break
             self._climbed.add(keys[row])
             self.add_polished(*neighbours.of(bodies.values[row]))
-            if self.best().fits[0] < bodies.fits[0] + _HIGHER:
+            if self.best().fits[0] < bodies.fits[0] + _IMPROVEMENT:
                 break
 
     def _polish(self, several: Sequence[Array], solver: GaussNewton) -> None:
         """Optimises the lengths of some points of each of several arrays."""
-        values, sizes = np.concatenate(several), [len(own) for own in several]
+        values, sizes = np.concatenate(several), [len(points) for points in several]
         groups = np.repeat(np.arange(len(sizes)), sizes)
         better, fits = solver.polished(values, math.ceil(max(sizes) / _FINISHED), groups=groups)
         self._polished.update(self._unknowns.keys(values))

@@ -18,7 +18,7 @@ from estimator.posterior.model.unknowns import Columns, Unknowns
 _SMALLEST: Final = 0.001  # scale of random steps, of a length's range; log-uniform from here
 _LARGEST: Final = 0.2  # to here
 _ALL_LENGTHS: Final = 0.5  # share of the random steps that move all lengths
-_SOME: Final = 0.3  # chance of each length to be moved by the other random steps
+_EACH_LENGTH: Final = 0.3  # chance of each length to be moved by the other random steps
 _JITTER: Final = 1e-4  # noise that is added to steps along differences, of a length's range
 _REHINGED: Final = 0.5  # share of the parts that change places whose hinges are drawn again
 
@@ -42,7 +42,7 @@ _SHARES_WITH_SWAPS: Final = (0.3, 0.2, 0.2, 0.1, 0.1, 0.1)
 def propose(
     values: Array, rows: Columns, partners: Columns, unknowns: Unknowns, rng: np.random.Generator
 ) -> Array:
-    """Proposes a new point for each of some chains.
+    """Proposes a new point for each of some chains, shape (m, size).
 
     Args:
         values: Points of all chains, shape (n, size).
@@ -51,38 +51,35 @@ def propose(
             difference is a direction.
         unknowns: The cube.
         rng: Random generator of the population.
-
-    Returns:
-        The new points, shape (m, size).
     """
-    fresh = values[rows]
+    proposed = values[rows]
     shares = _SHARES_WITH_SWAPS if unknowns.places else _SHARES
     kinds = rng.choice(len(shares), len(rows), p=shares)
     lengths = unknowns.continuous
     if lengths.size:
         chosen = np.flatnonzero(kinds == Move.LENGTHS)[:, None]
         steps = _random_steps(len(chosen), lengths.size, rng)
-        fresh[chosen, lengths] = reflected(fresh[chosen, lengths] + steps)
+        proposed[chosen, lengths] = reflected(proposed[chosen, lengths] + steps)
         chosen = np.flatnonzero(kinds == Move.DIFFERENCE)[:, None]
         first, second = partners[chosen[:, 0]].T[..., None]
         steps = _factors(len(chosen), lengths.size, rng)
         steps = steps * (values[first, lengths] - values[second, lengths])
         steps += rng.normal(0, _JITTER, steps.shape)
-        fresh[chosen, lengths] = reflected(fresh[chosen, lengths] + steps)
+        proposed[chosen, lengths] = reflected(proposed[chosen, lengths] + steps)
     for kind, count in ((Move.ONE_GENE, 1), (Move.TWO_GENES, 2)):
         chosen = np.flatnonzero(kinds == kind)
         for _ in range(count):
             columns = rng.integers(unknowns.genes_size, size=chosen.size)
-            fresh[chosen, columns] = rng.random(chosen.size)
+            proposed[chosen, columns] = rng.random(chosen.size)
     chosen = np.flatnonzero(kinds == Move.PART)
-    which = rng.integers(len(unknowns.parts), size=chosen.size)
+    parts = rng.integers(len(unknowns.parts), size=chosen.size)
     for part, columns in enumerate(unknowns.parts.values()):
-        those = chosen[which == part]
-        fresh[those[:, None], columns] = rng.random((those.size, columns.size))
+        of_part = chosen[parts == part]
+        proposed[of_part[:, None], columns] = rng.random((of_part.size, columns.size))
     if unknowns.places:
-        exchange_places(fresh, values[rows], unknowns)
-        _swap(fresh, np.flatnonzero(kinds == Move.SWAP), unknowns, rng)
-    return fresh
+        exchange_places(proposed, values[rows], unknowns)
+        _swap(proposed, np.flatnonzero(kinds == Move.SWAP), unknowns, rng)
+    return proposed
 
 
 def _swap(fresh: Array, chosen: Columns, unknowns: Unknowns, rng: np.random.Generator) -> None:
@@ -90,17 +87,17 @@ def _swap(fresh: Array, chosen: Columns, unknowns: Unknowns, rng: np.random.Gene
 
     A leg in another's place with another hinge often reads much like the other.
     """
-    which = rng.integers(len(unknowns.places), size=chosen.size)
+    kinds = rng.integers(len(unknowns.places), size=chosen.size)
     for kind, (columns, hinges) in enumerate(zip(unknowns.places, unknowns.hinges, strict=True)):
-        rows = chosen[which == kind][:, None]
+        rows = chosen[kinds == kind][:, None]
         first = rng.integers(len(columns), size=rows.size)
         second = (first + rng.integers(1, len(columns), size=rows.size)) % len(columns)
-        one, other = fresh[rows, columns[first]], fresh[rows, columns[second]]
-        fresh[rows, columns[first]], fresh[rows, columns[second]] = other, one
+        first_genes, second_genes = fresh[rows, columns[first]], fresh[rows, columns[second]]
+        fresh[rows, columns[first]], fresh[rows, columns[second]] = second_genes, first_genes
         rehinged = rng.random(rows.size) < _REHINGED
-        for part, own in enumerate(hinges):
-            those = rows[rehinged & ((first == part) | (second == part))]
-            fresh[those, own] = rng.random((those.size, own.size))
+        for part, hinge in enumerate(hinges):
+            changed = rows[rehinged & ((first == part) | (second == part))]
+            fresh[changed, hinge] = rng.random((changed.size, hinge.size))
 
 
 def exchange_parts(
@@ -115,9 +112,9 @@ def exchange_parts(
         rng: Random generator of the population.
     """
     first, second = one.copy(), other.copy()
-    which = rng.integers(len(unknowns.parts), size=len(one))
+    parts = rng.integers(len(unknowns.parts), size=len(one))
     for part, columns in enumerate(unknowns.parts.values()):
-        cells = np.flatnonzero(which == part)[:, None], columns
+        cells = np.flatnonzero(parts == part)[:, None], columns
         first[cells], second[cells] = other[cells], one[cells]
     return first, second
 
@@ -129,7 +126,7 @@ def reflected(values: Array) -> Array:
 
 
 def _random_steps(count: int, lengths: int, rng: np.random.Generator) -> Array:
-    share = np.where(rng.random((count, 1)) < _ALL_LENGTHS, 1.0, _SOME)
+    share = np.where(rng.random((count, 1)) < _ALL_LENGTHS, 1.0, _EACH_LENGTH)
     moved = rng.random((count, lengths)) < share
     moved[np.arange(count), rng.integers(lengths, size=count)] = True
     scale = np.exp(rng.uniform(math.log(_SMALLEST), math.log(_LARGEST), (count, 1)))
@@ -144,13 +141,13 @@ def _factors(count: int, lengths: int, rng: np.random.Generator) -> Array:
 
 
 _RANDOM: Final = 1200  # points that are tried where parents are unknown
-_LENGTHS: Final = 6  # lengths that are tried with each choice where parents are known
+_LENGTHS_TRIED: Final = 6  # lengths that are tried with each choice where parents are known
 
 
 def other_attachments(
     leader: Array, columns: Columns, unknowns: Unknowns, rng: np.random.Generator
 ) -> Array:
-    """Points that differ from a leader in one part's attachment.
+    """Points that differ from a leader in one part's attachment, shape (n, size).
 
     Each mount with each hinge and several lengths where the part's parent is known, else random
     attachments. Where no two parts may share a mount, the part whose place is taken gets the place
@@ -161,9 +158,6 @@ def other_attachments(
         columns: Columns of the part, from ``Unknowns.parts``.
         unknowns: The cube.
         rng: Draws lengths, and attachments.
-
-    Returns:
-        Shape (n, size).
     """
     counts = unknowns.counts[columns]
     if unknowns.parents[columns].any() or not counts.any():
@@ -171,10 +165,10 @@ def other_attachments(
         points[:, columns] = rng.random((_RANDOM, columns.size))
         return unknowns.permitted(points)
     cells = np.array(list(product(*map(range, counts[counts > 0])))) + 0.5
-    leaders = np.repeat(leader[None], len(cells) * _LENGTHS, axis=0)
+    leaders = np.repeat(leader[None], len(cells) * _LENGTHS_TRIED, axis=0)
     points = leaders.copy()
     points[:, columns] = rng.random((len(points), columns.size))
-    points[:, columns[counts > 0]] = np.repeat(cells / counts[counts > 0], _LENGTHS, axis=0)
+    points[:, columns[counts > 0]] = np.repeat(cells / counts[counts > 0], _LENGTHS_TRIED, axis=0)
     exchange_places(points, leaders, unknowns)
     return unknowns.permitted(points)
 
@@ -194,11 +188,11 @@ def exchange_places(points: Array, before: Array, unknowns: Unknowns) -> None:
         if places.shape[1] > 1 or unknowns.parents[places].any():
             continue
         mounts = places[:, 0]
-        now, then = (unknowns.decided(values)[:, mounts] for values in (points, before))
-        moved = now != then
+        chosen, chosen_before = (unknowns.decided(values)[:, mounts] for values in (points, before))
+        moved = chosen != chosen_before
         part = np.argmax(moved, axis=1)
         rows = np.arange(len(points))
-        taken = (now == now[rows, part][:, None]) & ~moved
+        taken = (chosen == chosen[rows, part][:, None]) & ~moved
         pair = np.flatnonzero((moved.sum(axis=1) == 1) & (taken.sum(axis=1) == 1))
-        own, other = mounts[part[pair]], mounts[np.argmax(taken[pair], axis=1)]
-        points[pair, own], points[pair, other] = before[pair, other], before[pair, own]
+        mover, displaced = mounts[part[pair]], mounts[np.argmax(taken[pair], axis=1)]
+        points[pair, mover], points[pair, displaced] = before[pair, displaced], before[pair, mover]

@@ -27,8 +27,8 @@ from estimator.posterior.discovery.moves import exchange_places
 from estimator.posterior.model.gauss_newton import GaussNewton, best_of_each
 from estimator.posterior.model.unknowns import Columns, Unknowns
 
-_LENGTHS: Final = 2  # times each choice is tried: with the parts' lengths, and with random ones
-_KEPT: Final = 16  # best attachments of joined parts, which are kept
+_LENGTHS_TRIED: Final = 2  # with each choice: the parts' lengths, and random ones
+_KEPT_ATTACHMENTS: Final = 16  # best attachments of joined parts, which are kept
 _NEWCOMERS: Final = 3  # bodies for each mount that was taken from another part
 _DISPLACED: Final = 2  # attachments of that other part that are kept for each of these bodies
 _POLISHED: Final = 32  # neighbours, and recombined bodies, whose lengths are optimised
@@ -58,20 +58,20 @@ class Neighbours:
         At most ``_POLISHED``; no two have the same attachments when they are chosen.
         """
         ranking = partial(ranked, solver=self._solver, unknowns=self._unknowns, rng=self._rng)
-        near = []
+        candidates = []
         for joined in self._joined:
             carrying = leader[None].copy()
             for column, value in joined.carried:
                 carrying[:, column] = value
             points = ranking(self._rows(carrying, joined.columns, joined.kept))
-            near.append(points[:_KEPT])
+            candidates.append(points[:_KEPT_ATTACHMENTS])
             for newcomers, displaced in self._newcomers(points, leader, joined.columns):
-                near += [
+                candidates += [
                     ranking(self._rows(newcomers, other.columns, (displaced,)))[:_DISPLACED]
                     for other in self._joined
                     if displaced in other.columns and displaced not in other.kept
                 ]
-        points = np.concatenate(near)
+        points = np.concatenate(candidates)
         fits = self._solver.rough_fits(points).sum(axis=1)
         best = best_of_each(self._unknowns.keys(points), fits)
         return self._solver.polished(points[best], _POLISHED)
@@ -86,11 +86,11 @@ class Neighbours:
         lengths = columns[counts == 0]
         choices = np.array([one for one in columns[counts > 0] if one not in kept], dtype=np.intp)
         cells = np.array(list(product(*map(range, unknowns.counts[choices])))) + 0.5
-        before = np.repeat(leaders, len(cells) * _LENGTHS, axis=0)
+        before = np.repeat(leaders, len(cells) * _LENGTHS_TRIED, axis=0)
         points = before.copy()
-        several = np.repeat(cells / unknowns.counts[choices], _LENGTHS, axis=0)
-        points[:, choices] = np.tile(several, (len(leaders), 1))
-        drawn = np.flatnonzero(np.arange(len(points)) % _LENGTHS)[:, None]
+        chosen = np.repeat(cells / unknowns.counts[choices], _LENGTHS_TRIED, axis=0)
+        points[:, choices] = np.tile(chosen, (len(leaders), 1))
+        drawn = np.flatnonzero(np.arange(len(points)) % _LENGTHS_TRIED)[:, None]
         points[drawn, lengths] = self._rng.random((len(drawn), lengths.size))
         exchange_places(points, before, unknowns)
         return unknowns.permitted(points)
@@ -109,7 +109,7 @@ class Neighbours:
                     yield points[lost], column
 
 
-_MOST: Final = 3  # parts in a chain that are tried together, at most
+_LONGEST: Final = 3  # parts in a chain that are tried together, at most
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,31 +140,26 @@ def joined_parts(unknowns: Unknowns) -> tuple[Joined, ...]:
 
 
 def subtrees(point: Array, unknowns: Unknowns) -> list[Flags]:
-    """Which columns belong to each part or to what it carries, shape (genes,) each.
-
-    Args:
-        point: Point of the cube, shape (size,).
-        unknowns: The cube.
-    """
+    """Which columns of a point belong to each part or to what it carries, shape (genes,) each."""
     parents = unknowns.bodies(point[None]).parent[0].tolist()
     carried = [{part} for part in range(len(parents))]
     for part in reversed(range(len(parents))):
         if parents[part] != BASE:
             carried[parents[part]] |= carried[part]
-    return [np.array([gene.part in own for gene in unknowns.genes]) for own in carried]
+    return [np.array([gene.part in parts for gene in unknowns.genes]) for parts in carried]
 
 
 def _possibly_joined(unknowns: Unknowns) -> tuple[Joined, ...]:
-    genes, own = unknowns.genes, unknowns.parts
+    genes, of_parts = unknowns.genes, unknowns.parts
     chosen = sorted({gene.part for gene in genes if gene.is_choice})
-    joined = [Joined(columns=own[part]) for part in chosen]
+    joined = [Joined(columns=of_parts[part]) for part in chosen]
     for part in chosen:
-        for column in own[part].tolist():
+        for column in of_parts[part].tolist():
             gene = genes[column]
             if gene.trait == "parent":
                 joined += [
                     Joined(
-                        columns=np.concatenate([own[carrier], own[part]]),
+                        columns=np.concatenate([of_parts[carrier], of_parts[part]]),
                         kept=(column,),
                         # the middle of the values that stand for it; the main body's come first
                         carried=((column, (carrier + 1.5) / gene.choices),),
@@ -173,13 +168,13 @@ def _possibly_joined(unknowns: Unknowns) -> tuple[Joined, ...]:
                     if carrier < part
                 ]
             elif gene.trait == "mount" and gene.parent in chosen:
-                columns = np.concatenate([own[gene.parent], own[part]])
+                columns = np.concatenate([of_parts[gene.parent], of_parts[part]])
                 joined.append(Joined(columns=columns))
     return tuple(joined)
 
 
 def _joined(unknowns: Unknowns) -> tuple[Joined, ...]:
-    genes, own = unknowns.genes, unknowns.parts
+    genes, of_parts = unknowns.genes, unknowns.parts
     chosen = {gene.part: gene.parent for gene in genes if gene.is_choice}
     carriers = {
         part: parent for part, parent in chosen.items() if parent is not None and parent in chosen
@@ -187,19 +182,19 @@ def _joined(unknowns: Unknowns) -> tuple[Joined, ...]:
     joined = []
     for part in chosen:
         chain = [part]
-        while len(chain) < _MOST and chain[0] in carriers:
+        while len(chain) < _LONGEST and chain[0] in carriers:
             chain.insert(0, carriers[chain[0]])
         if chain == [part] and part in carriers.values():
             continue  # tried with the parts that it carries
-        columns = np.concatenate([own[one] for one in chain])
-        mounts = [at for at in own[chain[0]].tolist() if genes[at].trait == "mount"]
-        joined.append(Joined(columns=columns, kept=tuple(mounts) if len(chain) == _MOST else ()))
+        columns = np.concatenate([of_parts[link] for link in chain])
+        mounts = [at for at in of_parts[chain[0]].tolist() if genes[at].trait == "mount"]
+        joined.append(Joined(columns=columns, kept=tuple(mounts) if len(chain) == _LONGEST else ()))
     return tuple(joined)
 
 
 _TRIED_FIRST: Final = 2  # interactions by which points are compared first
 _GO_ON: Final = 0.25  # share of the points that are compared by the next interactions
-_FEWEST: Final = 200  # points that go on, at least
+_FEWEST_POINTS: Final = 200  # points that go on, at least
 _SAMPLED: Final = 0.05  # share of the points by which the order of interactions is decided
 
 
@@ -219,13 +214,13 @@ def ranked(
         rng: Draws the points by which the order of interactions is decided.
     """
     order, tried = np.arange(len(solver.likelihood)), len(solver.likelihood)
-    if len(points) > _FEWEST and tried > _TRIED_FIRST:
+    if len(points) > _FEWEST_POINTS and tried > _TRIED_FIRST:
         sample = rng.choice(len(points), round(_SAMPLED * len(points)), replace=False)
         spread = solver.rough_fits(points[sample]).std(axis=0)
         order, tried = np.argsort(np.abs(spread - np.median(spread)), kind="stable"), _TRIED_FIRST
     fits = solver.rough_fits(points, order[:tried]).sum(axis=1)
     while True:
-        best = np.argsort(-fits, kind="stable")[: max(_FEWEST, round(_GO_ON * len(points)))]
+        best = np.argsort(-fits, kind="stable")[: max(_FEWEST_POINTS, round(_GO_ON * len(points)))]
         points, fits = points[best], fits[best]
         if tried < order.size:
             fits = fits + solver.rough_fits(points, order[tried : 2 * tried]).sum(axis=1)
@@ -237,21 +232,18 @@ def ranked(
 def with_subtrees_of_others(
     body: Array, others: Array, unknowns: Unknowns, solver: GaussNewton
 ) -> tuple[Array, Array]:
-    """The best bodies that differ from a given one in a subtree taken from another.
+    """Best bodies that differ from a given one in a subtree of another, and their log-likelihoods.
 
     Args:
         body: The given body, shape (size,).
         others: Bodies that subtrees are taken from, shape (n, size).
         unknowns: The cube.
         solver: Compares bodies, and optimises their lengths.
-
-    Returns:
-        Points with good lengths, and their log-likelihoods.
     """
     points = [
         np.where(subtree, other, body) for other in others for subtree in subtrees(other, unknowns)
     ]
-    several = unknowns.permitted(np.array(points))
-    several = several[best_of_each(unknowns.keys(several), np.zeros(len(several)))]
-    fits = solver.rough_fits(several).sum(axis=1)
-    return solver.polished(several[np.argsort(-fits, kind="stable")[:_POLISHED]])
+    recombined = unknowns.permitted(np.array(points))
+    recombined = recombined[best_of_each(unknowns.keys(recombined), np.zeros(len(recombined)))]
+    fits = solver.rough_fits(recombined).sum(axis=1)
+    return solver.polished(recombined[np.argsort(-fits, kind="stable")[:_POLISHED]])

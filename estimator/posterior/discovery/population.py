@@ -86,20 +86,20 @@ class Population:
         """
         self._likelihood, self._surely = likelihood, surely
         self._misfits = np.empty((len(self.values), len(likelihood), MISFITS))
-        self._look(slice(None))
+        self._update_fits(slice(None))
 
     def restart(self) -> None:
         """Draws all chains from the prior; only before sampling."""
-        fresh = self._rng.random(self.values.shape)
-        self.values = self._predictor.unknowns.permitted(fresh)
+        drawn = self._rng.random(self.values.shape)
+        self.values = self._predictor.unknowns.permitted(drawn)
         self.scales = drawn_scales(self.scales.shape, self._rng)
-        self._look(slice(None))
+        self._update_fits(slice(None))
 
     def replace_coldest(self, values: Array, scales: Array) -> None:
         """Puts other points on level 0, shape (chains_per_level, size); only before sampling."""
         cold = slice(0, self.chains_per_level)
         self.values[cold], self.scales[cold] = values, scales
-        self._look(cold)
+        self._update_fits(cold)
 
     def step(self) -> None:
         """Moves every chain once, and exchanges levels. The joint target is left invariant."""
@@ -144,7 +144,7 @@ class Population:
         values, scales = (np.array(state[name], dtype=float) for name in ("values", "scales"))
         return cls(predictor, rng, values, scales, levels=int(state["levels"]))
 
-    def _look(self, rows: slice) -> None:
+    def _update_fits(self, rows: slice) -> None:
         self._misfits[rows] = self._likelihood.misfits_of(
             self._predictor, self.values[rows], branches=0 if self._surely else None
         )
@@ -157,13 +157,13 @@ class Population:
         first = rng.integers(half, size=rows.size)
         second = (first + rng.integers(1, half, size=rows.size)) % half
         partners = np.stack([still[level * half + first], still[level * half + second]], axis=1)
-        fresh = propose(self.values, rows, partners, self._predictor.unknowns, rng)
+        proposed = propose(self.values, rows, partners, self._predictor.unknowns, rng)
         limits = np.log(rng.random(rows.size)) + self._fits[rows].sum(axis=1)
-        allowed = ~self._predictor.unknowns.forbidden(fresh)
-        rows, fresh = rows[allowed], fresh[allowed]
-        misfits, fits = self._proposed(rows, fresh)
+        allowed = ~self._predictor.unknowns.forbidden(proposed)
+        rows, proposed = rows[allowed], proposed[allowed]
+        misfits, fits = self._proposed(rows, proposed)
         accepted = fits.sum(axis=1) > limits[allowed]
-        self._take(rows[accepted], fresh[accepted], misfits[accepted], fits[accepted])
+        self._take(rows[accepted], proposed[accepted], misfits[accepted], fits[accepted])
 
     def _proposed(self, rows: Columns, fresh: Array) -> tuple[Array, Array]:
         """Misfits of points that some chains may move to, and their log-likelihoods there."""
@@ -179,24 +179,26 @@ class Population:
         rng, unknowns = self._rng, self._predictor.unknowns
         chains = np.arange(len(self.values)).reshape(self.levels, self.chains_per_level)
         halves = np.split(rng.permuted(chains, axis=1), 2, axis=1)
-        one, other = (half.ravel() for half in halves)
-        fresh = np.concatenate(exchange_parts(self.values[one], self.values[other], unknowns, rng))
-        allowed = np.tile(~unknowns.forbidden(fresh).reshape(2, -1).any(axis=0), 2)
-        pair, fresh = np.concatenate([one, other])[allowed], fresh[allowed]
-        misfits, fits = self._proposed(pair, fresh)
+        first, second = (half.ravel() for half in halves)
+        proposed = np.concatenate(
+            exchange_parts(self.values[first], self.values[second], unknowns, rng)
+        )
+        allowed = np.tile(~unknowns.forbidden(proposed).reshape(2, -1).any(axis=0), 2)
+        pair, proposed = np.concatenate([first, second])[allowed], proposed[allowed]
+        misfits, fits = self._proposed(pair, proposed)
         gain = (fits - self._fits[pair]).sum(axis=1).reshape(2, -1).sum(axis=0)
         accepted = np.tile(np.log(rng.random(len(gain))) < gain, 2)
-        self._take(pair[accepted], fresh[accepted], misfits[accepted], fits[accepted])
+        self._take(pair[accepted], proposed[accepted], misfits[accepted], fits[accepted])
 
     def _rescale(self) -> None:
         """Moves the noise factors, which costs no simulation."""
         rng, old = self._rng, self.scales
-        fresh = old + rng.normal(0, _SCALE_STEP, old.shape) * (rng.random(old.shape) < 0.5)
-        fits = self._likelihood.of(self._misfits, self._noise_scales, fresh)
-        prior = (log_prior(fresh) - log_prior(old)).sum(axis=1)
+        proposed = old + rng.normal(0, _SCALE_STEP, old.shape) * (rng.random(old.shape) < 0.5)
+        fits = self._likelihood.of(self._misfits, self._noise_scales, proposed)
+        prior = (log_prior(proposed) - log_prior(old)).sum(axis=1)
         gain = (fits - self._fits).sum(axis=1) + prior
         accepted = np.log(rng.random(len(old))) < gain
-        self.scales[accepted], self._fits[accepted] = fresh[accepted], fits[accepted]
+        self.scales[accepted], self._fits[accepted] = proposed[accepted], fits[accepted]
 
     def _exchange_levels(self) -> None:
         rng, count = self._rng, self.chains_per_level

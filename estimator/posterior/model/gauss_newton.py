@@ -31,11 +31,11 @@ _NARROW: Final = (1.0, 1.0, 1.0)
 PRIOR: Final = 12.0
 """Precision of the uniform distribution on 0 to 1."""
 
-_STEP: Final = 5e-4  # step of differences, of a length's range
-_LITTLE: Final = 0.02  # the same, of a parameter's standard deviation
+_LENGTH_STEP: Final = 5e-4  # step of differences, of a length's range
+_PARAMETER_STEP: Final = 0.02  # the same, of a parameter's standard deviation
 _JUMP: Final = 0.03  # rad or m: a reading that changes more in one such step has jumped
 _FARTHEST: Final = 0.25  # largest change in one Gauss-Newton step, of a length's range
-_FARTHEST_AWAY: Final = 1.0  # the same, of a parameter's standard deviation
+_FARTHEST_PARAMETER: Final = 1.0  # the same, of a parameter's standard deviation
 _MOST: Final = 4.0  # largest deviation of a parameter, standard deviations
 _SHORTER: Final = 0.3  # share of a step that is tried where the whole one does not help
 
@@ -89,13 +89,13 @@ class Free:
             spreads: Standard deviations of the parameters by row, for each point.
         """
         lengths = unknowns.continuous
-        rows = np.array([list(own) for own in spreads], dtype=np.intp)
-        beside = np.array([list(own.values()) for own in spreads], dtype=float)
-        alone = cls.lengths(lengths, len(spreads))
-        columns = np.hstack([alone.columns, unknowns.genes_size + rows])
+        rows = np.array([list(by_row) for by_row in spreads], dtype=np.intp)
+        deviations = np.array([list(by_row.values()) for by_row in spreads], dtype=float)
+        free_lengths = cls.lengths(lengths, len(spreads))
+        columns = np.hstack([free_lengths.columns, unknowns.genes_size + rows])
         return cls(
             columns=columns,
-            spreads=np.hstack([alone.spreads, beside]),
+            spreads=np.hstack([free_lengths.spreads, deviations]),
             normal=np.arange(columns.shape[1]) >= lengths.size,
         )
 
@@ -150,7 +150,7 @@ class GaussNewton:
         which = None if interactions is None else interactions[None]
         return self.likelihood.of(misfits, ROUGH, interactions=which)
 
-    def _all(self, values: Array, free: Free | None) -> Free:
+    def _free_or_lengths(self, values: Array, free: Free | None) -> Free:
         return free or Free.lengths(self.predictor.unknowns.continuous, len(values))
 
     def polished(
@@ -172,23 +172,23 @@ class GaussNewton:
             free: What is fitted; lengths by default.
             groups: Group of each point, shape (n,); by default all are in one.
         """
-        led, free = values, self._all(values, free)
+        led, free = values, self._free_or_lengths(values, free)
         for noise_scale in _WIDE:
             led, fits = self._narrower(led, free, noise_scale)
         kept = np.arange(len(fits))
         if most is not None:
             kept = best_of_each(np.zeros_like(kept) if groups is None else groups, fits, most)
-        both, free = np.concatenate([led[kept], values[kept]]), free[np.tile(kept, 2)]
-        going_on = np.arange(len(both))  # what one step does not improve, the next will not
+        candidates, free = np.concatenate([led[kept], values[kept]]), free[np.tile(kept, 2)]
+        going_on = np.arange(len(candidates))  # what one step does not improve, the next will not
         for noise_scale in _NARROW:
-            before = both[going_on]
+            before = candidates[going_on]
             after, _ = self._narrower(before, free[going_on], noise_scale)
-            both[going_on] = after
+            candidates[going_on] = after
             going_on = going_on[np.any(after != before, axis=1)]
             if not going_on.size:
                 break
-        fits = self.fits(both) + free.log_prior(both)
-        points, fits = both.reshape(2, len(kept), -1), fits.reshape(2, -1)
+        fits = self.fits(candidates) + free.log_prior(candidates)
+        points, fits = candidates.reshape(2, len(kept), -1), fits.reshape(2, -1)
         better = np.argmax(fits, axis=0), np.arange(len(kept))
         return points[better], fits[better]
 
@@ -197,19 +197,19 @@ class GaussNewton:
         values = values.copy()
         slopes = self.slopes(values, noise_scale, free)
         step = np.linalg.solve(slopes.precision, slopes.climb[..., None])[..., 0]
-        farthest = np.where(free.normal, _FARTHEST_AWAY, _FARTHEST)
+        farthest = np.where(free.normal, _FARTHEST_PARAMETER, _FARTHEST)
         size = np.max(np.abs(step) / farthest, axis=1, keepdims=True, initial=0.0)
         step *= np.minimum(1.0, 1.0 / np.maximum(size, 1e-12))
         best = self.likelihood.of(slopes.misfits, noise_scale).sum(axis=1) + free.log_prior(values)
         branches = slopes.misfits[..., BRANCH]
         rows = np.arange(len(values))
         for share in (1.0, _SHORTER):
-            own = free[rows]
-            trial = own.within(values[rows], own.of(values[rows]) + share * step[rows])
+            fitted = free[rows]
+            trial = fitted.within(values[rows], fitted.of(values[rows]) + share * step[rows])
             misfits = self.likelihood.misfits_of(
                 self.predictor, trial, branches=branches[rows], coarse_step=noise_scale > 1
             )
-            fits = self.likelihood.of(misfits, noise_scale).sum(axis=1) + own.log_prior(trial)
+            fits = self.likelihood.of(misfits, noise_scale).sum(axis=1) + fitted.log_prior(trial)
             better = fits > best[rows]
             values[rows[better]], best[rows[better]] = trial[better], fits[better]
             rows = rows[~better]
@@ -223,16 +223,16 @@ class GaussNewton:
         Under wider noise than announced forks are left out, and joints turn in coarse steps, which
         are precise enough there.
         """
-        free = self._all(values, free)
+        free = self._free_or_lengths(values, free)
         count, (_, size) = len(values), free.columns.shape
         wide = noise_scale > 1
         misfits = self.likelihood.misfits_of(self.predictor, values, branches=0 if wide else None)
-        own, step = free.of(values), np.where(free.normal, _LITTLE, _STEP)
-        step = np.where(own + step > np.where(free.normal, np.inf, 1.0), -step, step)
+        fitted, step = free.of(values), np.where(free.normal, _PARAMETER_STEP, _LENGTH_STEP)
+        step = np.where(fitted + step > np.where(free.normal, np.inf, 1.0), -step, step)
         moved = np.repeat(values, size, axis=0)
-        at = np.arange(len(moved)), free.columns.ravel()
-        moved[at] += (step * free.spreads).ravel()
-        others = self.likelihood.misfits_of(
+        cells = np.arange(len(moved)), free.columns.ravel()
+        moved[cells] += (step * free.spreads).ravel()
+        moved_misfits = self.likelihood.misfits_of(
             self.predictor,
             moved,
             branches=np.repeat(misfits[..., BRANCH], size, axis=0),
@@ -240,10 +240,10 @@ class GaussNewton:
             stances=np.repeat(misfits[..., STANCE], size, axis=0),
         )
         residuals = self.likelihood.data.residuals(misfits)
-        there = self.likelihood.data.residuals(others).reshape(
+        moved_residuals = self.likelihood.data.residuals(moved_misfits).reshape(
             count, size, len(self.likelihood), -1
         )
-        change = there - residuals[:, None]
+        change = moved_residuals - residuals[:, None]
         weight = self.likelihood.inlier_share(misfits, noise_scale)[..., None]
         sigmas = noise_scale * self.likelihood.sigmas
         weight = weight * step_weight(residuals / sigmas) / sigmas**2
@@ -251,13 +251,13 @@ class GaussNewton:
         change /= step[:, :, None, None]
         precision = np.einsum("nikc,nkc,njkc->nij", change, weight, change, optimize=True)
         climb = -np.einsum("nikc,nkc,nkc->ni", change, weight, residuals, optimize=True)
-        climb -= np.where(free.normal, own, 0.0)
+        climb -= np.where(free.normal, fitted, 0.0)
         prior = np.diag(np.where(free.normal, 1.0, PRIOR))
         return Slopes(misfits=misfits, precision=precision + prior, climb=climb)
 
     def half_volumes(self, values: Array, free: Free | None = None) -> Array:
         """What Laplace's approximation of the evidence adds to the fits of n points, shape (n,)."""
-        free = self._all(values, free)
+        free = self._free_or_lengths(values, free)
         lengths = np.count_nonzero(~free.normal)
         log_precision = np.linalg.slogdet(self.slopes(values, free=free).precision)[1]
         volumes: Array = 0.5 * (lengths * math.log(2 * math.pi) - log_precision)
@@ -280,7 +280,7 @@ class GaussNewton:
     def evidences_as_built(self, values: Array) -> tuple[Array, Array]:
         """The best points with narrow components open, shape (n, size), and their evidences."""
         table = self.predictor.unknowns.table
-        narrow = {row: one.narrow for row, one in enumerate(table) if one.narrow}
+        narrow = {row: parameter.narrow for row, parameter in enumerate(table) if parameter.narrow}
         free = Free.with_parameters(self.predictor.unknowns, [narrow] * len(values))
         points, _ = self.polished(values, free=free)
         return points, self.evidences(points, free)

@@ -83,7 +83,7 @@ class Likelihood:
         anywhere = np.zeros(len(data))
         for name in MODALITIES:
             anywhere += DENSITIES[name].log_anywhere(counts[name], beyond, data.cap)
-        self._every = np.arange(len(data))[None]
+        self._ordered = np.arange(len(data))[None]
         self._read = _compiled().Read(
             tilts=counts["tilt"].astype(float),
             clear=counts["clearance"] > 0,
@@ -91,7 +91,7 @@ class Likelihood:
             bits=counts["touch"].astype(float),
             log_anywhere=math.log(noise.outlier) + anywhere,
         )
-        self._elsewhere = math.log1p(-noise.nearby) + self._read.log_anywhere
+        self._log_elsewhere = math.log1p(-noise.nearby) + self._read.log_anywhere
         self.noise_factors = NoiseFactors.known_by(counts["tilt"].sum(), counts["clearance"].sum())
         self.sigmas = np.repeat(
             [noise.of(name) for name in DENSITIES],
@@ -141,24 +141,24 @@ class Likelihood:
             interactions = np.arange(len(self.data))
         shape = len(bodies), len(interactions), MISFITS
         rows, columns = np.indices(shape[:2]).reshape(2, -1)
-        each = interactions[columns]
+        index = interactions[columns]
         under = partial(self._misfits_under, predictor, bodies)
         if branches is not None:
             numbers = np.broadcast_to(branches, shape[:2]).ravel().astype(np.intp)
-            known = None if stances is None else stances.ravel().astype(np.int64)
-            return under(rows, each, numbers, coarse_step=coarse_step, stances=known).reshape(shape)
-        misfits = under(rows, each, np.zeros_like(rows))
-        left, count = self._unexplained(misfits, each), len(GRAVITY_TILTS)
+            flat = None if stances is None else stances.ravel().astype(np.int64)
+            return under(rows, index, numbers, coarse_step=coarse_step, stances=flat).reshape(shape)
+        misfits = under(rows, index, np.zeros_like(rows))
+        poor, count = self._unexplained(misfits, index), len(GRAVITY_TILTS)
         tried = (
-            np.ones((len(left), count), bool) if sides is None else sides.reshape(-1, count)[left]
+            np.ones((len(poor), count), bool) if sides is None else sides.reshape(-1, count)[poor]
         )
-        again, side = np.nonzero(tried[:, 1:])
-        again = left[again]
-        others = under(rows[again], each[again], 1 + side)
-        explains = np.ones(len(again), dtype=bool)
-        explains[self._unexplained(others, each[again])] = False
-        elsewhere, first = np.unique(again[explains], return_index=True)
-        misfits[elsewhere] = others[explains][first]
+        retried, side = np.nonzero(tried[:, 1:])
+        retried = poor[retried]
+        other_misfits = under(rows[retried], index[retried], 1 + side)
+        explains = np.ones(len(retried), dtype=bool)
+        explains[self._unexplained(other_misfits, index[retried])] = False
+        fallen, first = np.unique(retried[explains], return_index=True)
+        misfits[fallen] = other_misfits[explains][first]
         return misfits.reshape(shape)
 
     def _misfits_under(
@@ -172,10 +172,7 @@ class Likelihood:
         coarse_step: bool = False,
         stances: Columns | None = None,
     ) -> Array:
-        """The misfits of m bodies, each in one interaction under one of ``GRAVITY_TILTS``.
-
-        Shape (m, MISFITS).
-        """
+        """Misfits (m, MISFITS) of bodies in one interaction under one of ``GRAVITY_TILTS`` each."""
         if not rows.size:
             return np.empty((0, MISFITS))
         programs, gravity_tilts = self.data.programs[interactions], GRAVITY_TILTS[sides]
@@ -222,11 +219,11 @@ class Likelihood:
         counted = [np.ones(len(sides[0]), dtype=bool)]
         for branch in range(1, count):
             other = readings[branch::count]
-            fresh = other.valid & ~other.undecided
+            is_new = other.valid & ~other.undecided
             for side, counts in zip(sides, counted, strict=True):
-                fresh &= apart(side, other, self.noise) | ~counts
+                is_new &= apart(side, other, self.noise) | ~counts
             sides.append(other)
-            counted.append(fresh)
+            counted.append(is_new)
         total: Array = LIKELY @ np.array(counted)
         return total.reshape(len(values), len(self.data))
 
@@ -248,7 +245,7 @@ class Likelihood:
         scales: Array | None = None,
         interactions: Columns | None = None,
     ) -> Array:
-        """Log-likelihood of each body in each interaction.
+        """Log-likelihood of each body in each interaction, shape (n, k).
 
         Args:
             misfits: Shape (n, k, MISFITS).
@@ -258,20 +255,13 @@ class Likelihood:
                 (n, 2); as announced by default.
             interactions: Which interactions the columns are, where not all in order, shape (n, k)
                 or (1, k).
-
-        Returns:
-            Shape (n, k).
         """
         return log_sum(*self.terms(misfits, noise_scale, scales, interactions))
 
     def by_noise_factors(self, misfits: Array) -> Array:
         """Logarithms whose exponentials add up to the integral over noise factors.
 
-        Args:
-            misfits: Shape (n, k, MISFITS).
-
-        Returns:
-            Shape (n, nodes of ``noise_factors``).
+        Shape (n, nodes of ``noise_factors``), by misfits of shape (n, k, MISFITS).
         """
         factors = self.noise_factors
         terms = np.empty((len(misfits), factors.tilt.size, factors.clearance.size))
@@ -279,13 +269,10 @@ class Likelihood:
         return terms.reshape(len(misfits), -1) + factors.log_weights
 
     def integrated(self, misfits: Array) -> Array:
-        """Log-likelihoods with the noise factors integrated out, shape (n,).
+        """Log-likelihoods, shape (n,), by misfits (n, k, MISFITS), noise factors integrated out.
 
         Bodies are compared by these: under the announced noise log-likelihoods would differ too
         little on a quiet robot, too much on a noisy one.
-
-        Args:
-            misfits: Shape (n, k, MISFITS).
         """
         return self._over_factors(misfits, np.empty((0, 0, 0)))
 
@@ -326,7 +313,7 @@ class Likelihood:
         interactions: Columns | None = None,
     ) -> tuple[Array, Array]:
         """Logarithms of the mixture's terms, of inliers and of outliers, shape (n, k) each."""
-        interactions = self._every if interactions is None else np.ascontiguousarray(interactions)
+        interactions = self._ordered if interactions is None else np.ascontiguousarray(interactions)
         inlier, beside = np.empty(misfits.shape[:2]), np.empty(misfits.shape[:2])
         _compiled().mixture(
             np.ascontiguousarray(misfits),
@@ -339,7 +326,7 @@ class Likelihood:
             inlier,
             beside,
         )
-        return inlier, log_sum(self._elsewhere[interactions], beside)
+        return inlier, log_sum(self._log_elsewhere[interactions], beside)
 
 
 @cache

@@ -150,16 +150,16 @@ def log_densities(
         bits: Number of touch bits that were read.
         level: Noise.
     """
-    near = _log_bits(bits, touch[0], touch[1], level)
-    beside = near
-    near += _log_tilt(tilt[0], tilt[1], angles, level.tilt, level.log_tilt)
+    as_predicted = _log_bits(bits, touch[0], touch[1], level)
+    beside = as_predicted
+    as_predicted += _log_tilt(tilt[0], tilt[1], angles, level.tilt, level.log_tilt)
     beside += _log_tilt(tilt[0], tilt[1], angles, level.tilt_beside, level.log_tilt_beside)
     if clear:
-        near += _log_clearance(clearance, beyond, level.clearance, level.log_clearance)
+        as_predicted += _log_clearance(clearance, beyond, level.clearance, level.log_clearance)
         beside += _log_clearance(
             clearance, beyond, level.clearance_beside, level.log_clearance_beside
         )
-    return near, beside
+    return as_predicted, beside
 
 
 def _make_mixture(sources: int) -> Any:
@@ -194,9 +194,9 @@ def _make_mixture(sources: int) -> Any:
         log_nearby = math.log(spread.nearby)
         level = level_of(spread, 1.0, 0.0, 0.0)
         for row in range(misfits.shape[0]):
-            own, one = row if len(scales) > 1 else 0, row if len(noise_scales) > 1 else 0
-            if row == 0 or own > 0 or one > 0:
-                level = level_of(spread, noise_scales[one], scales[own, 0], scales[own, 1])
+            pair, factor = row if len(scales) > 1 else 0, row if len(noise_scales) > 1 else 0
+            if row == 0 or pair > 0 or factor > 0:
+                level = level_of(spread, noise_scales[factor], scales[pair, 0], scales[pair, 1])
             for column in range(misfits.shape[1]):
                 interaction = interactions[row if len(interactions) > 1 else 0, column]
                 first, second = -math.inf, read.log_anywhere[interaction]
@@ -225,44 +225,44 @@ mixture: Final = _make_mixture(_SOURCES)
 @compiled
 def _fill_noises(noise: float, beside: float, factors: Array, noises: Array) -> None:
     """Fills rows: the noise under each factor and its logarithm, and both beside the prediction."""
-    for one in range(len(factors)):
-        narrow = noise * math.exp(factors[one])
+    for column in range(len(factors)):
+        narrow = noise * math.exp(factors[column])
         wide = math.hypot(narrow, beside)
-        noises[0, one], noises[1, one] = narrow, math.log(narrow)
-        noises[2, one], noises[3, one] = wide, math.log(wide)
+        noises[0, column], noises[1, column] = narrow, math.log(narrow)
+        noises[2, column], noises[3, column] = wide, math.log(wide)
 
 
 # Loops, not arrays' own arithmetic: each expression of arrays takes Numba half a second to compile.
 @compiled
 def _multiply(product: Array, by_tilt: Array, by_clearance: Array) -> None:
     """Multiplies densities under pairs of factors by one interaction's, relative to its least."""
-    for one in range(product.shape[0]):
-        near, nearby = by_tilt[0, one], by_tilt[1, one]
-        for other in range(product.shape[1]):
-            product[one, other] *= (
-                1.0 + near * by_clearance[0, other] + nearby * by_clearance[1, other]
+    for tilt in range(product.shape[0]):
+        predicted, beside = by_tilt[0, tilt], by_tilt[1, tilt]
+        for clearance in range(product.shape[1]):
+            product[tilt, clearance] *= (
+                1.0 + predicted * by_clearance[0, clearance] + beside * by_clearance[1, clearance]
             )
 
 
 @compiled
 def _brought_to_one(product: Array) -> float:
     """Divides densities by the largest, and returns the logarithm of that."""
-    most = 0.0
-    for one in range(product.shape[0]):
-        for other in range(product.shape[1]):
-            most = max(most, product[one, other])
-    for one in range(product.shape[0]):
-        for other in range(product.shape[1]):
-            product[one, other] /= most
-    return math.log(most)
+    largest = 0.0
+    for tilt in range(product.shape[0]):
+        for clearance in range(product.shape[1]):
+            largest = max(largest, product[tilt, clearance])
+    for tilt in range(product.shape[0]):
+        for clearance in range(product.shape[1]):
+            product[tilt, clearance] /= largest
+    return math.log(largest)
 
 
 @compiled
 def _weighted(product: Array, weights: Array) -> float:
     total = 0.0
-    for one in range(product.shape[0]):
-        for other in range(product.shape[1]):
-            total += weights[one, other] * product[one, other]
+    for tilt in range(product.shape[0]):
+        for clearance in range(product.shape[1]):
+            total += weights[tilt, clearance] * product[tilt, clearance]
     return total
 
 
@@ -307,9 +307,9 @@ def _make_over_factors(sources: int) -> Any:
         by_clearance = np.empty((2, len(clearance_factors)))
         product = np.empty((len(tilt_factors), len(clearance_factors)))
         for row in range(misfits.shape[0]):
-            for one in range(product.shape[0]):
-                for other in range(product.shape[1]):
-                    product[one, other] = 1.0
+            for tilt in range(product.shape[0]):
+                for clearance in range(product.shape[1]):
+                    product[tilt, clearance] = 1.0
             total, multiplied = 0.0, 0
             for column in range(misfits.shape[1]):
                 anywhere = read.log_anywhere[column]
@@ -324,30 +324,30 @@ def _make_over_factors(sources: int) -> Any:
                 bits = _log_bits(read.bits[column], wrong, doubtful, level) - least
                 first = log_inlier + log_likely[int(misfits[row, column, BRANCH])] + bits
                 beside = log_nearby + log_outlier + bits
-                for one in range(len(tilt_factors)):
-                    alone = _log_tilt(left, forward, angles, tilts[0, one], tilts[1, one])
-                    wide = _log_tilt(left, forward, angles, tilts[2, one], tilts[3, one])
-                    by_tilt[0, one] = math.exp(first + alone)
-                    by_tilt[1, one] = math.exp(beside + wide)
-                away, beyond = misfits[row, column, _CLEARANCE], read.beyond[column]
-                for other in range(len(clearance_factors)):
-                    by_clearance[0, other], by_clearance[1, other] = 1.0, 1.0
+                for tilt in range(len(tilt_factors)):
+                    log_narrow = _log_tilt(left, forward, angles, tilts[0, tilt], tilts[1, tilt])
+                    log_wide = _log_tilt(left, forward, angles, tilts[2, tilt], tilts[3, tilt])
+                    by_tilt[0, tilt] = math.exp(first + log_narrow)
+                    by_tilt[1, tilt] = math.exp(beside + log_wide)
+                misfit, beyond = misfits[row, column, _CLEARANCE], read.beyond[column]
+                for clearance in range(len(clearance_factors)):
+                    by_clearance[0, clearance], by_clearance[1, clearance] = 1.0, 1.0
                     if read.clear[column]:
-                        noise, log_noise = clearances[0, other], clearances[1, other]
-                        near = _log_clearance(away, beyond, noise, log_noise)
-                        by_clearance[0, other] = math.exp(near)
-                        noise, log_noise = clearances[2, other], clearances[3, other]
-                        nearby = _log_clearance(away, beyond, noise, log_noise)
-                        by_clearance[1, other] = math.exp(nearby)
+                        noise, log_noise = clearances[0, clearance], clearances[1, clearance]
+                        log_predicted = _log_clearance(misfit, beyond, noise, log_noise)
+                        by_clearance[0, clearance] = math.exp(log_predicted)
+                        noise, log_noise = clearances[2, clearance], clearances[3, clearance]
+                        log_beside = _log_clearance(misfit, beyond, noise, log_noise)
+                        by_clearance[1, clearance] = math.exp(log_beside)
                 _multiply(product, by_tilt, by_clearance)
                 multiplied += 1
                 if multiplied % _MULTIPLIED == 0:
                     total += _brought_to_one(product)
             sums[row] = total + math.log(_weighted(product, weights))
             if len(terms):
-                for one in range(product.shape[0]):
-                    for other in range(product.shape[1]):
-                        terms[row, one, other] = total + math.log(product[one, other])
+                for tilt in range(product.shape[0]):
+                    for clearance in range(product.shape[1]):
+                        terms[row, tilt, clearance] = total + math.log(product[tilt, clearance])
         return 0 * sources
 
     return over_factors

@@ -135,22 +135,22 @@ class Noise(NamedTuple):
         return figure
 
 
-_LESS: Final = 0.15  # standard deviation of the prior of a factor's logarithm, below 0
-_MORE: Final = 0.5  # and above 0
+_SPREAD_BELOW: Final = 0.15  # standard deviation of the prior of a factor's logarithm, below 0
+_SPREAD_ABOVE: Final = 0.5  # and above 0
 _REACH: Final = (1.2, 2.0)  # how far the grid reaches below 0, and above
-_STEP: Final = 1.5  # step of the grid, in standard deviations of the posterior
+_GRID_STEP: Final = 1.5  # step of the grid, in standard deviations of the posterior
 
 
 def log_prior(scales: Array) -> Array:
     """Log-density of the prior of each factor's logarithm, to a constant; of any shape."""
-    return -0.5 * (scales / np.where(scales < 0, _LESS, _MORE)) ** 2
+    return -0.5 * (scales / np.where(scales < 0, _SPREAD_BELOW, _SPREAD_ABOVE)) ** 2
 
 
 def drawn_scales(shape: int | tuple[int, ...], rng: np.random.Generator) -> Array:
     """Logarithms of factors, drawn from the prior."""
     sizes = np.abs(rng.normal(size=shape))
-    below = rng.random(shape) < _LESS / (_LESS + _MORE)
-    return np.where(below, -_LESS, _MORE) * sizes
+    below = rng.random(shape) < _SPREAD_BELOW / (_SPREAD_BELOW + _SPREAD_ABOVE)
+    return np.where(below, -_SPREAD_BELOW, _SPREAD_ABOVE) * sizes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -187,7 +187,7 @@ class NoiseFactors:
 
 def _axis(readings: float) -> tuple[Array, Array]:
     """Nodes of the grid of one factor, and logarithms of their weights, which add up to 1."""
-    step = _STEP / math.sqrt(SCALE_INFORMATION * readings + _LESS**-2)
+    step = _GRID_STEP / math.sqrt(SCALE_INFORMATION * readings + _SPREAD_BELOW**-2)
     below, above = (math.ceil(reach / step) for reach in _REACH)
     nodes: Array = step * np.arange(-below, above + 1, dtype=float)
     log_density = log_prior(nodes)

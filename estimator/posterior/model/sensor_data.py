@@ -28,7 +28,7 @@ from estimator.readings.observation import Observation, PredictedReadings
 MODEL_TILT: Final = math.radians(0.2)  # what a model of capsules cannot know of tilt, rad
 MODEL_CLEARANCE: Final = 0.8e-3  # and of clearance, m
 
-_BEYOND: Final = 0.1  # share of arbitrary poses whose clearance lies beyond the range
+_SHARE_BEYOND: Final = 0.1  # share of arbitrary poses whose clearance lies beyond the range
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -163,8 +163,8 @@ class TiltDensity(Density):
         self, misfits: Array, observed: ObservedModality, noise: float
     ) -> Array:
         """The larger of both angles' residuals, in units of the noise."""
-        both = misfits / noise
-        larger: Array = both[np.arange(len(both)), np.argmax(np.abs(both), axis=1)]
+        ratios = misfits / noise
+        larger: Array = ratios[np.arange(len(ratios)), np.argmax(np.abs(ratios), axis=1)]
         return larger
 
     def log_anywhere(self, count: NDArray[np.int64], beyond: Flags, cap: float) -> Array:
@@ -209,8 +209,8 @@ class ClearanceDensity(Density):
 
     def log_anywhere(self, count: NDArray[np.int64], beyond: Flags, cap: float) -> Array:
         """Uniform over the range, and a share beyond it."""
-        within = np.where(count > 0, math.log((1 - _BEYOND) / cap), 0.0)
-        return np.where(beyond, math.log(_BEYOND), within)
+        within = np.where(count > 0, math.log((1 - _SHARE_BEYOND) / cap), 0.0)
+        return np.where(beyond, math.log(_SHARE_BEYOND), within)
 
 
 def _counted(flags: Flags) -> Array:
@@ -283,14 +283,11 @@ class SensorData:
         return SensorData(programs=self.programs[rows], observed=observed, cap=self.cap)
 
     def misfits(self, readings: PredictedReadings, interactions: Columns) -> Array:
-        """The misfits of n readings, each in one of the interactions.
+        """The misfits of n readings, each in one of the interactions, shape (n, MISFITS).
 
         Args:
             readings: Predicted readings of n bodies.
             interactions: Which interaction each is of, shape (n,).
-
-        Returns:
-            Shape (n, MISFITS).
         """
         values = np.empty((len(interactions), MISFITS))
         for name, density in DENSITIES.items():
@@ -302,8 +299,7 @@ class SensorData:
     def residuals(self, misfits: Array) -> Array:
         """Observed minus predicted tilt (rad) and clearance (m), shape (n, k, 3); 0 where unknown.
 
-        Args:
-            misfits: Shape (n, k, MISFITS).
+        The misfits have the shape (n, k, MISFITS).
         """
         residuals = [
             density.residual(misfits[..., COLUMNS[name]], self.observed[name])

@@ -22,11 +22,11 @@ def logsumexp(logs: Any, axis: int | None = None) -> Any:
     Several times as fast as SciPy's, which computes most of it twice.
     """
     values = np.asarray(logs, dtype=float)
-    most = np.max(values, axis=axis, keepdims=True, initial=-np.inf)
-    most = np.where(np.isfinite(most), most, 0.0)
+    largest = np.max(values, axis=axis, keepdims=True, initial=-np.inf)
+    largest = np.where(np.isfinite(largest), largest, 0.0)
     with np.errstate(divide="ignore"):  # a sum of nothing
-        sums = np.log(np.sum(np.exp(values - most), axis=axis))
-    return sums + most.reshape(sums.shape)
+        sums = np.log(np.sum(np.exp(values - largest), axis=axis))
+    return sums + largest.reshape(sums.shape)
 
 
 def log_sum(one: Array, other: Array) -> Array:

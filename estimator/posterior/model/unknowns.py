@@ -23,10 +23,10 @@ Columns = NDArray[np.intp]
 Attachments = tuple[int, ...]
 """The choices of one body, in the order of its genes: parent, mount and hinge, part by part."""
 
-_MANY: Final = 24.0  # bits of attachments above which many are open
+_MANY_BITS: Final = 24.0  # bits of attachments above which many are open
 _BITS_LEARNT: Final = 6.0  # bits about attachments that one interaction with few moved limbs tells
 _OFF: Final = 2.0  # standard deviations off from which a length is another
-_TRIFLE: Final = 0.01  # least such standard deviation, of a length's range
+_LEAST_DEVIATION: Final = 0.01  # least such standard deviation, of a length's range
 
 
 class Unknowns:
@@ -89,7 +89,7 @@ class Unknowns:
             )
             for places in self.places
         )
-        self.many = self.bits > _MANY
+        self.many = self.bits > _MANY_BITS
         self.telling = math.ceil(self.bits / _BITS_LEARNT)
 
     @property
@@ -146,9 +146,9 @@ class Unknowns:
             apart: Row of the table that does not count for each point, shape (n,); −1: all count.
         """
         narrow = np.array([row.narrow for row in self.table])
-        own = np.where(narrow > 0, values[:, self.genes_size :] / np.where(narrow, narrow, 1), 0.0)
-        own[np.flatnonzero(apart >= 0), apart[apart >= 0]] = 0.0
-        density: Array = -0.5 * np.sum(own**2, axis=1)
+        offs = np.where(narrow > 0, values[:, self.genes_size :] / np.where(narrow, narrow, 1), 0.0)
+        offs[np.flatnonzero(apart >= 0), apart[apart >= 0]] = 0.0
+        density: Array = -0.5 * np.sum(offs**2, axis=1)
         return density
 
     def as_built(self, values: Array) -> Array:
@@ -203,7 +203,7 @@ class Unknowns:
         """Which of n points have other attachments or lengths than m samples of a posterior."""
         keys, lengths = set(self.keys(known)), known[:, self.continuous]
         off = np.abs(values[:, self.continuous] - np.median(lengths, axis=0))
-        far: Flags = np.any(off > _OFF * np.maximum(lengths.std(axis=0), _TRIFLE), axis=1)
+        far: Flags = np.any(off > _OFF * np.maximum(lengths.std(axis=0), _LEAST_DEVIATION), axis=1)
         far |= [key not in keys for key in self.keys(values)]
         return far
 
@@ -247,7 +247,7 @@ class Cost(NamedTuple):
 
     def since(self, before: Cost) -> Cost:
         """The difference from an earlier cost."""
-        return Cost(*(now - then for now, then in zip(self, before, strict=True)))
+        return Cost(*(count - earlier for count, earlier in zip(self, before, strict=True)))
 
 
 class Predictor:
@@ -264,18 +264,18 @@ class Predictor:
     def __init__(self, unknowns: Unknowns, physics: ArrayPhysics) -> None:
         self.unknowns = unknowns
         self._physics = physics
-        self._elsewhere = Cost(0, 0)
+        self._cost_of_copies = Cost(0, 0)
 
     @property
     def cost(self) -> Cost:
         """Counts of what was computed so far."""
-        simulations, steps = self._elsewhere
+        simulations, steps = self._cost_of_copies
         return Cost(self._physics.simulations + simulations, self._physics.steps + steps)
 
     def add_cost(self, cost: Cost) -> None:
         """Counts what a copy has computed in a worker process."""
-        simulations, steps = self._elsewhere
-        self._elsewhere = Cost(simulations + cost.simulations, steps + cost.steps)
+        simulations, steps = self._cost_of_copies
+        self._cost_of_copies = Cost(simulations + cost.simulations, steps + cost.steps)
 
     def read(
         self,
@@ -319,8 +319,8 @@ class Predictor:
             programs: Motor programs, rad, shape (k, motors).
             gravity_tilts: As in ``read``.
         """
-        rows, each = np.indices((len(values), len(programs))).reshape(2, -1)
-        return self.read(self.unknowns.bodies(values), rows, programs[each], gravity_tilts)
+        rows, columns = np.indices((len(values), len(programs))).reshape(2, -1)
+        return self.read(self.unknowns.bodies(values), rows, programs[columns], gravity_tilts)
 
     def simulated(self, reference: Physics, values: Array, programs: Array) -> PredictedReadings:
         """What a simulator predicts of n points in each of k programs, as ``read_all`` does.
@@ -344,13 +344,13 @@ def _places(genome: Genome) -> tuple[Columns, ...]:
         return ()
     rows: dict[tuple[int | None, ...], list[list[int]]] = {}
     for part in sorted({gene.part for gene in genome.genes}):
-        own = [
+        pairs = [
             (gene.parent, column)
             for column, gene in enumerate(genome.genes)
             if gene.part == part and gene.trait in ("parent", "mount")
         ]
-        rows.setdefault(tuple(parent for parent, _ in own), []).append([at for _, at in own])
-    return tuple(np.array(some) for kind, some in rows.items() if kind and len(some) > 1)
+        rows.setdefault(tuple(parent for parent, _ in pairs), []).append([at for _, at in pairs])
+    return tuple(np.array(places) for kind, places in rows.items() if kind and len(places) > 1)
 
 
 def _where(chosen: list[bool]) -> Columns:

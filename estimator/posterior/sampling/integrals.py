@@ -23,9 +23,9 @@ from estimator.posterior.sampling.tempering import Particles, Target, equilibrat
 _ANYWHERE: Final = 100  # points with random lengths, the best of which a fit starts from
 _DRAWN: Final = 1000  # points drawn from the prior of lengths and narrow components
 _STARTS: Final = 4  # best of these points, from which fits start
-_OFF: Final = 1.5  # deviation of starting points, in standard deviations
+_START_DEVIATION: Final = 1.5  # deviation of starting points, in standard deviations
 _PEAKS: Final = 3  # peaks of a hypothesis, at most, around which particles start
-_LOWER: Final = 10.0  # nats below the best peak beyond which a peak does not count
+_LOWEST_PEAK: Final = 10.0  # nats below the best peak beyond which a peak does not count
 
 
 class Hypothesis(NamedTuple):
@@ -59,18 +59,18 @@ class Integrals:
         self._solver = GaussNewton(predictor, likelihood)
         self._lengths = predictor.unknowns.continuous
         table = predictor.unknowns.table
-        self._first = predictor.unknowns.genes_size
+        self._offset = predictor.unknowns.genes_size
         self._narrow = {
-            row: one.narrow * (MEDIAN_CARE if one.by_care else 1.0)
-            for row, one in enumerate(table)
-            if one.narrow
+            row: parameter.narrow * (MEDIAN_CARE if parameter.by_care else 1.0)
+            for row, parameter in enumerate(table)
+            if parameter.narrow
         }
         self._hinges: dict[int | None, int] = {
             gene.part: column
             for column, gene in enumerate(predictor.unknowns.genes)
             if gene.trait == "hinge" and gene.is_choice
         }
-        self._by_care = self._first + np.flatnonzero([one.by_care for one in table])
+        self._by_care = self._offset + np.flatnonzero([parameter.by_care for parameter in table])
 
     def with_cost(
         self, task: tuple[Sequence[Hypothesis], int, bool, int]
@@ -90,7 +90,7 @@ class Integrals:
         peaks = self._peaks(points, free, rng if several_peaks else None)
         target = self._target(hypotheses, peaks, free, rng)
         results = tempered(target, particles)
-        better = (one._replace(point=own[0]) for one, own in zip(hypotheses, peaks, strict=True))
+        better = (one._replace(point=tops[0]) for one, tops in zip(hypotheses, peaks, strict=True))
         return list(zip(better, results, strict=True)), self._predictor.cost.since(before)
 
     def equilibrated_with_cost(self, task: tuple[Hypothesis, Array, int]) -> tuple[Array, Cost]:
@@ -99,23 +99,25 @@ class Integrals:
         Args:
             task: The hypothesis, lengths and θ of some particles (``Particles.own``), and a seed.
         """
-        one, own, seed = task
+        hypothesis, own, seed = task
         before, rng = self._predictor.cost, np.random.default_rng(seed)
-        free = Free.with_parameters(self._predictor.unknowns, [self.opened(one)])
-        values = equilibrated(self._target([one], one.point[None, None], free, rng), own)
+        free = Free.with_parameters(self._predictor.unknowns, [self.opened(hypothesis)])
+        values = equilibrated(
+            self._target([hypothesis], hypothesis.point[None, None], free, rng), own
+        )
         return values, self._predictor.cost.since(before)
 
     def _target(
         self, hypotheses: Sequence[Hypothesis], peaks: Array, free: Free, rng: np.random.Generator
     ) -> Target:
         """The target of hypotheses with peaks of shape (n, p, size)."""
-        count, each, size = peaks.shape
-        which = np.repeat(np.arange(count), each)
-        slopes = self._solver.slopes(peaks.reshape(-1, size), free=free[which])
+        count, peak_count, size = peaks.shape
+        owners = np.repeat(np.arange(count), peak_count)
+        slopes = self._solver.slopes(peaks.reshape(-1, size), free=free[owners])
         return Target(
             peaks=peaks,
             free=free,
-            precision=slopes.precision.reshape(count, each, *slopes.precision.shape[1:]),
+            precision=slopes.precision.reshape(count, peak_count, *slopes.precision.shape[1:]),
             by_care=self._by_care_alone(free, hypotheses),
             predictor=self._predictor,
             likelihood=self._likelihood,
@@ -132,7 +134,7 @@ class Integrals:
 
     def _by_care_alone(self, free: Free, hypotheses: Sequence[Hypothesis]) -> Flags:
         """Which columns have spreads that care decides, but for that of a wide component."""
-        wide = np.array([[self._first + one.wide if one.wide >= 0 else -1] for one in hypotheses])
+        wide = np.array([[self._offset + one.wide if one.wide >= 0 else -1] for one in hypotheses])
         flags: Flags = np.isin(free.columns, self._by_care) & (free.columns != wide)
         return flags
 
@@ -145,22 +147,22 @@ class Integrals:
             rng: Draws further starts; ``None``: fits start from ``points`` alone.
         """
         starts = [points, *(self._drawn(points, free, rng) if rng else [])]
-        each = np.arange(len(points))
+        index = np.arange(len(points))
         polished, fits = self._solver.polished(
-            np.vstack(starts), free=free[np.tile(each, len(starts))]
+            np.vstack(starts), free=free[np.tile(index, len(starts))]
         )
         by_start = polished.reshape(len(starts), len(points), -1)
         fits = fits.reshape(len(starts), -1)
         order = np.argsort(-fits, axis=0, kind="stable")[:_PEAKS]
-        order = np.where(fits[order, each] < fits[order[0], each] - _LOWER, order[0], order)
-        return np.swapaxes(by_start[order, each], 0, 1)
+        order = np.where(fits[order, index] < fits[order[0], index] - _LOWEST_PEAK, order[0], order)
+        return np.swapaxes(by_start[order, index], 0, 1)
 
     def _drawn(self, points: Array, free: Free, rng: np.random.Generator) -> list[Array]:
         """The best of many points drawn from the prior, as arrays of shape (n, size)."""
-        count, each = len(points), np.repeat(np.arange(len(points)), _DRAWN)
-        shape = (len(each), free.columns.shape[1])
-        own = np.where(free.normal, rng.standard_normal(shape), rng.random(shape))
-        drawn = free[each].within(points[each], own)
+        count, owners = len(points), np.repeat(np.arange(len(points)), _DRAWN)
+        shape = (len(owners), free.columns.shape[1])
+        fitted = np.where(free.normal, rng.standard_normal(shape), rng.random(shape))
+        drawn = free[owners].within(points[owners], fitted)
         fits = self._solver.rough_fits(drawn).sum(axis=1).reshape(count, -1)
         first = np.argsort(-fits, axis=1, kind="stable")[:, :_STARTS]
         best = drawn.reshape(count, _DRAWN, -1)[np.arange(count)[:, None], first]
@@ -188,29 +190,29 @@ class Integrals:
         before, rng = self._predictor.cost, np.random.default_rng(seed)
         table = self._predictor.unknowns.table
         sizes = np.array([table[row].wide or 1.0 for row in rows])  # that of −1 is not used
-        amounts = not (rows[0] < 0 or table[rows[0]].switch)
+        have_amounts = not (rows[0] < 0 or table[rows[0]].switch)
         anywhere = np.repeat(starts[-1:], _ANYWHERE, axis=0)
         anywhere[:, self._lengths] = rng.random((_ANYWHERE, self._lengths.size))
-        offs = rng.standard_normal(_ANYWHERE) if amounts else np.ones(_ANYWHERE)
+        offs = rng.standard_normal(_ANYWHERE) if have_amounts else np.ones(_ANYWHERE)
         points, which = self._with_wide(anywhere, rows, offs[:, None] * sizes)
         fits = self._solver.rough_fits(points).sum(axis=1).reshape(_ANYWHERE, -1)
         first = np.arange(len(rows)) + len(rows) * np.argmax(fits, axis=0)
-        several = [(points[first], which[first])]
-        for sign in (-_OFF, _OFF) if amounts else (1.0,):
+        pieces = [(points[first], which[first])]
+        for sign in (-_START_DEVIATION, _START_DEVIATION) if have_amounts else (1.0,):
             signs = np.full((len(starts), 1), sign)
-            several.append(self._with_wide(starts, rows, signs * sizes))
+            pieces.append(self._with_wide(starts, rows, signs * sizes))
         stopping = [row for row in rows if row >= 0 and table[row].stops is not None]
         for row in stopping:
-            still = self._standing_still(starts[0], row, rng)
-            several.append((still, np.full(len(still), row)))
-        points, which = (np.concatenate(arrays) for arrays in zip(*several, strict=True))
+            standing = self._standing_still(starts[0], row, rng)
+            pieces.append((standing, np.full(len(standing), row)))
+        points, which = (np.concatenate(arrays) for arrays in zip(*pieces, strict=True))
         points, fits = self._polished_with(points, which)
         for row in stopping:
-            own = np.flatnonzero(which == row)
-            alike = self._on_each_hinge(points[own[np.argmax(fits[own])]], row)
-            more, better = self._polished_with(alike, np.full(len(alike), row))
-            points, fits = np.concatenate([points, more]), np.concatenate([fits, better])
-            which = np.concatenate([which, np.full(len(alike), row)])
+            of_row = np.flatnonzero(which == row)
+            hinged = self._on_each_hinge(points[of_row[np.argmax(fits[of_row])]], row)
+            more_points, more_fits = self._polished_with(hinged, np.full(len(hinged), row))
+            points, fits = np.concatenate([points, more_points]), np.concatenate([fits, more_fits])
+            which = np.concatenate([which, np.full(len(hinged), row)])
         keys = zip(which.tolist(), self._predictor.unknowns.keys(points), strict=True)
         chosen = best_of_each([(row, *key) for row, key in keys], fits)
         points, which = points[chosen], which[chosen]
@@ -224,15 +226,15 @@ class Integrals:
         Where no reading tells of an amount the prior leads it to 0, which is as stated: no fit.
         """
         polished, fits = self._solver.polished(points, free=self._with_amounts(which))
-        amounts = polished[np.arange(len(which)), self._first + which]
+        amounts = polished[np.arange(len(which)), self._offset + which]
         fits = np.where((which >= 0) & (amounts == 0), -np.inf, fits)
         return polished, fits + self._predictor.unknowns.log_narrow(polished, which)
 
     def _with_amounts(self, which: Columns) -> Free:
         """Lengths and the amounts of wide components, all of which have an amount or none has."""
         unknowns = self._predictor.unknowns
-        amounts = which[0] >= 0 and not unknowns.table[which[0]].switch
-        wide = [{row: unknowns.table[row].wide} if amounts else {} for row in which.tolist()]
+        have_amounts = which[0] >= 0 and not unknowns.table[which[0]].switch
+        wide = [{row: unknowns.table[row].wide} if have_amounts else {} for row in which.tolist()]
         return Free.with_parameters(unknowns, wide)
 
     def _standing_still(self, known: Array, row: int, rng: np.random.Generator) -> Array:
@@ -240,13 +242,13 @@ class Integrals:
 
         Each with the best of many angles, and lengths of that part.
         """
-        unknowns, angle = self._predictor.unknowns, self._first + row
+        unknowns, angle = self._predictor.unknowns, self._offset + row
         part = unknowns.table[row].stops
-        own = [column for column in self._lengths if unknowns.genes[column].part == part]
+        lengths = [column for column in self._lengths if unknowns.genes[column].part == part]
         points = known.copy()
         points[angle] = unknowns.table[row].wide
         points = self._on_each_hinge(points, row).repeat(_ANYWHERE // 2, axis=0)
-        points[:, own] = rng.random((len(points), len(own)))
+        points[:, lengths] = rng.random((len(points), len(lengths)))
         points[:, angle] *= np.abs(rng.standard_normal(len(points)))
         fits = self._solver.rough_fits(points).sum(axis=1).reshape(-1, _ANYWHERE)
         best: Array = points[np.argmax(fits, axis=1) + _ANYWHERE * np.arange(len(fits))]
@@ -258,7 +260,7 @@ class Integrals:
         hinge = self._hinges.get(unknowns.table[row].stops)
         count = unknowns.genes[hinge].choices if hinge is not None else 1
         points = point[None].repeat(2 * count, axis=0)
-        points[1::2, self._first + row] *= -1
+        points[1::2, self._offset + row] *= -1
         if hinge is not None:
             points[:, hinge] = np.repeat((np.arange(count) + 0.5) / count, 2)
         return points
@@ -277,7 +279,7 @@ class Integrals:
             Points, shape (n · rows, size), and the row of each, shape (n · rows,).
         """
         which = np.tile(np.array(rows, dtype=np.intp), len(points))
-        several = np.repeat(points, len(rows), axis=0)
-        on = np.flatnonzero(which >= 0)
-        several[on, self._first + which[on]] = amounts.ravel()[on]
-        return several, which
+        repeated = np.repeat(points, len(rows), axis=0)
+        chosen = np.flatnonzero(which >= 0)
+        repeated[chosen, self._offset + which[chosen]] = amounts.ravel()[chosen]
+        return repeated, which

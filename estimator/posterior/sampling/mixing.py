@@ -21,7 +21,7 @@ from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.unknowns import Attachments, Cost, Predictor, Unknowns
 from estimator.posterior.sampling.weighing import WeighedModes
 
-_PARTS: Final = 2  # parts of the chains, independent of each other
+_CHAIN_PARTS: Final = 2  # parts of the chains, independent of each other
 
 
 def mixed(
@@ -51,10 +51,10 @@ def mixed(
     Returns:
         The modes, and logarithms of their new samples' noise factors, shape (n, 2).
     """
-    seeds = rng.integers(2**32, size=_PARTS).tolist()
-    own = (slice(part, None, _PARTS) for part in range(_PARTS))
+    seeds = rng.integers(2**32, size=_CHAIN_PARTS).tolist()
+    slices = (slice(part, None, _CHAIN_PARTS) for part in range(_CHAIN_PARTS))
     tasks = [
-        (modes.values[rows], scales[rows], seed) for rows, seed in zip(own, seeds, strict=True)
+        (modes.values[rows], scales[rows], seed) for rows, seed in zip(slices, seeds, strict=True)
     ]
     moved = workers.map(partial(_moved, predictor, likelihood, steps), tasks)
     *arrays, costs = zip(*moved, strict=True)
@@ -79,22 +79,22 @@ def _moved(
 
 def _with_others(modes: WeighedModes, fits: Array, unknowns: Unknowns) -> WeighedModes:
     """The modes, and besides those of samples whose attachments none of the modes has."""
-    values, others = modes.values, dict[Attachments, list[int]]()
+    values, unweighed = modes.values, dict[Attachments, list[int]]()
     weighed = set(unknowns.keys(modes.points))
     for row, key in enumerate(unknowns.keys(values)):
         if key not in weighed:
-            others.setdefault(key, []).append(row)
-    if not others:
+            unweighed.setdefault(key, []).append(row)
+    if not unweighed:
         return modes
-    behind = np.array([float(len(rows)) for rows in others.values()])
-    left = behind.sum() / len(values)
-    best = [max(rows, key=fits.__getitem__) for rows in others.values()]
+    counts = np.array([float(len(rows)) for rows in unweighed.values()])
+    share = counts.sum() / len(values)
+    best = [max(rows, key=fits.__getitem__) for rows in unweighed.values()]
     return replace(
         modes,
         points=np.concatenate([modes.points, values[best]]),
-        shares=np.concatenate([(1 - left) * modes.shares, left * _shares(behind)]),
-        ess=np.concatenate([modes.ess, behind]),
-        draws=[*modes.draws, *(values[rows] for rows in others.values())],
+        shares=np.concatenate([(1 - share) * modes.shares, share * _shares(counts)]),
+        ess=np.concatenate([modes.ess, counts]),
+        draws=[*modes.draws, *(values[rows] for rows in unweighed.values())],
     )
 
 

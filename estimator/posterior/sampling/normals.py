@@ -13,8 +13,8 @@ from estimator.body.morphology import Array
 from estimator.posterior.model.gauss_newton import PRIOR
 from estimator.posterior.model.unknowns import Columns
 
-_AT_LEAST: Final = 0.02  # least standard deviation of a length around a peak, of its range
-_LEAST: Final = 1e-10  # least variance of particles
+_LEAST_DEVIATION: Final = 0.02  # least standard deviation of a length around a peak, of its range
+_LEAST_VARIANCE: Final = 1e-10  # least variance of particles
 _LOG_ROOT: Final = 0.5 * math.log(2 * math.pi)
 
 
@@ -45,7 +45,7 @@ class Normals:
         prior = np.diag(np.where(normal, 1.0, PRIOR))
         flatter = prior + counts * (precision - prior)
         covariance = np.asarray(np.linalg.inv(flatter))
-        covariance += np.diag(np.where(normal, 0.0, _AT_LEAST**2))
+        covariance += np.diag(np.where(normal, 0.0, _LEAST_DEVIATION**2))
         theta = np.where(normal, peaks, 0.0)  # only θ is drawn to its prior's mean
         climb = counts * (precision @ theta[..., None])
         mean = np.where(normal, 0.0, peaks) + np.linalg.solve(flatter, climb)[..., 0]
@@ -58,11 +58,11 @@ class Normals:
         The fewer particles, the more its correlations are shrunk.
         """
         _, count, size = x.shape
-        mean, each = x.mean(axis=1, keepdims=True), np.arange(size)
+        mean, axes = x.mean(axis=1, keepdims=True), np.arange(size)
         covariance = np.swapaxes(x - mean, 1, 2) @ (x - mean) / count
-        variance = covariance[:, each, each] + _LEAST
+        variance = covariance[:, axes, axes] + _LEAST_VARIANCE
         covariance *= count / (count + size)
-        covariance[:, each, each] = variance
+        covariance[:, axes, axes] = variance
         return cls.of(mean, covariance[:, None])
 
     @classmethod
@@ -83,9 +83,9 @@ class Normals:
 
     def log_densities(self, x: Array, groups: Columns | slice = slice(None)) -> Array:
         """Log-densities (p, groups, n) by each peak, at points (groups, n, d) of some sets."""
-        some = Normals(**{name: array[groups] for name, array in vars(self).items()})
-        log_root = np.log(np.diagonal(some.root, axis1=2, axis2=3)).sum(axis=2)
-        log_densities: Array = log_normal(some.whitened(x)) - log_root.T[..., None]
+        chosen = Normals(**{name: array[groups] for name, array in vars(self).items()})
+        log_root = np.log(np.diagonal(chosen.root, axis1=2, axis2=3)).sum(axis=2)
+        log_densities: Array = log_normal(chosen.whitened(x)) - log_root.T[..., None]
         return log_densities
 
 

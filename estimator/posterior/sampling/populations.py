@@ -35,12 +35,12 @@ CONSIDERED: Final = 16.0
 ENOUGH_TO_ERR: Final = 5
 """Number of interactions from which on one may be left unexplained."""
 
-_BUILT: Final = 14.0  # further nats, where no body within ``CONSIDERED`` explains the readings
-_FITTED: Final = 120  # sets of attachments, at most, whose narrow components are fitted then
+_FURTHER_NATS: Final = 14.0  # where no body within ``CONSIDERED`` explains the readings
+_FITTED_SETS: Final = 120  # sets of attachments, at most, whose narrow components are fitted then
 _AS_GOOD: Final = 3.0  # nats that a population's fit may lie below the best one of the same set
 _AS_PROBABLE: Final = 3.0  # nats below the leader within which sets are about as probable
-_BAD: Final = 2.33  # excess of a fit that one right body of a hundred has
-_FEW: Final = 50  # effective number of sets up to which every population can have found all
+_BAD_EXCESS: Final = 2.33  # excess of a fit that one right body of a hundred has
+_FEW_SETS: Final = 50  # effective number of sets up to which every population can have found all
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,16 +74,16 @@ class Agreement:
         """
         predictor, likelihood = solver.predictor, solver.likelihood
         unknowns = predictor.unknowns
-        together = BestPoints.joined(bodies, unknowns)
-        best = float(together.fits[0])
-        values = unknowns.with_deviations(together.values, deviations)
-        considered = values[together.fits > best - CONSIDERED]
+        joined = BestPoints.joined(bodies, unknowns)
+        best = float(joined.fits[0])
+        values = unknowns.with_deviations(joined.values, deviations)
+        considered = values[joined.fits > best - CONSIDERED]
         points, guesses = considered, solver.evidences(considered)
         fit = fit_of(points[int(np.argmax(guesses))], predictor, likelihood)
         if unknowns.table and fit.is_improvable:
-            considered = values[together.fits > best - CONSIDERED - _BUILT]
+            considered = values[joined.fits > best - CONSIDERED - _FURTHER_NATS]
             points, guesses = considered.copy(), solver.evidences(considered)
-            first = np.argsort(-guesses, kind="stable")[:_FITTED]
+            first = np.argsort(-guesses, kind="stable")[:_FITTED_SETS]
             points[first], guesses[first] = solver.evidences_as_built(considered[first])
             fit = fit_of(points[int(np.argmax(guesses))], predictor, likelihood)
         best_fits = dict(
@@ -137,13 +137,13 @@ class Agreement:
         """
         any_other = bool(self.leader)
         outlier = self.fit.unexplained > 0
-        limit = POOR if any_other and (outlier or not self.may_err) else _BAD
+        limit = POOR if any_other and (outlier or not self.may_err) else _BAD_EXCESS
         return not self.explains_too_little and self.fit.excess <= limit
 
     @property
     def few(self) -> bool:
         """Whether so few sets of attachments matter that every population can have found all."""
-        return bool(np.sum(softmax(self.guesses) ** 2) > 1 / _FEW)
+        return bool(np.sum(softmax(self.guesses) ** 2) > 1 / _FEW_SETS)
 
     @property
     def coverage(self) -> float:
@@ -171,14 +171,14 @@ def attachments_found(
     if not unknowns.choices.size:
         return set(keys)  # all have the same
     rows = [row for row, key in enumerate(keys) if key in best_fits]
-    own = zip((keys[row] for row in rows), solver.fits(values[rows]), strict=True)
-    return {key for key, fit in own if fit > best_fits[key] - _AS_GOOD}
+    fits_by_key = zip((keys[row] for row in rows), solver.fits(values[rows]), strict=True)
+    return {key for key, fit in fits_by_key if fit > best_fits[key] - _AS_GOOD}
 
 
-_BEHIND: Final = 12.0  # nats below the best fit beyond which a chain is a straggler
+_STRAGGLING: Final = 12.0  # nats below the best fit beyond which a chain is a straggler
 _STRAGGLERS: Final = 0.5  # share of the coldest chains that may be stragglers in the end
-_LONGER: Final = 3  # factor on the steps where it is not known which part sits on which
-_RESTARTED: Final = 100  # steps with each number of interactions after a restart
+_STEPS_FACTOR: Final = 3  # factor on the steps where it is not known which part sits on which
+_RESTART_STEPS: Final = 100  # steps with each number of interactions after a restart
 
 
 def explored(
@@ -204,11 +204,11 @@ def explored(
     best: dict[tuple[int, ...], list[int]] = {}
     for row in np.argsort(-fits, kind="stable").tolist():
         best.setdefault(keys[row], []).append(row)
-    found = found_by_each(list(best), [set(unknowns.keys(own)) for own, _, _ in by_population])
+    found = found_by_each(list(best), [set(unknowns.keys(drawn)) for drawn, _, _ in by_population])
     modes = sorted(
         (
-            Mode(key, len(rows) / len(keys), values[rows[0]], float(len(rows)), tuple(own))
-            for (key, rows), own in zip(best.items(), found.tolist(), strict=True)
+            Mode(key, len(rows) / len(keys), values[rows[0]], float(len(rows)), tuple(flags))
+            for (key, rows), flags in zip(best.items(), found.tolist(), strict=True)
         ),
         key=lambda mode: -mode.probability,
     )
@@ -229,12 +229,12 @@ def _explore(
     them far from the truth.
     """
     population, unknowns = search.population, search.predictor.unknowns
-    longer = steps * (_LONGER if unknowns.parents.any() else 1)
+    round_steps = steps * (_STEPS_FACTOR if unknowns.parents.any() else 1)
     explained = True
     for _ in range(rounds):
         if not explained:
-            search.restart(_RESTARTED)
-        bodies = search.search(longer)
+            search.restart(_RESTART_STEPS)
+        bodies = search.search(round_steps)
         explained = search.explains()
         stragglers = _move_stragglers(population, bodies, search.rng)
         if explained and stragglers <= _STRAGGLERS:
@@ -260,7 +260,7 @@ def _move_stragglers(population: Population, bodies: BestPoints, rng: np.random.
     """
     cold = slice(0, population.chains_per_level)
     values, scales = population.values[cold].copy(), population.scales[cold].copy()
-    rows = np.flatnonzero(population.posterior_fits(1) < bodies.fits[0] - _BEHIND)
+    rows = np.flatnonzero(population.posterior_fits(1) < bodies.fits[0] - _STRAGGLING)
     values[rows] = bodies.values[rng.choice(len(bodies.fits), rows.size, p=softmax(bodies.fits))]
     scales[rows] = 0.0
     population.replace_coldest(values, scales)

@@ -30,12 +30,12 @@ from estimator.posterior.sampling.weighing import Weigher
 
 ALGORITHM: Final = "evolutionary Monte Carlo"
 
-_AGREED: Final = 0.8  # coverage by both populations at which they agree
+_AGREED_COVERAGE: Final = 0.8  # coverage by both populations at which they agree
 _EXPLORED: Final = 0.4  # coverage from which attachments are weighed while populations explore
-_MORE: Final = 4  # additional rounds where populations do not agree
+_EXTRA_ROUNDS: Final = 4  # additional rounds where populations do not agree
 _FEW_ROUNDS: Final = 3  # rounds at most, where many attachments are open and a round is long
 _NEGLIGIBLE: Final = 0.05  # share of the posterior that the last round may have added
-_SURE: Final = 0.9  # share of some attachments from which no others are looked for
+_SURE_SHARE: Final = 0.9  # share of some attachments from which no others are looked for
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,7 +97,7 @@ class Sampler:
         self._restartable = bool(unknowns.choices.size) and not unknowns.many
         self.predictor = Predictor(unknowns, physics or make_physics())
         self._deviations = np.zeros(len(unknowns.table))
-        *own, common = seeds
+        *search_seeds, sampler_seed = seeds
         self._beginning = Beginning(
             unknowns=unknowns,
             make_physics=make_physics,
@@ -106,9 +106,9 @@ class Sampler:
         )
         self._searches = [
             self._beginning.search(self._deviations, seed)
-            for _, seed in zip(range(effort.populations), own, strict=True)
+            for _, seed in zip(range(effort.populations), search_seeds, strict=True)
         ]
-        self._rng = np.random.default_rng(common)
+        self._rng = np.random.default_rng(sampler_seed)
         self._known: set[Attachments] = set() if unknowns.choices.size else {()}
         self._cleared: set[Attachments] = set()  # than which many rounds have found nothing better
         self._verified: set[Attachments] = set()  # beside which a restart has found little
@@ -160,14 +160,14 @@ class Sampler:
     @property
     def cost(self) -> Cost:
         """Counts of what was computed so far."""
-        own = [search.predictor.cost for search in self._searches]
-        return Cost(*map(sum, zip(self.predictor.cost, *own, strict=True)))
+        costs = [search.predictor.cost for search in self._searches]
+        return Cost(*map(sum, zip(self.predictor.cost, *costs, strict=True)))
 
     def prior(self) -> Posterior:
         """Equally likely samples of the prior."""
         populations = [search.population for search in self._searches]
-        values = np.concatenate([one.values for one in populations])
-        scales = np.concatenate([one.scales for one in populations])
+        values = np.concatenate([population.values for population in populations])
+        scales = np.concatenate([population.scales for population in populations])
         return Posterior.equally_likely(self.predictor.unknowns.as_stated(values), scales)
 
     def _search_with(self, deviations: Array) -> None:
@@ -199,7 +199,7 @@ class Sampler:
             if len(likelihood) < self._telling and share < _EXPLORED:
                 return self._completed(exploring)
             bodies = [search.best() for search in self._searches]
-            known.update(*(self.predictor.unknowns.keys(one.values) for one in bodies))
+            known.update(*(self.predictor.unknowns.keys(points.values) for points in bodies))
         agreement = self._discovered(likelihood, known, searched=explores)
         return self._weighed(agreement, likelihood)
 
@@ -223,48 +223,48 @@ class Sampler:
             known: Attachments that were found before.
             searched: Whether the searches have just explored, which was a round.
         """
-        effort, late = self._effort, len(likelihood) >= self._telling
+        effort, can_tell = self._effort, len(likelihood) >= self._telling
         solver = GaussNewton(self.predictor, likelihood)
-        number, restarts = 0, 0
+        rounds_made, restarts = 0, 0
         going = [not searched] * len(self._searches)
         while True:
             self._search(going, restarts=restarts > 0)
             bodies = [search.best() for search in self._searches]
             agreement = Agreement.of(bodies, self._deviations, solver)
-            fresh = 1 - agreement.share_of(known)
+            added = 1 - agreement.share_of(known)
             known.update(agreement.keys)
-            number += 1
-            agreed = agreement.explained and agreement.coverage >= _AGREED
+            rounds_made += 1
+            agreed = agreement.explained and agreement.coverage >= _AGREED_COVERAGE
             improvable = agreement.fit.is_improvable and agreement.leader not in self._cleared
-            apart = late and number > 1 and not agreed
-            restart = agreement.few and (improvable or apart)
+            disagreed = can_tell and rounds_made > 1 and not agreed
+            restart = agreement.few and (improvable or disagreed)
             # also where many sets of attachments fit as badly
             restart |= agreement.explains_too_little and improvable
             if restart and self._restartable:
                 restarts += 1
-                lacking = [improvable or agreement.leader not in own for own in agreement.found]
+                lacking = [improvable or agreement.leader not in found for found in agreement.found]
                 going = [lacks or not any(lacking) for lacks in lacking]
-            converged = agreement.adequate_fit and agreed and fresh <= _NEGLIGIBLE
+            converged = agreement.adequate_fit and agreed and added <= _NEGLIGIBLE
             if self._explores:
                 going = [True] * len(self._searches)
-                converged |= agreement.explained and not late
+                converged |= agreement.explained and not can_tell
                 rounds = _FEW_ROUNDS
             else:
-                converged &= not (0 < restarts <= _MORE and improvable)
+                converged &= not (0 < restarts <= _EXTRA_ROUNDS and improvable)
                 rounds = min(effort.rounds, max(1, len(likelihood) - 1))
-                rounds += _MORE if restarts and late else 0
-            if converged or number >= rounds:
-                last = self._converged(agreement) if agreed else frozenset()
-                if self._restartable and not (restarts or last <= self._verified):
+                rounds += _EXTRA_ROUNDS if restarts and can_tell else 0
+            if converged or rounds_made >= rounds:
+                settled = self._converged(agreement) if agreed else frozenset()
+                if self._restartable and not (restarts or settled <= self._verified):
                     restarts += 1
-                    going = [row == number % len(going) for row in range(len(going))]
+                    going = [row == rounds_made % len(going) for row in range(len(going))]
                     continue
-                if late and agreement.share_of(last) > _SURE:
-                    self._verified |= last
-                if restarts > _MORE:
+                if can_tell and agreement.share_of(settled) > _SURE_SHARE:
+                    self._verified |= settled
+                if restarts > _EXTRA_ROUNDS:
                     self._cleared.update(agreement.leaders)
-                for one in self._searches:
-                    one.converged = last
+                for search in self._searches:
+                    search.converged = settled
                 return agreement
 
     def _search(self, going: Sequence[bool], *, restarts: bool) -> None:
@@ -272,7 +272,7 @@ class Sampler:
         search = partial(_searched, self._effort.steps, restarts)
         moved = iter(self._workers.map(search, compress(self._searches, going)))
         self._searches = [
-            next(moved) if goes else one for one, goes in zip(self._searches, going, strict=True)
+            next(moved) if goes else kept for kept, goes in zip(self._searches, going, strict=True)
         ]
 
     def _converged(self, agreement: Agreement) -> frozenset[Attachments]:
@@ -302,8 +302,8 @@ class Sampler:
         )
         weigher.weigh(agreement.points, agreement.guesses)
         agreement = agreement.with_fit(fit_of(weigher.best, predictor, likelihood))
-        late = self._restartable and len(likelihood) >= self._telling
-        if unknowns.table and late and agreement.fit.is_improvable:
+        can_tell = self._restartable and len(likelihood) >= self._telling
+        if unknowns.table and can_tell and agreement.fit.is_improvable:
             points, cost = self._beginning.found_with_each(
                 likelihood, effort.steps, self._rng, self._workers
             )
@@ -312,9 +312,9 @@ class Sampler:
             agreement = agreement.with_fit(fit_of(weigher.best, predictor, likelihood))
         modes = weigher.summed(effort.samples)
         misfits = likelihood.misfits_of(predictor, np.vstack([modes.values, modes.rare]))
-        both = likelihood.drawn_scales(misfits, self._rng)
-        scales, of_rare = np.split(both, [len(modes.values)])
-        if unknowns.choices.size and modes.shares.max() < _SURE:
+        all_scales = likelihood.drawn_scales(misfits, self._rng)
+        scales, rare_scales = np.split(all_scales, [len(modes.values)])
+        if unknowns.choices.size and modes.shares.max() < _SURE_SHARE:
             modes, scales = mixed(
                 modes,
                 scales,
@@ -325,11 +325,11 @@ class Sampler:
                 steps=effort.steps,
             )
         values = modes.values
-        whose, keys = map(unknowns.keys, (values, modes.points))
+        sample_keys, keys = map(unknowns.keys, (values, modes.points))
         for search, found in zip(self._searches, agreement.found, strict=True):
-            own = [row for row, key in enumerate(whose) if self._explores or key in found]
-            if own:
-                rows = self._rng.choice(own, effort.chains_per_level)
+            allowed = [row for row, key in enumerate(sample_keys) if self._explores or key in found]
+            if allowed:
+                rows = self._rng.choice(allowed, effort.chains_per_level)
                 search.population.replace_coldest(unknowns.cube(values[rows]), scales[rows])
             draws = modes.drawn_of([row for row, key in enumerate(keys) if key in found])
             search.starts = np.vstack([search.starts, unknowns.cube(draws)])
@@ -341,8 +341,8 @@ class Sampler:
         posterior = replace(
             Posterior.equally_likely(values, scales),
             modes=tuple(
-                Mode(key, float(share), point, float(behind), tuple(found))
-                for key, share, point, behind, found in zip(
+                Mode(key, float(share), point, float(ess), tuple(found))
+                for key, share, point, ess, found in zip(
                     keys, modes.shares, modes.points, modes.ess, found_by, strict=True
                 )
             ),
@@ -351,12 +351,12 @@ class Sampler:
             as_stated=modes.as_stated,
         )
         posterior = renormalised(posterior, predictor, likelihood)
-        common = 1 - modes.rare_shares.sum()
+        common_share = 1 - modes.rare_shares.sum()
         return replace(
             posterior,
             values=np.vstack([posterior.values, modes.rare]),
-            scales=np.vstack([posterior.scales, of_rare]),
-            weights=np.concatenate([common * posterior.weights, modes.rare_shares]),
+            scales=np.vstack([posterior.scales, rare_scales]),
+            weights=np.concatenate([common_share * posterior.weights, modes.rare_shares]),
         )
 
 
@@ -387,14 +387,14 @@ def renormalised(posterior: Posterior, predictor: Predictor, likelihood: Likelih
         return ratios
 
     modes, keys = posterior.modes, predictor.unknowns.keys(posterior.values)
-    of_samples = ratios(posterior.values, posterior.scales)
+    sample_ratios = ratios(posterior.values, posterior.scales)
     factors = ratios(np.array([mode.point for mode in modes]), np.zeros((len(modes), 2)))
     for number, mode in enumerate(modes):
-        own = of_samples[[key == mode.attachments for key in keys]]
-        if own.size:
-            factors[number] = logsumexp(own) - math.log(own.size)
+        mode_ratios = sample_ratios[[key == mode.attachments for key in keys]]
+        if mode_ratios.size:
+            factors[number] = logsumexp(mode_ratios) - math.log(mode_ratios.size)
     shares = np.array([mode.probability for mode in modes]) * np.exp(factors - factors.max())
-    rows = systematic(softmax(of_samples), len(keys), 0.5)
+    rows = systematic(softmax(sample_ratios), len(keys), 0.5)
     changed = (
         replace(mode, probability=share)
         for mode, share in zip(modes, (shares / shares.sum()).tolist(), strict=True)

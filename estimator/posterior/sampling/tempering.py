@@ -45,9 +45,9 @@ from estimator.posterior.model.special import logsumexp
 from estimator.posterior.model.unknowns import Columns, Predictor
 from estimator.posterior.sampling.normals import Normals, log_normal
 
-_KEPT: Final = 0.6  # effective sample size after each step towards the posterior, of all particles
-_NEAR: Final = 0.9  # weight of the normal distributions around peaks in the start distribution
-_COUNTS: Final = 0.5  # share of the readings' information in their precision
+_KEPT_ESS: Final = 0.6  # effective sample size after each step to the posterior, of all particles
+_PEAK_WEIGHT: Final = 0.9  # of the normal distributions around peaks in the start distribution
+_COUNTED_SHARE: Final = 0.5  # share of the readings' information in their precision
 _MOVES: Final = 3  # moves after each step towards the posterior
 _EQUILIBRATING: Final = 2  # moves of samples in the end, for each dimension
 _SHORTEST: Final = 0.2  # shortest Crank-Nicolson step; the longest is 1, an independent draw
@@ -55,7 +55,7 @@ _BISECTIONS: Final = 30
 _NOWHERE: Final = -1e9  # log-likelihood where lengths are out of their ranges
 _TO_ALL_SIDES: Final = 8  # one in so many proposals may fall to any side
 _MOST_STEPS: Final = 60  # largest number of steps towards the posterior
-_ONE_MORE: Final = ((0, 0), (0, 0), (0, 1))
+_PAD_LAST: Final = ((0, 0), (0, 0), (0, 1))
 
 
 class Particles(NamedTuple):
@@ -109,22 +109,17 @@ class Target:
 
         In units of ranges and spreads.
         """
-        own = np.take_along_axis(self.peaks, self.free.columns[:, None], axis=2)
-        own, precision, normal = own / self.free.spreads[:, None], self.precision, self.free.normal
+        x = np.take_along_axis(self.peaks, self.free.columns[:, None], axis=2)
+        x, precision, normal = x / self.free.spreads[:, None], self.precision, self.free.normal
         if self.by_care.any():
-            own, normal = np.pad(own, _ONE_MORE), np.append(normal, True)
-            precision = np.pad(precision, (*_ONE_MORE, (0, 1)))
+            x, normal = np.pad(x, _PAD_LAST), np.append(normal, True)
+            precision = np.pad(precision, (*_PAD_LAST, (0, 1)))
             precision[..., -1, -1] = 1.0
-        return own, precision, normal
+        return x, precision, normal
 
 
 def tempered(target: Target, particles: int) -> list[Particles]:
-    """Evidence and particles of several sets of attachments.
-
-    Args:
-        target: Posteriors of the sets.
-        particles: Number of particles of each set.
-    """
+    """Evidence of several sets of attachments, and so many particles of each."""
     return _Run(target, particles).finished()
 
 
@@ -154,7 +149,7 @@ class _Run:
         self._around = partial(Normals.around, *target.in_own_units())
         self._lengths = int(np.count_nonzero(~target.free.normal))
         groups = np.arange(len(target.peaks))
-        self._start = self._around(_COUNTS)
+        self._start = self._around(_COUNTED_SHARE)
         self._ess = np.full(groups.size, float(count))
         self._x = self._drawn_at_start() if arrived is None else arrived
         interactions = len(target.likelihood)
@@ -169,16 +164,16 @@ class _Run:
         normal = self._rng.standard_normal((sets, self._count, size))
         drawn = normal.copy()
         drawn[..., : self._lengths] = self._rng.random((sets, self._count, self._lengths))
-        near = self._rng.random((sets, self._count)) < _NEAR
-        peak = np.where(near, 1 + self._rng.integers(peaks, size=near.shape), 0)
+        at_peak = self._rng.random((sets, self._count)) < _PEAK_WEIGHT
+        peak = np.where(at_peak, 1 + self._rng.integers(peaks, size=at_peak.shape), 0)
         return np.choose(peak[..., None], [drawn, *self._start.coloured(normal)])
 
     def _log_start(self, x: Array, groups: Columns) -> Array:
         """Log-density of the start distribution, shape (g, n), at points of shape (g, n, d)."""
-        each = math.log(_NEAR / self._start.mean.shape[1])
-        near = each + self._start.log_densities(x, groups)
-        prior = math.log(1 - _NEAR) + self._log_prior(x)
-        log_density: Array = np.logaddexp.reduce([prior, *near])
+        log_weight = math.log(_PEAK_WEIGHT / self._start.mean.shape[1])
+        near_peaks = log_weight + self._start.log_densities(x, groups)
+        prior = math.log(1 - _PEAK_WEIGHT) + self._log_prior(x)
+        log_density: Array = np.logaddexp.reduce([prior, *near_peaks])
         return log_density
 
     def finished(self) -> list[Particles]:
@@ -197,10 +192,10 @@ class _Run:
 
     def equilibrated(self) -> Array:
         """Points of the posterior of the only set after further moves, shape (count, size)."""
-        only, around = np.zeros(1, dtype=np.intp), self._around(1.0)
+        groups, around = np.zeros(1, dtype=np.intp), self._around(1.0)
         for _ in range(_EQUILIBRATING * self._x.shape[2]):
-            self._move(only, around)
-        return self._values(only.repeat(self._count), self._x[0])
+            self._move(groups, around)
+        return self._values(groups.repeat(self._count), self._x[0])
 
     def _particles(self, group: int) -> Particles:
         return Particles(
@@ -222,12 +217,12 @@ class _Run:
         which, _ = np.nonzero(inside)
         fits: Array = np.full(inside.shape, _NOWHERE)
         values = self._values(groups[which], x[inside])
-        likelihood, own = self._target.likelihood, groups[which]
-        sides = self._sides[own]
+        likelihood, owners = self._target.likelihood, groups[which]
+        sides = self._sides[owners]
         sides[::one_in] = True
         misfits = likelihood.misfits_of(self._target.predictor, values, sides=sides)
         fallen = misfits[..., BRANCH].astype(np.intp)
-        self._sides[own[:, None], np.arange(len(likelihood)), fallen] = True
+        self._sides[owners[:, None], np.arange(len(likelihood)), fallen] = True
         fits[inside] = likelihood.integrated(misfits)
         return fits
 
@@ -241,23 +236,23 @@ class _Run:
         if x.shape[1] > spreads.shape[1]:
             care = np.exp(CARE * x[:, -1:])
             spreads = np.where(self._target.by_care[groups], care, 1.0) * spreads
-        own = x[:, : spreads.shape[1]] * spreads
-        np.put_along_axis(values, self._target.free.columns[groups], own, axis=1)
+        fitted = x[:, : spreads.shape[1]] * spreads
+        np.put_along_axis(values, self._target.free.columns[groups], fitted, axis=1)
         return values
 
     def _go_on(self, going: Columns) -> None:
         """Takes the next power of each group, and resamples its particles."""
         ratios = self._fits[going] + self._log_prior(self._x[going]) - self._base[going]
         low, high = self._powers[going].copy(), np.ones(going.size)
-        here = low.copy()
-        whole = _share(ratios, high - here) >= _KEPT
+        current = low.copy()
+        can_finish = _share(ratios, high - current) >= _KEPT_ESS
         for _ in range(_BISECTIONS):
             middle = 0.5 * (low + high)
-            enough = _share(ratios, middle - here) >= _KEPT
+            enough = _share(ratios, middle - current) >= _KEPT_ESS
             low, high = np.where(enough, middle, low), np.where(enough, high, middle)
-        powers = np.where(whole, 1.0, low)
+        powers = np.where(can_finish, 1.0, low)
         self._powers[going] = powers
-        self._resample(going, (powers - here)[:, None] * ratios)
+        self._resample(going, (powers - current)[:, None] * ratios)
 
     def _resample(self, groups: Columns, logs: Array) -> None:
         """Resamples the particles of some groups by the logarithms of their weights."""
@@ -283,8 +278,8 @@ class _Run:
         x = self._x[groups]
         shape = (*x.shape[:2], 1)
         (white,) = around.whitened(x)
-        some = self._rng.random(x.shape) < self._rng.random(shape)
-        pace = np.where(some, np.exp(self._rng.uniform(math.log(_SHORTEST), 0.0, shape)), 0.0)
+        axes = self._rng.random(x.shape) < self._rng.random(shape)
+        pace = np.where(axes, np.exp(self._rng.uniform(math.log(_SHORTEST), 0.0, shape)), 0.0)
         moved = np.sqrt(1 - pace**2) * white + pace * self._rng.standard_normal(x.shape)
         (proposed,) = around.coloured(moved)
         fits, base = self._fits_at(proposed, groups), self._log_start(proposed, groups)
@@ -295,9 +290,9 @@ class _Run:
         chances = after - before + log_normal(white) - log_normal(moved)
         taken = (fits > _NOWHERE) & (np.log(self._rng.random(chances.shape)) < chances)
         for array, new in ((self._x, proposed), (self._fits, fits), (self._base, base)):
-            part = array[groups]
-            part[taken] = new[taken]
-            array[groups] = part
+            updated = array[groups]
+            updated[taken] = new[taken]
+            array[groups] = updated
 
 
 def _share(ratios: Array, powers: Array) -> Array:

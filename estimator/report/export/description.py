@@ -20,7 +20,7 @@ from protocol.wire.capabilities import Joint as RobotJoint
 
 _GRAVITY: Final = 9.81
 _AMPLE: Final = 2.0  # effort, relative to the torque that holds the whole body at its full reach
-_SHORTEST: Final = 1e-6  # m; a capsule whose centres are closer is a sphere
+_MIN_STRAIGHT: Final = 1e-6  # m; a capsule whose centres are closer is a sphere
 
 Vector = tuple[float, float, float]
 
@@ -91,7 +91,7 @@ class Link:
     @property
     def is_sphere(self) -> bool:
         """Whether it is a capsule so short that its two spheres are one."""
-        return self.shape == "capsule" and self.far - self.near < _SHORTEST
+        return self.shape == "capsule" and self.far - self.near < _MIN_STRAIGHT
 
     @property
     def box(self) -> Vector:
@@ -159,18 +159,20 @@ def describe(
     links = []
     for row in _in_order(body.parts, carried):
         part, number = body.parts[row], carried[row]
-        on = part.parent
+        parent = part.parent
         limits = None
         if number is not None:
-            own = joints[number]
-            limits = Limits(lower=own.lower, upper=own.upper, effort=effort, velocity=own.speed)
+            joint = joints[number]
+            limits = Limits(
+                lower=joint.lower, upper=joint.upper, effort=effort, velocity=joint.speed
+            )
         mass = float(body.masses[row])
         links.append(
             Link(
                 name=names[row],
                 joint=Joint(
                     name=joint_names[row],
-                    parent=base if on == BASE else names[on],
+                    parent=base if parent == BASE else names[parent],
                     xyz=_vector(body.place(row)),
                     rpy=_angles(body.turn(row, angles[row])),
                     axis=body.hinge(row).axis,
@@ -203,22 +205,22 @@ def _in_order(parts: Sequence[Part], carried: Sequence[int | None]) -> list[int]
     """Indices of parts, parents before children, otherwise by their joints; fixed ones first."""
     waiting, order = set(range(len(parts))), list[int]()
     while waiting:
-        free = [row for row in waiting if parts[row].parent not in waiting]
-        order.append(min(free, key=lambda row: (-1 if (at := carried[row]) is None else at, row)))
+        ready = [row for row in waiting if parts[row].parent not in waiting]
+        order.append(min(ready, key=lambda row: (-1 if (at := carried[row]) is None else at, row)))
         waiting.remove(order[-1])
     return order
 
 
 def _different(names: Iterable[str]) -> list[str]:
     """Names without spaces; one that occurred before gets a number."""
-    given: list[str] = []
+    unique_names: list[str] = []
     for name in names:
-        plain = re.sub(r"\s+", "_", printable(name))
-        free, number = plain, 2
-        while free in given:
-            free, number = f"{plain}_{number}", number + 1
-        given.append(free)
-    return given
+        base_name = re.sub(r"\s+", "_", printable(name))
+        candidate, number = base_name, 2
+        while candidate in unique_names:
+            candidate, number = f"{base_name}_{number}", number + 1
+        unique_names.append(candidate)
+    return unique_names
 
 
 def _inertia(part: Part, mass: float) -> Vector:

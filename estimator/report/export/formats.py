@@ -20,24 +20,24 @@ from estimator.report.export.ros2 import ros2_package
 from protocol.wire.capabilities import Capabilities
 
 _UPRIGHT: Final = "0 1.5707963267948966 0"  # turns a cylinder's axis from z to x
-_STEP: Final = 1 / 480  # MuJoCo's time step, s
-_YIELD: Final = 0.02  # rad off its target, at which a servo gives its full torque; not tuned
-_ROTOR: Final = 3.0  # steps that a servo needs to react, without damping; not tuned
+_TIMESTEP: Final = 1 / 480  # MuJoCo's time step, s
+_SERVO_YIELD: Final = 0.02  # rad off its target, at which a servo gives its full torque; not tuned
+_ROTOR_STEPS: Final = 3.0  # steps that a servo needs to react, without damping; not tuned
 _SOFTNESS: Final = 3.0  # time constant of a contact, in steps; MuJoCo's least is 2
 _IMPEDANCE: Final = "0.99 0.999 0.001 0.5 2"  # solimp: bodies sink in by some hundredths of a mm
-_SKIN: Final = 0.002  # m, by which a touch sensor is larger than its link
+_SKIN_THICKNESS: Final = 0.002  # m, by which a touch sensor is larger than its link
 _COLOURS: Final = {"main body": "0.35 0.38 0.42 1", "part": "0.2 0.45 0.7 1"}
 
 
-_SOLVER: Final = (
+_SOLVER_REMARK: Final = (
     "The step and, below, armature belong together. Elliptic cones: friction is alike in all "
     "directions."
 )
-_CONTACTS: Final = (
+_CONTACT_REMARK: Final = (
     "Links touch the ground and not each other. The friction of a pair is the larger one. Contacts "
     "are as stiff as the step allows."
 )
-_SERVOS: Final = (
+_SERVO_REMARK: Final = (
     "Servos are position actuators, ctrl is the angle, rad: kp is the effort by 0.02 rad. Damping, "
     "the effort by the speed, lets a servo turn as fast as the robot's at most. armature is the "
     "inertia of a rotor behind gears, here what kp moves in 3 steps: without it light links "
@@ -48,7 +48,7 @@ _SERVOS: Final = (
 def urdf(body: Description) -> str:
     """The body as URDF."""
     root = Element("robot", name=body.robot)
-    _remark(root, *_said(body))
+    _remark(root, *_body_remarks(body))
     for name, colour in _COLOURS.items():
         SubElement(SubElement(root, "material", name=name), "color", rgba=colour)
     main = SubElement(root, "link", name=body.base)
@@ -63,20 +63,20 @@ def urdf(body: Description) -> str:
         element = SubElement(root, "link", name=link.name)
         _add_inertial(element, link.mass, link.inertia, (link.middle, 0, 0))
         _add_shape(element, link)
-    for shown in root.findall("link"):
-        _make_visible(shown, "main body" if shown is main else "part")
+    for link_element in root.findall("link"):
+        _make_visible(link_element, "main body" if link_element is main else "part")
     for link in body.links:
         _add_joint(root, link.joint, link.name)
     ElementTree.indent(root)
     return '<?xml version="1.0"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
-def _said(body: Description) -> Iterator[str]:
+def _body_remarks(body: Description) -> Iterator[str]:
     """Sentences about the body that URDF and MJCF files hold as comments."""
-    parts = sum(link.mass for link in body.links)
+    parts_mass = sum(link.mass for link in body.links)
     yield (
         f"Masses: the main body's {body.mass:.4g} kg are the robot's word; the other "
-        f"{len(body.links)} links have {parts:.4g} kg together, by their size and the density "
+        f"{len(body.links)} links have {parts_mass:.4g} kg together, by their size and the density "
         f"of the run's problem. Inertia is that of even density. Units are m, rad, kg, N·m."
     )
     yield (
@@ -141,22 +141,22 @@ def _add_joint(root: Element, joint: Joint, child: str) -> None:
 def mjcf(body: Description) -> str:
     """The body as MJCF, in a world where it stands still."""
     root = Element("mujoco", model=body.robot)
-    _remark(root, *_said(body))
+    _remark(root, *_body_remarks(body))
     SubElement(root, "compiler", angle="radian", eulerseq="XYZ")
-    _remark(root, _SOLVER)
-    SubElement(root, "option", timestep=repr(_STEP), integrator="implicitfast", cone="elliptic")
+    _remark(root, _SOLVER_REMARK)
+    SubElement(root, "option", timestep=repr(_TIMESTEP), integrator="implicitfast", cone="elliptic")
     default = SubElement(root, "default")
-    _remark(default, _CONTACTS)
+    _remark(default, _CONTACT_REMARK)
     SubElement(
         default,
         "geom",
         contype="0",
         conaffinity="1",
         friction="0.7 0 0",
-        solref=_numbers((_SOFTNESS * _STEP, 1)),
+        solref=_numbers((_SOFTNESS * _TIMESTEP, 1)),
         solimp=_IMPEDANCE,
     )
-    _remark(default, _SERVOS)
+    _remark(default, _SERVO_REMARK)
     world = SubElement(root, "worldbody")
     SubElement(world, "geom", type="plane", size="0 0 1", contype="1", conaffinity="0")
     width, _, belly = (extent / 2 for extent in body.size)
@@ -192,7 +192,7 @@ def _add_link(carrier: Element, link: Link) -> Element:
         carrier, "body", name=link.name, pos=_numbers(joint.xyz), euler=_numbers(joint.rpy)
     )
     if joint.limits is not None:
-        ends = _numbers((joint.limits.lower, joint.limits.upper))
+        angle_range = _numbers((joint.limits.lower, joint.limits.upper))
         # At no load and full torque a servo of this damping turns at its highest speed.
         damping = joint.limits.effort / joint.limits.velocity
         SubElement(
@@ -200,14 +200,14 @@ def _add_link(carrier: Element, link: Link) -> Element:
             "joint",
             name=joint.name,
             axis=_numbers(joint.axis),
-            range=ends,
-            armature=repr(_stiffness(joint.limits) * (_ROTOR * _STEP) ** 2),
+            range=angle_range,
+            armature=repr(_stiffness(joint.limits) * (_ROTOR_STEPS * _TIMESTEP) ** 2),
             damping=repr(damping),
         )
     _add_mass(element, link.mass, link.inertia, (link.middle, 0, 0))
     SubElement(element, "geom", _shape(link))
     if link.sensor is not None:
-        SubElement(element, "site", _shape(link, _SKIN), name=_skin(link))
+        SubElement(element, "site", _shape(link, _SKIN_THICKNESS), name=_skin(link))
     return element
 
 
@@ -251,7 +251,7 @@ def _add_servos(root: Element, joints: Iterable[Joint]) -> None:
 
 def _stiffness(limits: Limits) -> float:
     """Stiffness of a servo, N·m/rad."""
-    return limits.effort / _YIELD
+    return limits.effort / _SERVO_YIELD
 
 
 def _skin(link: Link) -> str:

@@ -12,7 +12,7 @@ from xml.sax.saxutils import escape
 
 from estimator.report.export.description import Description
 
-_NO_NAME: Final = "robot"  # if a robot's name has nothing that a package's name may have
+_DEFAULT_NAME: Final = "robot"  # if a robot's name has nothing that a package's name may have
 
 _PACKAGE: Final = """\
 <?xml version="1.0"?>
@@ -142,4 +142,4 @@ def _package_name(robot: str) -> str:
     """A robot's name in small letters, digits and single underscores, a letter first (REP 144)."""
     words = re.findall(r"[a-z0-9]+", robot.lower())
     name = "_".join(words).lstrip("0123456789_")
-    return name or _NO_NAME
+    return name or _DEFAULT_NAME

@@ -41,7 +41,7 @@ from protocol.system.process import Closable
 
 LARGEST: Final = 4096  # bytes of a message from a browser; that a box was ticked takes about 100
 CONNECTIONS: Final = 32  # at a time, of all visitors; a browser opens two or three
-_FILE_WITHIN: Final = 10.0  # s, in which viser answers a request for a file
+_FILE_TIMEOUT: Final = 10.0  # s, in which viser answers a request for a file
 
 _log: Final = logging.getLogger(__name__)
 
@@ -127,7 +127,7 @@ class Front(Closable):
     def _file(self, request: Request) -> Response:
         """Returns what viser answers to a request for a file."""
         encodings = ", ".join(request.headers.get_all("Accept-Encoding"))
-        with closing(http.client.HTTPConnection(*self._viser, timeout=_FILE_WITHIN)) as viser:
+        with closing(http.client.HTTPConnection(*self._viser, timeout=_FILE_TIMEOUT)) as viser:
             path = quote(request.path, safe="/%?=&", errors="replace")
             viser.request("GET", path, headers={"Accept-Encoding": encodings})
             answer = viser.getresponse()
@@ -155,15 +155,15 @@ class Front(Closable):
                     if (ticked := _box_ticked(message)) is not None:
                         await viser.send(ticked)
 
-            ways = [asyncio.create_task(way()) for way in (down, up)]
+            relays = [asyncio.create_task(relay()) for relay in (down, up)]
             try:
-                await asyncio.wait(ways, return_when=asyncio.FIRST_COMPLETED)
+                await asyncio.wait(relays, return_when=asyncio.FIRST_COMPLETED)
             finally:
-                for way in ways:
-                    way.cancel()
-                for way in ways:
+                for relay in relays:
+                    relay.cancel()
+                for relay in relays:
                     with suppress(asyncio.CancelledError, ConnectionClosed):
-                        await way
+                        await relay
 
 
 def _is_address(name: str) -> bool:
@@ -215,8 +215,8 @@ def _box_ticked(message: Data) -> bytes | None:
 def _is_our_fault(record: logging.LogRecord) -> bool:
     """Whether a record tells of a failure of our own, not of something that a visitor did wrong."""
     error = record.exc_info[1] if record.exc_info else None
-    ours = record.getMessage() == "connection handler failed"  # as websockets says it
-    return ours and not isinstance(error, WebSocketException | OSError)
+    handler_failed = record.getMessage() == "connection handler failed"  # as websockets says it
+    return handler_failed and not isinstance(error, WebSocketException | OSError)
 
 
 _log.addFilter(_is_our_fault)

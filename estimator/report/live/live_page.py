@@ -33,8 +33,8 @@ _MESHES: Final = {
     "cylinder": trimesh.creation.cylinder(radius=1.0, height=1.0, sections=16),
     "sphere": trimesh.creation.icosphere(subdivisions=2),
 }
-_GHOSTS: Final = 0.12  # opacity of the bodies that stand for the posterior
-_NOWHERE: Final = -10.0  # m above the ground: where meshes are out of sight
+_GHOST_OPACITY: Final = 0.12  # opacity of the bodies that stand for the posterior
+_HIDDEN_HEIGHT: Final = -10.0  # m above the ground: where meshes are out of sight
 
 
 class LivePage:
@@ -53,33 +53,33 @@ class LivePage:
     """
 
     def __init__(self, directory: Path, host: str, port: int) -> None:
-        listening = _listening(host, port)
+        listening = _listening_socket(host, port)
         self._directory = directory
-        hidden = private_loopback()
+        private_host = private_loopback()
         with redirect_stdout(io.StringIO()):  # viser announces itself
-            self._server = viser.ViserServer(hidden, 0, label="estimator", verbose=False)
+            self._server = viser.ViserServer(private_host, 0, label="estimator", verbose=False)
         self.uri = f"http://{host}:{listening.getsockname()[1]}"
         self._server.gui.configure_theme(show_logo=False, show_share_button=False)
         self._server.gui.main_panel.dock_right()
         self._text = self._server.gui.add_html("")
         self._all = self._server.gui.add_checkbox("all bodies", initial_value=True)
-        self._flickers = self._server.gui.add_checkbox("one after the other", initial_value=True)
+        self._flicker_box = self._server.gui.add_checkbox("one after the other", initial_value=True)
         self._server.scene.add_grid(
             "/ground", width=2.0, height=2.0, cell_size=0.1, section_size=1.0
         )
-        self._ghosts = _Bodies(self._server, "/bodies", opacity=_GHOSTS)
+        self._ghosts = _Bodies(self._server, "/bodies", opacity=_GHOST_OPACITY)
         self._body = _Bodies(self._server, "/body", opacity=None)
-        self._ahead = self._server.scene.add_label("/front", "front")
+        self._front_label = self._server.scene.add_label("/front", "front")
         self._bodies_in_turn = cycle([list[Solid]()])
         self._best: Sequence[Solid] = []
         self._shown: Sequence[Solid] = []
         self._steady = False
-        name = socket.gethostname()
+        hostname = socket.gethostname()
         self._front = Front(
             listening,
-            (hidden, self._server.get_port()),
+            (private_host, self._server.get_port()),
             version=viser.__version__,
-            names={"localhost", host, name, f"{name}.local"},
+            names={"localhost", host, hostname, f"{hostname}.local"},
         )
 
     def close(self) -> None:
@@ -90,12 +90,12 @@ class LivePage:
 
     def show(self, view: RunView) -> None:
         """Shows how the run stands now."""
-        first = not self._best
+        is_first = not self._best
         bodies = [posed(view.base, body, view.pose) for body in view.bodies]
         self._best = posed(view.base, view.best, view.pose)
         self._bodies_in_turn = cycle(bodies or [self._best])
         self._steady = view.state is not RunState.GOES_ON
-        if first:
+        if is_first:
             self._point_camera(view)
         with self._server.atomic():
             self._text.content = panel(view, self._directory)
@@ -108,19 +108,19 @@ class LivePage:
 
     def flicker(self) -> None:
         """Shows the posterior's next body; the best one if the run rests or flickering is off."""
-        steady = self._steady or not self._flickers.value
-        body = self._best if steady else next(self._bodies_in_turn)
+        is_steady = self._steady or not self._flicker_box.value
+        body = self._best if is_steady else next(self._bodies_in_turn)
         self._ghosts.visible = self._all.value
         if body is self._shown:
             return
         self._shown = body
-        main = body[0]
-        x, _, z = _extents(main)
-        x = x if main.kind == "cylinder" else x / 2  # a cylinder's is its radius
-        ahead = main.turn @ np.array([x, 0.0, z / 2])
+        main_solid = body[0]
+        x, _, z = _extents(main_solid)
+        x = x if main_solid.kind == "cylinder" else x / 2  # a cylinder's is its radius
+        to_front = main_solid.turn @ np.array([x, 0.0, z / 2])
         with self._server.atomic():
             self._body.show([body])
-            self._ahead.position = main.place + 1.2 * ahead
+            self._front_label.position = main_solid.place + 1.2 * to_front
 
     def _point_camera(self, view: RunView) -> None:
         reach = 1.5 * max(view.base.size) if view.best is None else view.best.reach
@@ -138,7 +138,7 @@ class _Bodies:
                 np.asarray(_MESHES[kind].vertices),
                 np.asarray(_MESHES[kind].faces),
                 batched_wxyzs=np.array([[1.0, 0.0, 0.0, 0.0]]),
-                batched_positions=np.array([[0.0, 0.0, _NOWHERE]]),
+                batched_positions=np.array([[0.0, 0.0, _HIDDEN_HEIGHT]]),
                 batched_scales=np.ones((1, 3)),
                 batched_colors=np.zeros((1, 3), dtype=np.uint8),
                 opacity=opacity,
@@ -173,7 +173,7 @@ def _place(batch: Any, solids: Instances) -> None:
     batch.batched_colors = solids.colours
 
 
-def _listening(host: str, port: int) -> socket.socket:
+def _listening_socket(host: str, port: int) -> socket.socket:
     try:
         return socket.create_server((host, port))
     except OSError as error:
@@ -183,9 +183,9 @@ def _listening(host: str, port: int) -> socket.socket:
         ) from error
 
 
-_FLICKER: Final = 0.3  # s, for which a body is shown
+_FLICKER_PERIOD: Final = 0.3  # s, for which a body is shown
 
-_SAID: Final = {
+_STATE_SENTENCES: Final = {
     RunState.GOES_ON: "The run goes on.",
     RunState.INTERRUPTED: "The run is not finished, and nobody works on it.",
     RunState.FINISHED: "The run is finished.",
@@ -210,23 +210,23 @@ def watch(directory: Path, host: str, port: int, say: Callable[[str], None]) -> 
     view = follower.news()
     with closing(LivePage(directory, host, port)) as page:
         say(f"The live page is at {page.uri}")
-        said = ""
+        last_sentence = ""
         while True:
             try:
                 if view is not None:
                     page.show(view)
-                    said = _once(say, _SAID[view.state], said)
+                    last_sentence = _say_once(say, _STATE_SENTENCES[view.state], last_sentence)
                 else:
                     page.flicker()
-                time.sleep(_FLICKER)
+                time.sleep(_FLICKER_PERIOD)
                 view = follower.news()
             except RunDirectoryError as error:
                 page.say(str(error))
-                said = _once(say, str(error), said)
+                last_sentence = _say_once(say, str(error), last_sentence)
                 view = None
 
 
-def _once(say: Callable[[str], None], sentence: str, said: str) -> str:
+def _say_once(say: Callable[[str], None], sentence: str, said: str) -> str:
     if sentence != said:
         say(sentence)
     return sentence
@@ -263,9 +263,9 @@ def posed(base: Base, body: Morphology | None, pose: Observation | None) -> list
         body: The body with its legs; ``None``: nothing is known of them.
         pose: Last readings of the robot. A tilt that was not read counts as level.
     """
-    whole = body or Morphology(base=base, parts=(), density=1.0)
-    angles = np.zeros(whole.motors) if pose is None else np.array(pose.angles)
-    return at_rest(solids_of(model_links(whole), angles), pose)
+    morphology = body or Morphology(base=base, parts=(), density=1.0)
+    angles = np.zeros(morphology.motors) if pose is None else np.array(pose.angles)
+    return at_rest(solids_of(model_links(morphology), angles), pose)
 
 
 def instances(bodies: Iterable[Sequence[Solid]], kind: Kind) -> Instances:

@@ -38,8 +38,8 @@ def _movements(view: RunView) -> Iterator[dict[str, Any]]:
     """Number and reason of each movement, and the information in it."""
     posterior = view.result.posterior
     steps = () if posterior is None else posterior.steps
-    for index, item in enumerate(view.interactions):
-        notes = [] if item.bits is None else [information_in_words(item.bits)]
+    for index, movement in enumerate(view.interactions):
+        notes = [] if movement.bits is None else [information_in_words(movement.bits)]
         if index < len(steps):
             step = steps[index]
             if step.information_gain_bits is not None:
@@ -50,7 +50,7 @@ def _movements(view: RunView) -> Iterator[dict[str, Any]]:
                 notes.append(f"then {100 * step.probability:.0f} % probable")
             if not step.explained:
                 notes.append("but not explained")
-        yield {"number": index + 1, "reason": item.reason or _angles(item), "notes": notes}
+        yield {"number": index + 1, "reason": movement.reason or _angles(movement), "notes": notes}
 
 
 def _angles(interaction: InteractionRecord) -> str:

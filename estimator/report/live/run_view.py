@@ -147,8 +147,8 @@ class RunFollower:
 
     def __init__(self, directory: Path) -> None:
         self._directory = directory
-        self._seen: tuple[int, int] | None = None
-        self._next = 0.0
+        self._last_stamp: tuple[int, int] | None = None
+        self._next_reading = 0.0
         self._view: RunView | None = None
 
     def news(self) -> RunView | None:
@@ -158,29 +158,29 @@ class RunFollower:
             RunDirectoryError: There is no run, or it is damaged.
         """
         now = time.monotonic()
-        if now < self._next:
+        if now < self._next_reading:
             return None
-        self._next = now + _AT_LEAST
+        self._next_reading = now + _AT_LEAST
         stamp = self._stamp()
-        silent = stamp == self._seen
-        if silent and (self._view is None or self._view.state is not RunState.GOES_ON):
+        is_silent = stamp == self._last_stamp
+        if is_silent and (self._view is None or self._view.state is not RunState.GOES_ON):
             return None
         written_to = is_locked(self._directory, LOCK)
-        if silent and written_to:
-            self._next = now + _SILENT
+        if is_silent and written_to:
+            self._next_reading = now + _SILENT
             return None
         with RunStore.open(self._directory, to_write=False) as store:
             view = RunView.of(store, written_to=written_to)
-        self._seen, self._view = stamp, view
-        took = time.monotonic() - now
-        self._next = now + max(_AT_LEAST, _IDLE * took)
+        self._last_stamp, self._view = stamp, view
+        reading_time = time.monotonic() - now
+        self._next_reading = now + max(_AT_LEAST, _IDLE * reading_time)
         return view
 
     def _stamp(self) -> tuple[int, int]:
         """Time and size of the database's file, which change with every transaction."""
-        now = file_status(self._directory)
-        if now is None:
+        status = file_status(self._directory)
+        if status is None:
             raise RunDirectoryError(
                 f"{self._directory} holds no run. Start one with `estimator identify`."
             )
-        return now.st_mtime_ns, now.st_size
+        return status.st_mtime_ns, status.st_size

@@ -147,10 +147,10 @@ def _verdict(result: Result) -> dict[str, Any]:
     if judged is not None:
         advice = () if judged.explained else WHAT_TO_CHECK
         return {"fits": judged.explained, "verdict": judged.verdict, "advice": advice}
-    unknown = "Nothing was learnt yet."
+    reason = "Nothing was learnt yet."
     if result.best_models:
-        unknown = "The best model of a population is judged when the search has ended."
-    return {"fits": None, "verdict": unknown, "advice": ()}
+        reason = "The best model of a population is judged when the search has ended."
+    return {"fits": None, "verdict": reason, "advice": ()}
 
 
 def _facts(result: Result) -> list[tuple[str, str]]:
@@ -180,16 +180,16 @@ def _readings(
     judged = result.judged
     unexplained = set() if judged is None else {one.interaction for one in judged.unexplained}
     rows = []
-    for index, item in enumerate(seen):
+    for index, observation in enumerate(seen):
         readings = predicted[index] if index < len(predicted) else None
         prediction = predictions[index] if index < len(predictions) else None
         rows.append(
             {
                 "number": index + 1,
-                "angles": _degrees(item, driven),
+                "angles": _degrees(observation, driven),
                 "cells": [
                     {
-                        "measured": modality.say(item),
+                        "measured": modality.say(observation),
                         "predicted": "no prediction"
                         if readings is None
                         else modality.say(readings),
@@ -268,10 +268,10 @@ def commands(settings: RunSettings, directory: Path, recorded: int) -> tuple[str
         directory: The run directory.
         recorded: Number of interactions that the run has had so far.
     """
-    again = settings.model_copy(update={"interactions": recorded})
+    replay = settings.model_copy(update={"interactions": recorded})
     return (
         shlex.join(["estimator", "identify", "--robot", settings.robot, *_options(settings)]),
-        shlex.join(["estimator", "identify", "--robot", f"replay:{directory}", *_options(again)]),
+        shlex.join(["estimator", "identify", "--robot", f"replay:{directory}", *_options(replay)]),
     )
 
 

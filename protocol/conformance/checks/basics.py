@@ -66,9 +66,9 @@ def perform_is_answered(robot: RobotUnderTest) -> None:
     with robot.controlled() as client:
         request = client.request("perform", targets=small_targets(robot.capabilities(), 0.0))
         client.connection.send(request)
-        between, end = client.wait_for(request["id"])
+        interim, end = client.wait_for(request["id"])
         expect(end["type"] == "observation", f"A perform ended with {said(end)}.")
-        expect(bool(between), "A perform was not accepted.")
+        expect(bool(interim), "A perform was not accepted.")
 
 
 @check("6.1", need=Need.MOTION, basic="hold")

@@ -149,10 +149,10 @@ def names(robot: RobotUnderTest) -> None:
 @check("1.13", need=Need.KEYS)
 def strangers(robot: RobotUnderTest) -> None:
     """Without a key, or with an unknown one, nothing is answered."""
-    ours = robot.settings.keys
-    assert ours is not None
+    our_keys = robot.settings.keys
+    assert our_keys is not None
     unknown = ClientKeys(
-        own=KeyPair(*(key.decode() for key in zmq.curve_keypair())), robot=ours.robot
+        own=KeyPair(*(key.decode() for key in zmq.curve_keypair())), robot=our_keys.robot
     )
     for keys, what in ((None, "without a key"), (unknown, "with an unknown key")):
         connection = robot.connection_with(keys)
@@ -185,11 +185,11 @@ def a_viewers_key(robot: RobotUnderTest) -> None:
 @check("1.17", need=Need.KEYS)
 def a_borrowed_id(robot: RobotUnderTest) -> None:
     """A client's id, used with another key, is unauthorised."""
-    others = robot.settings.other_keys
-    if others is None:
+    other_keys = robot.settings.other_keys
+    if other_keys is None:
         raise Skipped("This needs the keys of another client, --other-keys.")
     owner = robot.client()
-    connection = robot.connection_with(others)
+    connection = robot.connection_with(other_keys)
     try:
         thief = TrialClient(robot, owner.name, connection)
         thief.expect("unauthorised", "hello", versions=[1])
@@ -258,10 +258,10 @@ def a_flood(robot: RobotUnderTest) -> None:
         ends = {reply["id"]: reply for reply in replies if reply["type"] in FINAL}
         if not any(end.get("code") == "busy" for end in ends.values()):
             raise Skipped(_TOO_QUICK)
-        last = ends[reads[-1]["id"]]
-        if last.get("code") == "busy":
-            again = client.answer_to(reads[-1])[1]
-            expect(again.get("code") != "busy", "A read that was busy in a flood stays busy.")
+        last_end = ends[reads[-1]["id"]]
+        if last_end.get("code") == "busy":
+            repeat = client.answer_to(reads[-1])[1]
+            expect(repeat.get("code") != "busy", "A read that was busy in a flood stays busy.")
 
 
 @check("1.18", need=Need.KEYS)
@@ -282,7 +282,7 @@ def a_flood_of_a_key(robot: RobotUnderTest) -> None:
 def commands_go_before_reads(robot: RobotUnderTest) -> None:
     """A command ends the reads before it, and waits for none of them."""
     with robot.controlled() as client:
-        each = min(_time_of_a_read(client) for _ in range(3))
+        read_time = min(_time_of_a_read(client) for _ in range(3))
         reads = [client.request("read") for _ in range(MOST - 1)]
         clear = client.request("clear")
         for request in (*reads, clear):
@@ -292,12 +292,12 @@ def commands_go_before_reads(robot: RobotUnderTest) -> None:
         waited = time.monotonic() - begun
         expect(reply["type"] == "ok", f"A clear among reads was answered with {said(reply)}.")
         ends = [reply for reply in _read_all(client, reads) if reply["type"] in FINAL]
-        wrong = {said(end) for end in ends} - {"observation", "aborted_read"}
-        expect(not wrong, f"Before a clear, reads ended with {', '.join(sorted(wrong))}.")
+        unexpected = {said(end) for end in ends} - {"observation", "aborted_read"}
+        expect(not unexpected, f"Before a clear, reads ended with {', '.join(sorted(unexpected))}.")
         if any(end["type"] == "error" for end in ends):
             return
         expect(
-            waited < max(each * len(reads) / 2, GRACE),
+            waited < max(read_time * len(reads) / 2, GRACE),
             f"A clear waited {waited:.2f} s for {len(reads)} reads.",
         )
         raise Skipped(_TOO_QUICK)

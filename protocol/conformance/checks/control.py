@@ -33,10 +33,10 @@ def anybody(robot: RobotUnderTest) -> None:
     viewer = robot.client()
     with robot.controlled() as controller:
         viewer.hello()
-        seen = viewer.status()
+        status = viewer.status()
         expect(
-            seen.get("controller") == controller.name,
-            f"status names {seen.get('controller')} as the controller, not {controller.name}.",
+            status.get("controller") == controller.name,
+            f"status names {status.get('controller')} as the controller, not {controller.name}.",
         )
         viewer.expect("observation", "read")
 
@@ -66,20 +66,20 @@ def acquire_and_release(robot: RobotUnderTest) -> None:
         client.expect("ok", "acquire")
         expect(client.status().get("controller") == client.name, "status does not name us.")
         client.expect("ok", "release")
-        after = client.status()
-        expect(after.get("controller") is None, "After release, status still names a controller.")
+        status = client.status()
+        expect(status.get("controller") is None, "After release, status still names a controller.")
         _without_control(client)
-        other = robot.client()
-        other.expect("ok", "acquire")
-        other.expect("ok", "release")
+        rival = robot.client()
+        rival.expect("ok", "acquire")
+        rival.expect("ok", "release")
 
 
 @check("5.4", need=Need.CONTROL, after=("5.1",))
 def held(robot: RobotUnderTest) -> None:
     """A second controller is held, and told who has it."""
-    other = robot.client()
+    rival = robot.client()
     with robot.controlled() as client:
-        reply = other.expect("held", "acquire")
+        reply = rival.expect("held", "acquire")
         expect(
             client.name in reply["message"],
             f"The sentence does not name who has control: {reply['message']}",
@@ -93,8 +93,8 @@ def anybody_stops(robot: RobotUnderTest) -> None:
     with robot.controlled() as client:
         reply = robot.stranger().expect("ok", "stop")
         expect(reply["state"] == "stopped", f"After stop the state is {reply['state']}.")
-        seen = client.status()["state"]
-        expect(seen == "stopped", f"After a stop that was ok, status says {seen}.")
+        state = client.status()["state"]
+        expect(state == "stopped", f"After a stop that was ok, status says {state}.")
 
 
 @check("5.11", need=Need.CONTROL, after=("5.2",))
@@ -103,8 +103,8 @@ def stop_latches(robot: RobotUnderTest) -> None:
     viewer = robot.client()
     with robot.controlled() as client:
         client.expect("ok", "stop")
-        for each in (client, viewer):
-            each.expect("stopped", "read")
+        for reader in (client, viewer):
+            reader.expect("stopped", "read")
         viewer.expect("not_controller", "clear")
         expect(client.status()["state"] == "stopped", "The stop was lifted by somebody else.")
         reply = client.expect("ok", "clear")
@@ -121,8 +121,8 @@ def stop_twice(robot: RobotUnderTest) -> None:
             expect(client.answer_to(stop)[1]["type"] == "ok", "A second stop was not ok.")
         client.expect("ok", "clear")
         client.answer_to(stop)
-        seen = client.status()["state"]
-        expect(seen == "stopped", f"A stop that came again after a clear left the robot {seen}.")
+        state = client.status()["state"]
+        expect(state == "stopped", f"A stop that came again after a clear left the robot {state}.")
 
 
 @check("6.1", need=Need.CONTROL)
@@ -162,23 +162,23 @@ def shutting_down(robot: RobotUnderTest) -> None:
     if shut_down is None:
         raise Skipped("This needs --shutdown.")
     with robot.controlled() as client:
-        asked = client.request("read")
+        request = client.request("read")
         if robot.settings.move:
-            asked = client.request("perform", targets=small_targets(robot.capabilities()))
-        client.connection.send(asked)
-        expect(client.connection.answer(asked["id"]) is not None, "A motion was not accepted.")
+            request = client.request("perform", targets=small_targets(robot.capabilities()))
+        client.connection.send(request)
+        expect(client.connection.answer(request["id"]) is not None, "A motion was not accepted.")
         shut_down()
         try:
-            end = client.connection.final(asked["id"], patience=robot.settings.motion)[1]
-            refused = client.ask("read")
+            end = client.connection.final(request["id"], patience=robot.settings.motion)[1]
+            refusal = client.ask("read")
         except Unanswered as error:
             raise Failed("The daemon ended without a word.") from error
-        if end["type"] == "observation" and refused.get("code") != "shutting_down":
+        if end["type"] == "observation" and refusal.get("code") != "shutting_down":
             raise Skipped("The motion, or the daemon, was over too soon.")
-        for reply in (end, refused):
-            over = reply is end and reply["type"] == "observation"
+        for reply in (end, refusal):
+            is_over = reply is end and reply["type"] == "observation"
             sentence = f"A daemon that ended answered {said(reply)}."
-            expect(over or reply.get("code") == "shutting_down", sentence)
+            expect(is_over or reply.get("code") == "shutting_down", sentence)
 
 
 _TOLERANCE: Final = 2.0
@@ -200,15 +200,15 @@ def control_expires(robot: RobotUnderTest) -> None:
     with robot.controlled() as client:
         name, begun = client.name, robot.settings.clock()
         _silent_for(robot, viewer, EXPIRY - _TOLERANCE)
-        kept = viewer.status().get("controller")
-        silent = robot.settings.clock() - begun  # longer, if this computer stood still
+        holder = viewer.status().get("controller")
+        silence = robot.settings.clock() - begun  # longer, if this computer stood still
         expect(
-            kept == name or silent > EXPIRY - _TOLERANCE / 10,
-            f"Control was gone after {silent:.1f} s of silence.",
+            holder == name or silence > EXPIRY - _TOLERANCE / 10,
+            f"Control was gone after {silence:.1f} s of silence.",
         )
         _silent_for(robot, viewer, 2 * _TOLERANCE)
-        kept = viewer.status().get("controller")
-        expect(kept is None, f"Control was kept for {EXPIRY + _TOLERANCE:g} s of silence.")
+        holder = viewer.status().get("controller")
+        expect(holder is None, f"Control was kept for {EXPIRY + _TOLERANCE:g} s of silence.")
 
 
 @check("5.5", need=Need.TIME)
@@ -226,8 +226,8 @@ def heartbeats_keep_control(robot: RobotUnderTest) -> None:
             client.connection.send_parts(b"\xc1")
             client.connection.reply(None)
             client.ask("read", session="no such session")
-        kept = viewer.status().get("controller")
-        expect(kept is None, "Garbage, and requests in another session, kept control.")
+        holder = viewer.status().get("controller")
+        expect(holder is None, "Garbage, and requests in another session, kept control.")
 
 
 @check("5.6", need=Need.TIME)
@@ -250,16 +250,16 @@ def silence_ends_a_motion(robot: RobotUnderTest) -> None:
         while end is None and clock() - begun < SILENCE + _TOLERANCE:
             viewer.status()
             end = _end_of(client, perform)
-        silent = clock() - begun
+        silence = clock() - begun
         end = end or _end_of(client, perform)  # it may have come while this computer stood still
-        expect(end is not None, f"A motion went on through {silent:.1f} s of silence.")
+        expect(end is not None, f"A motion went on through {silence:.1f} s of silence.")
         assert end is not None
         if end["type"] == "observation":
             hint = "" if robot.settings.far else "; with --far they take longer"
             raise Skipped(f"Its motions take less than 5 s{hint}.")
         expect(end.get("code") == "aborted_silent", f"The motion ended with {said(end)}.")
         early = SILENCE - _TOLERANCE / 10
-        expect(silent > early, f"The motion ended after {silent:.1f} s of silence.")
+        expect(silence > early, f"The motion ended after {silence:.1f} s of silence.")
         expect(viewer.status().get("controller") == client.name, "Control was lost.")
 
 

@@ -44,11 +44,11 @@ CLAUSE_OF: Final = {
 
 def _by_vectors(clause: str, title: str) -> None:
     names = CLAUSE_OF[clause].split()
-    chosen = [vector for vector in VECTORS if vector["name"] in names]
+    vectors = [vector for vector in VECTORS if vector["name"] in names]
 
     def run(robot: RobotUnderTest) -> None:
         client = robot.client()
-        for vector in chosen:
+        for vector in vectors:
             _answered(client, vector, with_id=False)
 
     run.__doc__ = title
@@ -95,14 +95,14 @@ def more_than_a_frame(robot: RobotUnderTest) -> None:
     client = robot.client()
     beat = client.request("heartbeat")
     frame = pack(beat)
-    for spoilt, what in (
+    for spoilt_frame, what in (
         (frame + b"\xc0", "A byte after a frame"),
         (frame + frame, "A frame twice"),
         (b"\xc0" + frame, "A byte before a frame"),
         (b"\x91" + frame, "A frame in an array"),
         (frame[:-1], "A frame without its last byte"),
     ):
-        _refused_for(client, spoilt, beat, what)
+        _refused_for(client, spoilt_frame, beat, what)
 
 
 @check("2.2", after=("2.11",))
@@ -117,15 +117,15 @@ def odd_keys(robot: RobotUnderTest) -> None:
         (b"\xc0", "The key nil"),
     ):
         _refused_for(client, _with_extra(beat, key, pack_small(beat["id"])), beat, what)
-    twice = b"\x82\xa1a\x01\xa1a\x01"
+    double_key = b"\x82\xa1a\x01\xa1a\x01"
     for value, what in (
-        (twice, "A key twice in an inner map"),
-        (b"\x91" + twice, "A key twice in a map in an array"),
-        (b"\x81\xa1b" + twice, "A key twice in a map in a map"),
+        (double_key, "A key twice in an inner map"),
+        (b"\x91" + double_key, "A key twice in a map in an array"),
+        (b"\x81\xa1b" + double_key, "A key twice in a map in a map"),
     ):
         _refused_for(client, _with_extra(beat, pack_small("extra"), value), beat, what)
     perform = client.request("perform")
-    frame = _with_extra(perform, pack_small("targets"), twice)
+    frame = _with_extra(perform, pack_small("targets"), double_key)
     _refused_for(client, frame, perform, "A joint twice in the targets")
 
 
@@ -157,10 +157,10 @@ def ids_of_errors(robot: RobotUnderTest) -> None:
 def extreme_integers(robot: RobotUnderTest) -> None:
     """Integers of ±(2^53 − 1) are accepted, beyond they are not."""
     client = robot.client()
-    extreme = 2**53 - 1
-    client.expect("status", "heartbeat", id=extreme)
-    client.expect("status", "heartbeat", extra=[extreme, -extreme])
-    for value in (extreme + 1, -extreme - 1):
+    largest = 2**53 - 1
+    client.expect("status", "heartbeat", id=largest)
+    client.expect("status", "heartbeat", extra=[largest, -largest])
+    for value in (largest + 1, -largest - 1):
         request = client.request("heartbeat", extra=value)
         client.refused(pack(request), "malformed", request["id"], f"The integer {value}")
 
@@ -216,8 +216,8 @@ def unknown_fields(robot: RobotUnderTest) -> None:
     client.expect("status", "heartbeat", future={"a": [1, None, {"b": 0.5}]}, targets={"x": 1})
     number = client.number()
     first = client.harmless(number)
-    again = client.harmless(number, future=1)
-    expect(again == first, "A request with an unknown field more is taken for another one.")
+    repeat = client.harmless(number, future=1)
+    expect(repeat == first, "A request with an unknown field more is taken for another one.")
 
 
 @check("2.11", after=("3.5",))
@@ -244,17 +244,17 @@ def garbage(robot: RobotUnderTest) -> None:
 @check("2.11", need=Need.CONTROL, after=("2.11", "5.1"))
 def garbage_and_control(robot: RobotUnderTest) -> None:
     """No invalid frame, of the controller or of another, takes control away."""
-    other = robot.client()
+    viewer = robot.client()
     with robot.controlled() as client:
-        for each in (client, other):
+        for sender in (client, viewer):
             mistaken = client.request("release")
             release = pack(mistaken | {"client": 5})
             for frame in (b"\xc1", bytes(MAX_FRAME + 1), release):
-                each.ask_raw(frame, None, mistaken["id"])
+                sender.ask_raw(frame, None, mistaken["id"])
             for vector in VECTORS:
-                each.ask_raw(bytes.fromhex(vector["hex"]), None, vector["id"])
-            each.connection.send_parts(b"", pack(client.request("heartbeat")))
-            each.connection.reply(None)
-            kept = other.status().get("controller")
-            whose = "the controller's" if each is client else "another client's"
-            expect(kept == client.name, f"After {whose} garbage, {kept or 'nobody'} has control.")
+                sender.ask_raw(bytes.fromhex(vector["hex"]), None, vector["id"])
+            sender.connection.send_parts(b"", pack(client.request("heartbeat")))
+            sender.connection.reply(None)
+            holder = viewer.status().get("controller")
+            who = "the controller's" if sender is client else "another client's"
+            expect(holder == client.name, f"After {who} garbage, {holder or 'nobody'} has control.")

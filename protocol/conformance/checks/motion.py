@@ -20,9 +20,9 @@ def small_targets(capabilities: Capabilities, share: float = 1.0) -> dict[str, f
     """Small angles, in the direction in which each joint reaches further."""
     targets = {}
     for joint in capabilities.joints:
-        far = max(joint.lower, joint.upper, key=abs)
-        small = min(abs(far) / 2, REACH) * share
-        targets[joint.name] = small if far > 0 else -small
+        limit = max(joint.lower, joint.upper, key=abs)
+        angle = min(abs(limit) / 2, REACH) * share
+        targets[joint.name] = angle if limit > 0 else -angle
     return targets
 
 
@@ -74,10 +74,10 @@ def _under_way(
 def bad_targets(robot: RobotUnderTest) -> None:
     """Missing and unknown joints are bad_targets."""
     with robot.controlled() as client:
-        full = small_targets(robot.capabilities(), 0.0)
-        first = next(iter(full))
-        lacking = {name: angle for name, angle in full.items() if name != first}
-        for targets in (lacking, full | {"no such joint": 0.0}):
+        complete = small_targets(robot.capabilities(), 0.0)
+        first_joint = next(iter(complete))
+        incomplete = {name: angle for name, angle in complete.items() if name != first_joint}
+        for targets in (incomplete, complete | {"no such joint": 0.0}):
             client.expect("bad_targets", "perform", targets=targets)
         expect(client.status()["state"] in ("idle", "holding"), "It moved all the same.")
 
@@ -98,17 +98,17 @@ def perform_reaches_its_targets(robot: RobotUnderTest) -> None:
     """A perform is carried out once, to within one resolution of its targets."""
     capabilities = robot.capabilities()
     with robot.controlled() as client:
-        targets, felt = _performed(robot, client, 1.0)
+        targets, observation = _performed(robot, client, 1.0)
         for joint in capabilities.joints:
-            miss = abs(felt["angles"][joint.name] - targets[joint.name])
+            miss = abs(observation["angles"][joint.name] - targets[joint.name])
             expect(
                 miss <= joint.resolution + 1e-9,
                 f"{joint.name} was commanded {miss:.4f} rad off its target.",
             )
-        before = client.status()["sequence"]
-        again = client.ask("perform", id=felt["id"], targets=targets)
-        expect(again == felt, f"The same perform again was answered with {said(again)}.")
-        expect(client.status()["sequence"] == before, "The same perform was carried out twice.")
+        sequence = client.status()["sequence"]
+        repeat = client.ask("perform", id=observation["id"], targets=targets)
+        expect(repeat == observation, f"The same perform again was answered with {said(repeat)}.")
+        expect(client.status()["sequence"] == sequence, "The same perform was carried out twice.")
         _rest(robot, client)
 
 
@@ -136,10 +136,10 @@ def asked_again_under_way(robot: RobotUnderTest) -> None:
     with robot.controlled() as client:
         request = client.request("perform", targets=small_targets(robot.capabilities()))
         client.connection.send(request)
-        first = client.connection.reply(request["id"])
+        first_reply = client.connection.reply(request["id"])
         expect(
-            first is not None and first["type"] == "accepted",
-            f"A perform was answered with {said(first)} instead of accepted.",
+            first_reply is not None and first_reply["type"] == "accepted",
+            f"A perform was answered with {said(first_reply)} instead of accepted.",
         )
         later = robot.client(client.name)
         later.connection.send(request)
@@ -147,8 +147,8 @@ def asked_again_under_way(robot: RobotUnderTest) -> None:
         expect(seen is not None, "A request asked again was not answered.")
         end = seen if seen and seen["type"] == "observation" else later.wait_for(request["id"])[1]
         expect(end["type"] == "observation", f"Asked again, it ended with {said(end)}.")
-        late = later.connection.reply(request["id"], patience=0.3)
-        expect(late is None, f"After its end came {said(late)}.")
+        extra = later.connection.reply(request["id"], patience=0.3)
+        expect(extra is None, f"After its end came {said(extra)}.")
         _rest(robot, client)
 
 
@@ -158,8 +158,8 @@ def stop_in_motion(robot: RobotUnderTest) -> None:
     with robot.controlled() as client:
         _under_way(robot, client, "stop", robot.stranger(), "aborted_stop")
         expect(client.status()["state"] == "stopped", "After the stop it is not stopped.")
-        refused = client.ask("perform", targets=small_targets(robot.capabilities(), 0.0))
-        expect(refused.get("code") == "stopped", f"A perform then was {said(refused)}.")
+        refusal = client.ask("perform", targets=small_targets(robot.capabilities(), 0.0))
+        expect(refusal.get("code") == "stopped", f"A perform then was {said(refusal)}.")
         client.expect("ok", "clear")
         _rest(robot, client)
 
@@ -198,8 +198,8 @@ def _busy(robot: RobotUnderTest, client: TrialClient, kind: str) -> None:
         expect(end["type"] == "observation", f"The first motion ended with {said(end)}.")
         if reply.get("code") == "busy":
             return
-        over = reply.get("sequence", end["sequence"]) >= end["sequence"]
-        expect(over, f"{kind} in mid-motion was answered with {said(reply)} instead of busy.")
+        was_over = reply.get("sequence", end["sequence"]) >= end["sequence"]
+        expect(was_over, f"{kind} in mid-motion was answered with {said(reply)} instead of busy.")
     raise Skipped("Its motions are over too soon.")
 
 

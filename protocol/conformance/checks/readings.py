@@ -20,7 +20,7 @@ from protocol.wire.capabilities import Capabilities
 from protocol.wire.codec import decode
 from protocol.wire.messages import parse_telemetry
 
-_LOOKS: Final = 3  # attempts at the rate: this computer may have had something else to do
+_ATTEMPTS: Final = 3  # attempts at the rate: this computer may have had something else to do
 
 
 def _reads(robot: RobotUnderTest, count: int = 1) -> tuple[Capabilities, list[Map]]:
@@ -51,11 +51,11 @@ def final_replies_come_once(robot: RobotUnderTest) -> None:
     noted = robot.noted["7.5"]
     expect(not noted, "; ".join(noted[:3]) + ".")
     read = client.request("read")
-    between, _ = client.answer_to(read)
-    kinds = [reply["type"] for reply in between]
+    interim, _ = client.answer_to(read)
+    kinds = [reply["type"] for reply in interim]
     expect("accepted" not in kinds[1:], f"A read was answered with {', '.join(kinds)}.")
-    late = client.connection.reply(read["id"], patience=0.3)
-    expect(late is None, f"After its end, a read was answered with {said(late)}.")
+    extra = client.connection.reply(read["id"], patience=0.3)
+    expect(extra is None, f"After its end, a read was answered with {said(extra)}.")
 
 
 @check("7.6")
@@ -73,12 +73,15 @@ def ids_of_replies(robot: RobotUnderTest) -> None:
 @check("7.7")
 def observations_fit(robot: RobotUnderTest) -> None:
     """Readings and angles fit the capabilities."""
-    capabilities, (felt,) = _reads(robot)
+    capabilities, (observation,) = _reads(robot)
     joints = {joint.name for joint in capabilities.joints}
-    expect(felt["angles"].keys() == joints, f"The angles are of {', '.join(felt['angles'])}.")
+    expect(
+        observation["angles"].keys() == joints,
+        f"The angles are of {', '.join(observation['angles'])}.",
+    )
     for modality in ("touch", "tilt", "clearance"):
         sensor = capabilities.sensor(modality)
-        reading = felt.get(modality)
+        reading = observation.get(modality)
         expect(
             (sensor is None) == (reading is None),
             f"A {modality} sensor is {'absent' if sensor is None else 'there'}, "
@@ -94,8 +97,8 @@ def observations_fit(robot: RobotUnderTest) -> None:
 @check("7.8")
 def sequences_grow(robot: RobotUnderTest) -> None:
     """Each observation has a larger sequence, and status knows the latest."""
-    _, felt = _reads(robot, 4)
-    sequences = [observation["sequence"] for observation in felt]
+    _, observations = _reads(robot, 4)
+    sequences = [observation["sequence"] for observation in observations]
     expect(
         all(before < after for before, after in pairwise(sequences)),
         f"Four reads have the sequences {sequences}.",
@@ -110,9 +113,9 @@ def sequences_grow(robot: RobotUnderTest) -> None:
 @check("7.10")
 def measured_angles(robot: RobotUnderTest) -> None:
     """The joints that are announced as measured are measured, and no others."""
-    capabilities, (felt,) = _reads(robot)
+    capabilities, (observation,) = _reads(robot)
     announced = {j.name for j in capabilities.joints if j.measured_noise is not None}
-    measured, off = felt.get("measured"), felt.get("off_target")
+    measured, off = observation.get("measured"), observation.get("off_target")
     expect(
         (measured or {}).keys() == announced and (measured is None) == (not announced),
         f"measured is {brief(repr(measured))}, and announced {', '.join(announced) or 'nothing'}.",
@@ -124,10 +127,10 @@ def measured_angles(robot: RobotUnderTest) -> None:
 @check("9.1")
 def tilt(robot: RobotUnderTest) -> None:
     """Tilt lies in ±π/2, and within what one body can have."""
-    _, (felt,) = _reads(robot)
-    if "tilt" not in felt:
+    _, (observation,) = _reads(robot)
+    if "tilt" not in observation:
         raise Skipped("The robot does not feel tilt.")
-    left, forward = felt["tilt"]
+    left, forward = observation["tilt"]
     expect(
         max(abs(left), abs(forward)) <= math.pi / 2 + 1e-6, f"The tilt is {left}, {forward} rad."
     )
@@ -139,18 +142,18 @@ def tilt(robot: RobotUnderTest) -> None:
 @check("9.2")
 def clearance(robot: RobotUnderTest) -> None:
     """Clearance never exceeds the sensor's upper, and is saturated exactly there."""
-    capabilities, (felt,) = _reads(robot)
+    capabilities, (observation,) = _reads(robot)
     sensor = capabilities.sensor("clearance")
     if sensor is None:
-        expect(not felt["clearance_saturated"], "clearance_saturated without a sensor.")
+        expect(not observation["clearance_saturated"], "clearance_saturated without a sensor.")
         raise Skipped("The robot does not feel clearance.")
-    distance = felt["clearance"]
+    distance = observation["clearance"]
     upper = math.inf if sensor.upper is None else sensor.upper
     expect(distance <= upper + 1e-9, f"The clearance is {distance} m, beyond {upper} m.")
     at_the_end = math.isclose(distance, upper, abs_tol=1e-9)
     expect(
-        felt["clearance_saturated"] == at_the_end,
-        f"clearance {distance} m of {upper} m has saturated {felt['clearance_saturated']}.",
+        observation["clearance_saturated"] == at_the_end,
+        f"clearance {distance} m of {upper} m has saturated {observation['clearance_saturated']}.",
     )
 
 
@@ -158,7 +161,7 @@ def clearance(robot: RobotUnderTest) -> None:
 def clocks(robot: RobotUnderTest) -> None:
     """No clock runs backwards."""
     client = robot.client()
-    _, felt = _reads(robot, 2)
+    _, observations = _reads(robot, 2)
     times = [
         client.status()["robot_time"],
         *(_reads(robot, 1)[1][0]["robot_time"] for _ in range(2)),
@@ -166,7 +169,7 @@ def clocks(robot: RobotUnderTest) -> None:
         client.hello()["robot_time"],
     ]
     expect(times == sorted(times), f"robot_time went {times}.")
-    monotonic = [observation["monotonic"] for observation in felt]
+    monotonic = [observation["monotonic"] for observation in observations]
     expect(monotonic == sorted(monotonic), f"monotonic went {monotonic}.")
 
 
@@ -187,8 +190,8 @@ def _publications(robot: RobotUnderTest, seconds: float) -> tuple[float, list[li
             raise Failed(f"Nothing is published at {place}.")
         begun = time.monotonic()
         subscriber.recv_multipart()
-        while (left := begun + seconds - time.monotonic()) > 0:
-            if subscriber.poll(math.ceil(left * 1000)):
+        while (remaining := begun + seconds - time.monotonic()) > 0:
+            if subscriber.poll(math.ceil(remaining * 1000)):
                 published.append(subscriber.recv_multipart())
         if not published and subscriber.poll(math.ceil(patience * 1000)):  # 11.2 judges that
             published.append(subscriber.recv_multipart())
@@ -210,18 +213,18 @@ def publications(robot: RobotUnderTest) -> None:
         expect(len(parts) == 2, f"A publication has {len(parts)} parts instead of two.")
         expect(parts[0] == TOPIC, f"A publication has the topic {parts[0]!r:.40}.")
         try:
-            told = parse_telemetry(decode(parts[1]))
+            telemetry = parse_telemetry(decode(parts[1]))
         except RemoteProtocolError as error:
             raise Failed(f"A publication is invalid: {error}") from None
         if before["state"] == after["state"]:
-            expect(told.state == before["state"], f"Published is the state {told.state}.")
+            expect(telemetry.state == before["state"], f"Published is the state {telemetry.state}.")
 
 
 @check("11.2", after=("11.1",))
 def publication_rate(robot: RobotUnderTest) -> None:
     """Publications keep the rate that welcome promises, within a factor of two."""
     rate = robot.capabilities().telemetry_rate
-    for _ in range(_LOOKS):
+    for _ in range(_ATTEMPTS):
         _, published, seconds = _publications(robot, min(max(4.0 / rate, 0.3), 10.0))
         measured = len(published) / seconds
         if 0.5 <= measured / rate <= 2.0:

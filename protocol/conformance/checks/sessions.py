@@ -81,9 +81,9 @@ def a_crowd(robot: RobotUnderTest) -> None:
     first.status()
     for number in range(PLACES - 1):
         robot.client(f"{first.name}-crowd-{number}")  # heard of again: first is the oldest now
-    late = robot.client(f"{first.name}-late")
+    latecomer = robot.client(f"{first.name}-late")
     first.expect("restarted", "heartbeat")
-    late.status()
+    latecomer.status()
 
 
 @check("3.7", need=Need.MOTION, after=("5.1",))
@@ -135,9 +135,9 @@ def answers_follow(robot: RobotUnderTest) -> None:
     read = first.request("read")
     first.connection.send(read)
     expect(first.connection.reply(read["id"]) is not None, "A read was not answered.")
-    felt = _answer_on(robot, second, read, instead=first)
-    _, again = second.answer_to(read)
-    expect(again == felt, f"Asked again, the robot answered {said(again)}, not as before.")
+    observation = _answer_on(robot, second, read, instead=first)
+    _, repeat = second.answer_to(read)
+    expect(repeat == observation, f"Asked again, the robot answered {said(repeat)}, not as before.")
 
 
 MEMORY: Final = 64
@@ -148,12 +148,12 @@ MEMORY: Final = 64
 def memory(robot: RobotUnderTest) -> None:
     """The last 64 outcomes of a client are remembered."""
     client = robot.client()
-    first = client.number()
-    outcome = client.harmless(first)
+    number = client.number()
+    outcome = client.harmless(number)
     for _ in range(MEMORY - 1):
         client.harmless(client.number())
-    again = client.harmless(first)
-    expect(again == outcome, f"The 64th last outcome came back as {said(again)}.")
+    repeat = client.harmless(number)
+    expect(repeat == outcome, f"The 64th last outcome came back as {said(repeat)}.")
 
 
 @check("4.4")
@@ -165,9 +165,9 @@ def first_outcome(robot: RobotUnderTest) -> None:
     expect(outcomes[1:] == outcomes[:-1], "A read under the same id brought another answer.")
     if outcomes[0]["type"] != "observation":
         raise Skipped(f"A read is answered with {said(outcomes[0])} now.")
-    later = client.expect("observation", "read")
+    newer = client.expect("observation", "read")
     expect(
-        later["sequence"] > outcomes[0]["sequence"], "A repeated read was carried out once more."
+        newer["sequence"] > outcomes[0]["sequence"], "A repeated read was carried out once more."
     )
 
 
@@ -187,10 +187,10 @@ def expired(robot: RobotUnderTest) -> None:
     client = robot.client()
     skipped = client.number()
     client.harmless(client.number())
-    before = client.status()["sequence"]
+    sequence = client.status()["sequence"]
     client.expect("expired", "read", id=skipped)
     client.expect("expired", "release", id=skipped)
-    expect(client.status()["sequence"] == before, "An expired read was carried out.")
+    expect(client.status()["sequence"] == sequence, "An expired read was carried out.")
 
 
 @check("4.7", after=("4.4",))
@@ -199,15 +199,15 @@ def forgotten(robot: RobotUnderTest) -> None:
     client = robot.client()
     read = client.request("read")
     client.answer_to(read)
-    before = client.status()["sequence"]
+    sequence = client.status()["sequence"]
     for _ in range(MEMORY + 1):
         client.harmless(client.number())
-    _, again = client.answer_to(read)
+    _, repeat = client.answer_to(read)
     expect(
-        again.get("code") == "expired",
-        f"After 65 later outcomes, a read came back as {said(again)} instead of expired.",
+        repeat.get("code") == "expired",
+        f"After 65 later outcomes, a read came back as {said(repeat)} instead of expired.",
     )
-    expect(client.status()["sequence"] == before, "A forgotten read was carried out again.")
+    expect(client.status()["sequence"] == sequence, "A forgotten read was carried out again.")
 
 
 @check("4.8", after=("4.4", "4.6"))
@@ -218,28 +218,28 @@ def the_same(robot: RobotUnderTest) -> None:
     first = client.ask("perform", id=number, targets={"no joint": 1, "none": 0.5})
     if first.get("code") == "unauthorised":
         raise Skipped("This key is a viewer's.")
-    again = client.ask("perform", id=number, targets={"none": 0.5, "no joint": 1.0})
-    expect(again == first, f"The same targets in another form were answered {said(again)}.")
+    repeat = client.ask("perform", id=number, targets={"none": 0.5, "no joint": 1.0})
+    expect(repeat == first, f"The same targets in another form were answered {said(repeat)}.")
     client.expect("id_reused", "perform", id=number, targets={"no joint": 1, "none": 0.25})
 
 
 @check("4.9", need=Need.CONTROL, after=("4.4", "5.1"))
 def refusals_stand(robot: RobotUnderTest) -> None:
     """What was refused is refused again under its id, although it would be possible now."""
-    other = robot.client()
-    number = other.number()
-    refused = other.harmless(number)
+    rival = robot.client()
+    number = rival.number()
+    refusal = rival.harmless(number)
     with robot.controlled():
-        held = other.ask("acquire", id=(later := other.number()))
-    again = other.ask("acquire", id=later)
-    expect(again == held, f"acquire was held, and under the same id {said(again)} later.")
-    other.expect("ok", "acquire")
+        held_reply = rival.ask("acquire", id=(later_number := rival.number()))
+    repeat = rival.ask("acquire", id=later_number)
+    expect(repeat == held_reply, f"acquire was held, and under the same id {said(repeat)} later.")
+    rival.expect("ok", "acquire")
     try:
-        again = other.harmless(number)
-        expect(again == refused, f"A refused release was {said(again)} under the same id later.")
-        expect(other.status().get("controller") == other.name, "A refused release was carried out.")
+        repeat = rival.harmless(number)
+        expect(repeat == refusal, f"A refused release was {said(repeat)} under the same id later.")
+        expect(rival.status().get("controller") == rival.name, "A refused release was carried out.")
     finally:
-        other.ask("release")
+        rival.ask("release")
 
 
 @check("4.10", after=("2.10", "3.8"))
@@ -267,8 +267,8 @@ def order(robot: RobotUnderTest) -> None:
     client.expect("restarted", "read", id=number, session="no such session")  # before the id
     client.expect("id_reused", "clear", id=number)  # before control
     client.expect("not_controller", "perform", targets={})  # before the targets
-    wrong = client.request("perform", session="no such session", targets=5)
-    client.refused(pack(wrong), "malformed", wrong["id"], "Targets that are no map")
+    perform = client.request("perform", session="no such session", targets=5)
+    client.refused(pack(perform), "malformed", perform["id"], "Targets that are no map")
     unknown = client.request("dance", session=5)
     client.refused(
         pack(unknown), "unknown_type", unknown["id"], "An unknown type with wrong fields"

@@ -99,9 +99,9 @@ class AnalogueInputs:
         """
         low, high = self.channels
         volts = self.board.scan(low, high)
-        for channel, before in self._volts.items():
-            same = volts[channel - low] == before
-            self._repeats[channel] = self._repeats[channel] + 1 if same else 1
+        for channel, previous in self._volts.items():
+            unchanged = volts[channel - low] == previous
+            self._repeats[channel] = self._repeats[channel] + 1 if unchanged else 1
             self._volts[channel] = volts[channel - low]
         self._scanned = self._clock.now()
         return self._volts
@@ -112,8 +112,8 @@ class AnalogueInputs:
         Raises:
             DeviceError: The board failed.
         """
-        just_made = 0 <= self._clock.now() - self._scanned <= _SAME_MOMENT
-        return self._volts if just_made else self.scan()
+        is_recent = 0 <= self._clock.now() - self._scanned <= _SAME_MOMENT
+        return self._volts if is_recent else self.scan()
 
     def check(self, channels: Iterable[int]) -> None:
         """Checks that the last scan of the resting robot can be believed.

@@ -207,9 +207,9 @@ def open_serial(port: str, baud: int) -> serial.Serial:
 def _why_no_serial_line(port: str, error: Exception) -> str:
     match getattr(error, "errno", None):
         case errno.ENOENT | errno.ENXIO | errno.ENODEV:
-            found = ", ".join(others_like(port))
+            others = ", ".join(others_like(port))
             return "Plug the adapter in, or name its link in /dev/serial/by-id" + (
-                f"; there are {found}." if found else "."
+                f"; there are {others}." if others else "."
             )
         case errno.EACCES | errno.EPERM:
             return f"Add the user to the group {group_of(port, 'dialout')}, then log in again."

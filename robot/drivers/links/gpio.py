@@ -219,13 +219,13 @@ def _path_of(devices: GPIODevices, place: LinePlace) -> str:
     if place.chip.startswith("/"):
         return place.chip
     labels = {path: label for path in devices.chips() for label in _labels(devices, path)}
-    found = [path for path, label in labels.items() if label == place.chip]
-    if len(found) == 1:
-        return found[0]
-    there = ", ".join(f"{path} ({label})" for path, label in labels.items())
+    matches = [path for path, label in labels.items() if label == place.chip]
+    if len(matches) == 1:
+        return matches[0]
+    chips = ", ".join(f"{path} ({label})" for path, label in labels.items())
     raise DeviceMissingError(
-        f"{'No' if not found else 'More than one'} GPIO chip is called {place.chip}.",
-        f"Write one of {there}." if there else "There is no GPIO chip that this user may open.",
+        f"{'No' if not matches else 'More than one'} GPIO chip is called {place.chip}.",
+        f"Write one of {chips}." if chips else "There is no GPIO chip that this user may open.",
     )
 
 
@@ -263,17 +263,17 @@ def _opened(devices: GPIODevices, path: str) -> Iterator[tuple[int, int]]:
 
 def _described(devices: GPIODevices, chip: int) -> tuple[str, str, int]:
     """Name, label and number of lines of a chip."""
-    answer = bytearray(_CHIP.size)
-    devices.ioctl(chip, _CHIP_INFO, answer)
-    name, label, lines = _CHIP.unpack(answer)
+    info = bytearray(_CHIP.size)
+    devices.ioctl(chip, _CHIP_INFO, info)
+    name, label, lines = _CHIP.unpack(info)
     return _text(name), _text(label), lines
 
 
 def _why_no_chip(devices: GPIODevices, path: str, error: OSError) -> str:
     match error.errno:
         case errno.ENOENT | errno.ENXIO | errno.ENODEV:
-            found = ", ".join(devices.chips())
-            return f"There are {found}." if found else "There is no GPIO chip at all."
+            chips = ", ".join(devices.chips())
+            return f"There are {chips}." if chips else "There is no GPIO chip at all."
         case errno.EACCES | errno.EPERM:
             return f"Add the user to the group {group_of(path, 'gpio')}, then log in again."
         case _:
@@ -295,10 +295,10 @@ def _offset_of(devices: GPIODevices, chip: int, lines: int, place: LinePlace) ->
         raise DeviceMissingError(
             f"There is more than one GPIO {place}.", "Give its number: see gpioinfo."
         )
-    alike = " or ".join(difflib.get_close_matches(place.line, names, n=2))
+    suggestions = " or ".join(difflib.get_close_matches(place.line, names, n=2))
     raise DeviceMissingError(
         f"There is no GPIO {place}.",
-        f"Did you mean {alike}?" if alike else "gpioinfo shows which names it has.",
+        f"Did you mean {suggestions}?" if suggestions else "gpioinfo shows which names it has.",
     )
 
 
@@ -325,9 +325,9 @@ def _refused(
 
 def _line_info(devices: GPIODevices, chip: int, offset: int) -> tuple[str, str]:
     """Name and consumer of a line; empty where it has none."""
-    answer = bytearray(_LINE.pack(b"", b"", offset))
-    devices.ioctl(chip, _LINE_INFO, answer)
-    name, consumer, _ = _LINE.unpack(answer)
+    info = bytearray(_LINE.pack(b"", b"", offset))
+    devices.ioctl(chip, _LINE_INFO, info)
+    name, consumer, _ = _LINE.unpack(info)
     return _text(name), _text(consumer)
 
 

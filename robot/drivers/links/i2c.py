@@ -72,11 +72,11 @@ def no_such_bus(path: str, error: OSError) -> DeviceMissingError:
     """The error that says why a bus cannot be opened, and what to do about it."""
     match error.errno:
         case errno.ENOENT | errno.ENXIO | errno.ENODEV:
-            found = ", ".join(map(_described, others_like(path)))
+            buses = ", ".join(map(_described, others_like(path)))
             advice = (
                 (
-                    f"There are {found}: name the right one as bus, or "
-                    if found
+                    f"There are {buses}: name the right one as bus, or "
+                    if buses
                     else "There is none: "
                 )
                 + "switch it on (on a Raspberry Pi: sudo raspi-config nonint do_i2c 0), load its "

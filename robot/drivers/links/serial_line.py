@@ -103,11 +103,11 @@ class SerialLine:
             DeviceMissingError: The line failed.
         """
         with self._link("reading from it"):
-            found: bytes = self._port.read(count)
-            if len(found) < count:  # it may have come while we had no processor
-                found += self._port.read(min(self._port.in_waiting, count - len(found)))
-        self._charge(found, in_time=len(found) == count)
-        return found
+            data: bytes = self._port.read(count)
+            if len(data) < count:  # it may have come while we had no processor
+                data += self._port.read(min(self._port.in_waiting, count - len(data)))
+        self._charge(data, in_time=len(data) == count)
+        return data
 
     def read_until(self, end: bytes, at_most: int) -> bytes:
         """Reads up to and including ``end``, or ``at_most`` bytes; fewer after a time-out.
@@ -116,11 +116,11 @@ class SerialLine:
             DeviceMissingError: The line failed.
         """
         with self._link("reading from it"):
-            found: bytes = self._port.read_until(end, at_most)
-            if not found.endswith(end):  # as in ``read``
-                found += self._port.read(min(self._port.in_waiting, at_most - len(found)))
-        self._charge(found, in_time=found.endswith(end) or len(found) >= at_most)
-        return found
+            data: bytes = self._port.read_until(end, at_most)
+            if not data.endswith(end):  # as in ``read``
+                data += self._port.read(min(self._port.in_waiting, at_most - len(data)))
+        self._charge(data, in_time=data.endswith(end) or len(data) >= at_most)
+        return data
 
     def _charge(self, found: bytes, *, in_time: bool) -> None:
         self._clock.charge(self.seconds_for(len(found)) if in_time else self._reply_timeout)

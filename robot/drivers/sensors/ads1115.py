@@ -179,12 +179,12 @@ class ADS1115:
         )
 
     def _await_end(self, index: int, wanted: int, within: float) -> None:
-        where = f"The ADS1115 at 0x{self._settings.addresses[index]:x}"
+        chip = f"The ADS1115 at 0x{self._settings.addresses[index]:x}"
         for _ in range(round(within / _LOOK_INTERVAL)):
             config = _word(self._chips[index], _CONFIG)
             if config & ~_START != wanted:
                 raise DeviceDataError(
-                    f"{where} has lost its settings: {config & ~_START:04x} instead of "
+                    f"{chip} has lost its settings: {config & ~_START:04x} instead of "
                     f"{wanted:04x}. It was reset.",
                     "Check its supply, and that no other program uses the bus.",
                 )
@@ -192,7 +192,7 @@ class ADS1115:
                 return
             self._clock.sleep(_LOOK_INTERVAL)
         raise DeviceTimeoutError(
-            f"{where} did not end a conversion within {within:g} s.", "Switch it off and on."
+            f"{chip} did not end a conversion within {within:g} s.", "Switch it off and on."
         )
 
 

@@ -160,7 +160,7 @@ LEAST_CHANGE: Final = 0.3
 # Shares of the way from the free to the pressed voltage.
 _ON: Final = 0.6
 _OFF: Final = 0.4
-_BEYOND: Final = 0.3  # before free or after pressed: a wire has come off
+_OVERSHOOT: Final = 0.3  # before free or after pressed: a wire has come off
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -233,7 +233,7 @@ class Switch(OnInputs):
                 range.
         """
         super().check()
-        if not -_BEYOND <= self._share() <= 1 + _BEYOND:
+        if not -_OVERSHOOT <= self._share() <= 1 + _OVERSHOOT:
             raise DeviceDataError(
                 f"The switch of {self._called} has {self._volts:.2f} V, and pressed "
                 f"{self._settings.pressed:g} V, free {self._settings.free:g} V.",

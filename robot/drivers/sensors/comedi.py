@@ -25,8 +25,8 @@ LIBRARY: Final = "libcomedi.so.0"
 _ANALOGUE_INPUT: Final = 1  # COMEDI_SUBD_AI
 _VOLT: Final = 0  # UNIT_volt
 _GROUND: Final = 0  # AREF_GROUND
-_FIRST: Final = 0
-_LATE: Final = (errno.ETIME, errno.ETIMEDOUT)
+_FIRST_SUBDEVICE: Final = 0
+_TIMEOUTS: Final = (errno.ETIME, errno.ETIMEDOUT)
 
 
 class ComediRange(ctypes.Structure):
@@ -115,7 +115,7 @@ class ComediInput:
 
     def __init__(self, device: str, *, range_: str = "±5V", library: Any = None):
         self._name = device
-        self._wanted = range_
+        self._range_key = range_
         self._library = load_library() if library is None else library
         for name, (result, arguments) in _PROTOTYPES.items():
             function = getattr(self._library, name)
@@ -142,7 +142,7 @@ class ComediInput:
             raise DeviceMissingError(
                 f"The board {self._name} cannot be opened: {self._reason()}.", advice
             )
-        inputs = library.comedi_find_subdevice_by_type(device, _ANALOGUE_INPUT, _FIRST)
+        inputs = library.comedi_find_subdevice_by_type(device, _ANALOGUE_INPUT, _FIRST_SUBDEVICE)
         if inputs < 0:
             raise DeviceMissingError(
                 f"The board {self._name} has no analogue inputs.",
@@ -157,12 +157,12 @@ class ComediInput:
                 "See what dmesg says of it.",
             )
         offered = self._ranges()
-        limits = RANGES[self._wanted].low, RANGES[self._wanted].high
+        limits = RANGES[self._range_key].low, RANGES[self._range_key].high
         if limits not in offered:
-            known = [name for name, one in RANGES.items() if (one.low, one.high) in offered]
+            choices = [name for name, span in RANGES.items() if (span.low, span.high) in offered]
             raise DeviceMissingError(
-                f"The board {self._name} has no input range {self._wanted}; of the ranges known "
-                f"here it offers {', '.join(known) or 'none'}.",
+                f"The board {self._name} has no input range {self._range_key}; of the ranges known "
+                f"here it offers {', '.join(choices) or 'none'}.",
                 "Set input_range to one of them, or read the board by its registers (dmm32).",
             )
         self._range = offered.index(limits)
@@ -199,25 +199,25 @@ class ComediInput:
         count = self._library.comedi_get_n_ranges(self._device, self._inputs, 0)
         ranges = []
         for number in range(count):
-            one = self._library.comedi_get_range(self._device, self._inputs, 0, number)
-            if one and one.contents.unit == _VOLT:
-                ranges.append((round(one.contents.min, 6), round(one.contents.max, 6)))
+            entry = self._library.comedi_get_range(self._device, self._inputs, 0, number)
+            if entry and entry.contents.unit == _VOLT:
+                ranges.append((round(entry.contents.min, 6), round(entry.contents.max, 6)))
             else:
                 ranges.append((math.nan, math.nan))
         return ranges
 
     def _convert(self, channel: int) -> float:
         sample = c_uint()
-        done = self._library.comedi_data_read(
+        converted = self._library.comedi_data_read(
             self._device, self._inputs, channel, self._range, _GROUND, ctypes.byref(sample)
         )
-        if done != 1:
+        if converted != 1:
             raise self._failed(channel)
         return self._low + sample.value / self._top * self._span
 
     def _failed(self, channel: int) -> DeviceError:
-        late = self._library.comedi_errno() in _LATE
-        return (DeviceTimeoutError if late else DeviceMissingError)(
+        is_late = self._library.comedi_errno() in _TIMEOUTS
+        return (DeviceTimeoutError if is_late else DeviceMissingError)(
             f"The board {self._name} did not convert channel {channel}: {self._reason()}.",
             "Check that the board is seated, and what dmesg says of it.",
         )

@@ -185,11 +185,11 @@ class DMM32:
             return
         if all(value == _FLOATING for value in registers):
             raise self._missing("everything there reads 0xFF")
-        calm = [
+        unflagged = [
             value & ~_FLAGS.get(offset, 0)
             for (offset, _), value in zip(_PROBE, registers, strict=True)
         ]
-        if calm == expected:
+        if unflagged == expected:
             raise self._hangs(_SETTLING if registers[-1] & _WAIT else _CONVERTING, 1e-3)
         if [value | 0x60 for value in registers] == [value | 0x60 for value in expected]:
             raise DeviceDataError(
@@ -243,17 +243,17 @@ class DMM32:
     def _samples(self, count: int) -> list[float]:
         base, read, volts = self._base + _DATA, self._io.read, self.range.volts
         data = [read(base, 2) for _ in range(count - 1)]
-        before = self._read(_FIFO)
+        flags_before = self._read(_FIFO)
         data.append(read(base, 2))
-        after = self._read(_FIFO)
-        if after == _FLOATING:
+        flags_after = self._read(_FIFO)
+        if flags_after == _FLOATING:
             raise self._missing("everything there reads 0xFF")
-        if (before | after) & _OVERFLOW:
+        if (flags_before | flags_after) & _OVERFLOW:
             raise self._broken("its FIFO overflowed")
-        if before & _EMPTY or not after & _EMPTY:
-            relation = "fewer" if before & _EMPTY else "more"
+        if flags_before & _EMPTY or not flags_after & _EMPTY:
+            relation = "fewer" if flags_before & _EMPTY else "more"
             raise self._broken(f"its FIFO held {relation} samples than the {count} channels")
-        return [volts(int.from_bytes(two, "little", signed=True)) for two in data]
+        return [volts(int.from_bytes(sample, "little", signed=True)) for sample in data]
 
     def _await(self, offset: int, flag: int, nominal: float, what: str) -> int:
         """Polls a register until a flag in it falls, or the deadline; returns its value."""
@@ -261,11 +261,11 @@ class DMM32:
         read, port, now = self._io.read, self._base + offset, self._clock.now
         value = _FLOATING
         for _ in range(_MAX_POLLS):
-            late = now() > deadline  # before reading, so that a late look still counts
+            is_late = now() > deadline  # before reading, so that a late look still counts
             value = read(port)[0]
             if not value & flag:
                 return value
-            if late:
+            if is_late:
                 break
         if value == _FLOATING and self._read(_FIFO) == _FLOATING:
             raise self._missing("everything there reads 0xFF")

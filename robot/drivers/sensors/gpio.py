@@ -33,13 +33,13 @@ class GPIOSwitchSettings:
     def read(cls, table: Section) -> GPIOSwitchSettings:
         """Reads the keys ``chip``, ``line``, ``pressed``, ``pull`` and ``debounce_ms``."""
         pressed = table.choice("pressed", ("low", "high"), "low")
-        usual, never = ("up", "down") if pressed == "low" else ("down", "up")
-        pull = table.choice("pull", PULLS, usual)
-        if pull == never:
+        usual_pull, wrong_pull = ("up", "down") if pressed == "low" else ("down", "up")
+        pull = table.choice("pull", PULLS, usual_pull)
+        if pull == wrong_pull:
             raise table.refuse(
                 "pull",
                 f"is {pull}, and the line {pressed} while pressed: it would be {pressed} all the "
-                f"time. Write {usual}, or none where the line has a resistor of its own.",
+                f"time. Write {usual_pull}, or none where the line has a resistor of its own.",
             )
         return cls(
             place=LinePlace.read(table),
@@ -84,13 +84,13 @@ class GPIOSwitch:
             DeviceMissingError: There is no such line, it is in use, or the user may not use it.
         """
         self.close()
-        held = self._settings
+        settings = self._settings
         self._line = input_line(
             self._devices,
-            held.place,
-            pull=held.pull,
-            active_low=held.active_low,
-            debounce=held.debounce,
+            settings.place,
+            pull=settings.pull,
+            active_low=settings.active_low,
+            debounce=settings.debounce,
         )
 
     def load(self) -> bool:

@@ -96,8 +96,8 @@ class MPU6050Settings(CalibratedAxes):
     @classmethod
     def read(cls, table: Section) -> MPU6050Settings:
         """Reads ``bus``, ``address``, ``forward``, ``left``, ``up``, ``zero_g``, ``g_per_g``."""
-        usual = zip(("forward", "left", "up"), DIRECTIONS, strict=False)
-        mounting = tuple(table.choice(key, DIRECTIONS, axis) for key, axis in usual)
+        defaults = zip(("forward", "left", "up"), DIRECTIONS, strict=False)
+        mounting = tuple(table.choice(key, DIRECTIONS, axis) for key, axis in defaults)
         if not _right_handed(mounting):
             raise table.refuse(
                 "forward",
@@ -201,8 +201,8 @@ class MPU6050:
             )
         pairs = list(zip(axes, self._last, strict=True))
         self._repeats = [
-            count + 1 if code == before else 1
-            for count, (code, before) in zip(self._repeats, pairs, strict=True)
+            count + 1 if code == previous else 1
+            for count, (code, previous) in zip(self._repeats, pairs, strict=True)
         ]
         self._last = axes
         self.celsius = celsius
@@ -285,7 +285,7 @@ class MPU6050:
     def _sample(self) -> tuple[tuple[int, ...], float]:
         """Codes of the chip's axes, and its temperature, °C."""
         data = self._chip.read(_SAMPLE, 8)
-        words = [int.from_bytes(data[at : at + 2], "big", signed=True) for at in range(0, 8, 2)]
+        words = [int.from_bytes(data[i : i + 2], "big", signed=True) for i in range(0, 8, 2)]
         return tuple(words[:3]), words[3] / 340 + 36.53
 
     def _test(self) -> None:
@@ -297,12 +297,12 @@ class MPU6050:
                 "no genuine MPU-6050, and nothing tells whether it measures rightly.",
                 "Fit a board with a genuine MPU-6050.",
             )
-        rest, moved = self._mean(_EIGHT_G), self._mean(_EIGHT_G | _ALL_AXES_TESTED)
+        at_rest, tested = self._mean(_EIGHT_G), self._mean(_EIGHT_G | _ALL_AXES_TESTED)
         self._check_awake()
         deviations = []
         for index, axis in enumerate("xyz"):
             trim = 4096 * 0.34 * (0.92 / 0.34) ** ((codes[index] - 1) / 30)
-            response = moved[index] - rest[index]
+            response = tested[index] - at_rest[index]
             deviations.append(response / trim - 1)
             if not abs(deviations[-1]) <= _TOLERANCE:
                 raise DeviceDataError(
@@ -332,5 +332,5 @@ def _right_handed(mounting: tuple[str, ...]) -> bool:
     order = ["xyz".index(direction[-1]) for direction in mounting]
     if len(set(order)) < 3:
         return False
-    turned = (order[1] - order[0]) % 3 == 1
-    return turned == (sum(direction[0] == "-" for direction in mounting) % 2 == 0)
+    is_cyclic = (order[1] - order[0]) % 3 == 1
+    return is_cyclic == (sum(direction[0] == "-" for direction in mounting) % 2 == 0)

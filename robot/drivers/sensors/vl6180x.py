@@ -48,7 +48,7 @@ _SAMPLE_READY: Final = 4  # interrupt status, low three bits
 _FIRST_LOOK: Final = 6e-3  # s; no measurement is faster
 _LOOK_INTERVAL: Final = 2e-3  # s
 _DEADLINE: Final = 0.1  # s; a measurement converges within 49 ms, or fails
-_LAST_LIGHT: Final = 0.3  # s; a measurement of light takes 0.1 s and may have just begun
+_LIGHT_DEADLINE: Final = 0.3  # s; a measurement of light takes 0.1 s and may have just begun
 _NO_SCALING: Final = 0x00FD
 _FROZEN_AFTER: Final = 10  # measurements that count exactly the same photons; no live one does
 
@@ -85,7 +85,7 @@ _MEASURING: Final = (
 )  # fmt: skip
 _BLOCK: Final = range(_MEASURING[0][0], _MEASURING[-1][0] + 1)
 
-_OTHERS: Final = (
+_MODE_SETTINGS: Final = (
     (0x017, 0x00),  # or the chip would not take what is written
     (0x012, 0x00),  # no history of measurements
     (0x119, 0x01),  # scale of the results
@@ -155,7 +155,7 @@ class VL6180X:
         self._clock = clock
         self._counts = b""
         self._repeats = 0
-        self._wanted = dict(_MEASURING)
+        self._checked = dict(_MEASURING)
 
     def start(self) -> None:
         """Opens the bus, anew if need be, identifies the sensor and loads its settings.
@@ -174,12 +174,12 @@ class VL6180X:
             )
         self._stop()
         offset = self._factory_offset()
-        for register, value in (*_OTHERS, *_MANDATORY, *_RECOMMENDED, *_MEASURING):
+        for register, value in (*_MODE_SETTINGS, *_MANDATORY, *_RECOMMENDED, *_MEASURING):
             self._registers.write(register, value)
         self._registers.write(_OFFSET, offset)
         self._registers.write(_OFFSET_COPY, offset, offset ^ 0xFF)
         self._registers.write(_FRESH_OUT_OF_RESET, 0)  # last: until then it counts as reset
-        self._wanted = {**dict(_MEASURING), _OFFSET: offset}
+        self._checked = {**dict(_MEASURING), _OFFSET: offset}
         self._counts, self._repeats = b"", 0
         self._check_settings()
 
@@ -231,8 +231,8 @@ class VL6180X:
         self.link.close()
 
     def _look_for_life(self, counts: bytes) -> None:
-        same = counts == self._counts and any(counts)
-        self._repeats = self._repeats + 1 if same else 1
+        unchanged = counts == self._counts and any(counts)
+        self._repeats = self._repeats + 1 if unchanged else 1
         self._counts = counts
         if self._repeats >= _FROZEN_AFTER:
             raise DeviceDataError(
@@ -248,8 +248,8 @@ class VL6180X:
         (in_turn,) = self._registers.read(_IN_TURN)
         # Where measurements go on and on, a second start is their end.
         self._registers.write(_LIGHT_START if in_turn else _RANGE_START, 0x01)
-        if not self._rests(_LAST_LIGHT):
-            raise self._late("ready for its settings", _DEADLINE + _LAST_LIGHT)
+        if not self._rests(_LIGHT_DEADLINE):
+            raise self._late("ready for its settings", _DEADLINE + _LIGHT_DEADLINE)
 
     def _factory_offset(self) -> int:
         """The offset that the chip loaded at its reset."""
@@ -272,13 +272,13 @@ class VL6180X:
     def _check_settings(self) -> None:
         """Checks that scale and limits of a measurement are still those that ``start`` set."""
         scaler = int.from_bytes(self._registers.read(_SCALER, 2), "big")
-        block = dict(zip(_BLOCK, self._registers.read(_BLOCK[0], len(_BLOCK)), strict=True))
-        wrong = [register for register, value in self._wanted.items() if block[register] != value]
+        values = dict(zip(_BLOCK, self._registers.read(_BLOCK[0], len(_BLOCK)), strict=True))
+        wrong = [register for register, value in self._checked.items() if values[register] != value]
         if scaler == _NO_SCALING and not wrong:
             return
-        what = f"register 0x{wrong[0]:03x}" if wrong else f"its range is scaled (0x{scaler:04x})"
+        flaw = f"register 0x{wrong[0]:03x}" if wrong else f"its range is scaled (0x{scaler:04x})"
         raise DeviceDataError(
-            f"The VL6180X does not measure as it was set up: {what}.",
+            f"The VL6180X does not measure as it was set up: {flaw}.",
             "End the other program that uses the sensor.",
         )
 

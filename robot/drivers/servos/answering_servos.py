@@ -19,7 +19,7 @@ from robot.errors import CommandError, DeviceDataError
 from robot.toml_sections import Section
 
 _SENDINGS: Final = 4  # times that a packet that nobody acknowledges is sent, until it is given up
-_SUPPLY: Final = (
+_SUPPLY_ADVICE: Final = (
     "Check the servos' supply under load and the plug of this one, then clear the fault."
 )
 
@@ -74,17 +74,17 @@ class AnsweringServos:
 
     def __init__(self, chain: Chain, *, outputs: range, counts: range):
         self._chain = chain
-        self._known = outputs
+        self._outputs = outputs
         self._counts = counts
         self._held: dict[int, int] = {}  # goals that servos that were set up should hold, 0 limp
-        self._before: dict[int, int] = {}  # goals before the last ones, which may have been lost
-        self._lost = 0
+        self._previous: dict[int, int] = {}  # goals before the last ones, which may have been lost
+        self._resendings = 0
         self.name = chain.name
 
     @property
     def repeats(self) -> int:
         """Number of packets sent again, because they or their answers did not arrive."""
-        return self._chain.repeats + self._lost
+        return self._chain.repeats + self._resendings
 
     @property
     def bytes_written(self) -> int:
@@ -100,33 +100,33 @@ class AnsweringServos:
             DeviceDataError: A servo is not as it was left; nothing was sent.
             DeviceError: The line failed.
         """
-        check_counts(counts, self._counts, self._known)
+        check_counts(counts, self._counts, self._outputs)
         if not all(output in self._held for output in counts):
             raise CommandError("read the servos' counts before moving them")
         repeats = self._chain.repeats
-        found = self._sound(list(self._held))
+        answers = self._read_sound(list(self._held))
         if self._chain.repeats > repeats:  # by then the first answers are old
-            found = self._sound(list(self._held))
-        found = self._resent(found)
-        for output, registers in found.items():
-            held = self._held[output]
-            if held and registers.goal != held:
-                if registers.goal == self._before.get(output):
+            answers = self._read_sound(list(self._held))
+        answers = self._resent(answers)
+        for output, registers in answers.items():
+            goal = self._held[output]
+            if goal and registers.goal != goal:
+                if registers.goal == self._previous.get(output):
                     raise self._untaken([output])
                 self.forget()
                 raise DeviceDataError(
-                    f"{self._called([output])} has the goal {registers.goal}, not {held}: another "
+                    f"{self._name_of([output])} has the goal {registers.goal}, not {goal}: another "
                     "program wrote to it.",
                     "Check that nothing else drives the servos.",
                 )
         limp = {
-            output: self._nearest(found[output].state.position)
+            output: self._nearest(answers[output].state.position)
             for output in counts
             if not self._held[output]
         }
         if limp:
             self._stiffen(limp)
-        self._before |= {output: self._held[output] for output in counts}
+        self._previous |= {output: self._held[output] for output in counts}
         self._held |= counts
         self._chain.send(counts)
 
@@ -138,17 +138,17 @@ class AnsweringServos:
             DeviceError: The line failed, or torque stayed on.
         """
         released = list(outputs)
-        check_outputs(released, self._known)
+        check_outputs(released, self._outputs)
         self._chain.switch(released, on=False)
         self._held |= {output: 0 for output in released if output in self._held}
-        self._before = {n: goal for n, goal in self._before.items() if n not in released}
-        stiff = [n for n, found in self._chain.read(released).items() if found.state.driven]
+        self._previous = {n: goal for n, goal in self._previous.items() if n not in released}
+        stiff = [n for n, servo in self._chain.read(released).items() if servo.state.driven]
         if stiff:
             self._chain.switch(stiff, on=False)  # the packet was damaged
-            stiff = [n for n, found in self._chain.read(stiff).items() if found.state.driven]
+            stiff = [n for n, servo in self._chain.read(stiff).items() if servo.state.driven]
         if stiff:
             raise DeviceDataError(
-                f"{self._called(stiff)} did not switch the torque off.",
+                f"{self._name_of(stiff)} did not switch the torque off.",
                 "Switch the supply of the servos off, then check the cable.",
             )
 
@@ -159,12 +159,12 @@ class AnsweringServos:
             CommandError: An output is out of range.
             DeviceError: A servo does not answer or is not fit for use; or the line failed.
         """
-        check_outputs(outputs, self._known)
-        fresh = [output for output in outputs if output not in self._held]
-        if fresh:
-            self._chain.set_up(fresh)
-        found = self._chain.read(outputs)
-        for output, registers in found.items():
+        check_outputs(outputs, self._outputs)
+        unread = [output for output in outputs if output not in self._held]
+        if unread:
+            self._chain.set_up(unread)
+        answers = self._chain.read(outputs)
+        for output, registers in answers.items():
             self._refuse_faulty(output, registers)
             self._held[output] = registers.goal if registers.state.driven else 0
         return {output: self._held[output] for output in outputs}
@@ -176,8 +176,8 @@ class AnsweringServos:
             CommandError: An output is out of range.
             DeviceError: A servo does not answer, or the line failed.
         """
-        check_outputs(outputs, self._known)
-        return {output: found.state for output, found in self._chain.read(outputs).items()}
+        check_outputs(outputs, self._outputs)
+        return {output: servo.state for output, servo in self._chain.read(outputs).items()}
 
     def verify(self, expected: Mapping[int, int]) -> list[int]:
         """Compares the servos with the goals they should have; sends a goal again that was lost.
@@ -190,24 +190,24 @@ class AnsweringServos:
             DeviceDataError: A servo restarted, switched its torque off or reports a fault.
             DeviceError: A servo does not answer, or the line failed.
         """
-        check_outputs(expected, self._known)
+        check_outputs(expected, self._outputs)
         unread = [output for output in expected if output not in self._held]
         if unread:
             raise DeviceDataError(
-                f"{self._called(unread)} was not read since it failed or was opened.",
+                f"{self._name_of(unread)} was not read since it failed or was opened.",
                 "Read its counts first.",
             )
-        found = self._resent(self._sound(list(expected)))
+        answers = self._resent(self._read_sound(list(expected)))
         return sorted(
             output
-            for output, registers in found.items()
+            for output, registers in answers.items()
             if (registers.goal if registers.state.driven else 0) != expected[output]
         )
 
     def forget(self) -> None:
         """Makes the next ``read_counts`` set each servo up, whatever happened to it."""
         self._held.clear()
-        self._before.clear()
+        self._previous.clear()
 
     def reopen(self) -> None:
         """Closes the line and opens it anew.
@@ -226,42 +226,42 @@ class AnsweringServos:
         """Closes the line; the servos hold their goals."""
         self._chain.close()
 
-    def _sound(self, outputs: Sequence[int]) -> dict[int, Registers]:
+    def _read_sound(self, outputs: Sequence[int]) -> dict[int, Registers]:
         """Registers of servos that should be as they were left; if one is not, forgets all."""
-        found = self._chain.read(outputs)
-        for output, registers in found.items():
+        answers = self._chain.read(outputs)
+        for output, registers in answers.items():
             self._refuse_faulty(output, registers)
-            held, state = self._held[output], registers.state
+            goal, state = self._held[output], registers.state
             reason = ""
             if not registers.marked:
                 reason = "restarted"
-            elif held and not state.driven:
+            elif goal and not state.driven:
                 reason = "switched its torque off"
-            elif state.driven and not held:
+            elif state.driven and not goal:
                 reason = "has its torque on, which another program must have done"
             if reason:
                 self.forget()
-                raise DeviceDataError(f"{self._called([output])} {reason}.", _SUPPLY)
-        return found
+                raise DeviceDataError(f"{self._name_of([output])} {reason}.", _SUPPLY_ADVICE)
+        return answers
 
     def _stiffen(self, limp: Mapping[int, int]) -> None:
         """Holds limp servos where they are; their torque goes on when they have that goal."""
         self._held |= limp  # if this fails half-way, some are driven
         for _ in range(_SENDINGS):
             self._chain.send(limp)
-            found = self._chain.read(list(limp))
-            if all(found[output].goal == goal for output, goal in limp.items()):
+            answers = self._chain.read(list(limp))
+            if all(answers[output].goal == goal for output, goal in limp.items()):
                 break
-            self._lost += 1
+            self._resendings += 1
         else:
-            raise self._untaken([n for n, goal in limp.items() if found[n].goal != goal])
+            raise self._untaken([n for n, goal in limp.items() if answers[n].goal != goal])
         for _ in range(_SENDINGS):
             self._chain.switch(list(limp), on=True)
-            found = self._chain.read(list(limp))
-            if all(registers.state.driven for registers in found.values()):
+            answers = self._chain.read(list(limp))
+            if all(registers.state.driven for registers in answers.values()):
                 return
-            self._lost += 1
-        raise self._untaken([n for n, registers in found.items() if not registers.state.driven])
+            self._resendings += 1
+        raise self._untaken([n for n, registers in answers.items() if not registers.state.driven])
 
     def _resent(self, found: Mapping[int, Registers]) -> dict[int, Registers]:
         """Registers of servos, after sending goals again to those that still have their last ones.
@@ -270,22 +270,22 @@ class AnsweringServos:
         """
         found = dict(found)
         for _ in range(_SENDINGS):
-            lost = {
+            lost_goals = {
                 output: self._held[output]
                 for output, registers in found.items()
-                if self._held[output] != registers.goal == self._before.get(output)
+                if self._held[output] != registers.goal == self._previous.get(output)
             }
-            if not lost:
+            if not lost_goals:
                 break
-            self._lost += 1
-            self._chain.send(lost)
-            found |= self._sound(list(lost))
+            self._resendings += 1
+            self._chain.send(lost_goals)
+            found |= self._read_sound(list(lost_goals))
         return found
 
     def _untaken(self, servos: Sequence[int]) -> DeviceDataError:
         self.forget()
         return DeviceDataError(
-            f"{self._called(servos)} did not take what was sent, {_SENDINGS} times.",
+            f"{self._name_of(servos)} did not take what was sent, {_SENDINGS} times.",
             "Check the cable and the ground: packets to the servos are lost.",
         )
 
@@ -293,15 +293,15 @@ class AnsweringServos:
         fault, driven = registers.state.fault, registers.state.driven
         if fault:
             self.forget()
-            off = "" if driven else " and switched its torque off"
+            torque_off = "" if driven else " and switched its torque off"
             raise DeviceDataError(
-                f"{self._called([output])} reports {fault}{off}.",
+                f"{self._name_of([output])} reports {fault}{torque_off}.",
                 "Relieve and cool it, check its supply, then clear the fault.",
             )
 
     def _nearest(self, position: float) -> int:
         return min(max(round(position), self._counts[0]), self._counts[-1])
 
-    def _called(self, outputs: Sequence[int]) -> str:
-        several = "s" if len(outputs) > 1 else ""
-        return f"Servo{several} {', '.join(map(str, outputs))} ({self.name})"
+    def _name_of(self, outputs: Sequence[int]) -> str:
+        plural = "s" if len(outputs) > 1 else ""
+        return f"Servo{plural} {', '.join(map(str, outputs))} ({self.name})"

@@ -68,7 +68,7 @@ MODELS: Final = MappingProxyType(
 )
 """Names of the models with this control table, by their numbers."""
 
-_SAY_NO_CURRENT: Final = frozenset((30, 1060, 1070, 1080, 1090, 1160))
+_WITHOUT_CURRENT: Final = frozenset((30, 1060, 1070, 1080, 1090, 1160))
 _CURRENT_UNITS: Final = MappingProxyType(  # A; of the models that are not here 2.69 mA
     dict.fromkeys(range(1190, 1241), 1e-3) | dict.fromkeys((311, 321), 3.36e-3)
 )
@@ -86,7 +86,7 @@ _MODES: Final = MappingProxyType(
     {0: "current", 1: "velocity (wheel)", 4: "multi-turn", 5: "current-based", 16: "PWM"}
 )
 _POSITION_MODE: Final = 3
-_WIZARD: Final = "in DYNAMIXEL Wizard; nothing is written into an EEPROM here."
+_WIZARD_ADVICE: Final = "in DYNAMIXEL Wizard; nothing is written into an EEPROM here."
 
 # Addresses of the control table. One reading must not span a gap.
 _IDENTITY: Final = 0  # to 11: model (2), 7 ID, 8 baud, 9 return delay, 10 drive mode, 11 mode
@@ -109,8 +109,8 @@ _STATE: Final = _VELOCITY
 _STATE_END: Final = 147
 
 _DELAY_UNIT: Final = 2e-6  # s
-_REBOOT: Final = 0.3  # s; the manual gives no time
-_REBOOTS: Final = 4  # times that long, at most
+_REBOOT_TIME: Final = 0.3  # s; the manual gives no time
+_REBOOT_WAITS: Final = 4  # times that long, at most
 _SENDINGS: Final = 4  # times that a packet that nobody acknowledges is sent, at most
 
 
@@ -149,8 +149,8 @@ class DynamixelChain(Chain):
 
     def ping(self, servo: int) -> bool:
         """Whether a servo answers, asked once; a damaged answer, as of two at once, counts."""
-        found, damaged = self._ask(encode(Packet(servo, Instruction.PING)), [servo], 3)
-        return servo in found or damaged
+        answers, damaged = self._ask(encode(Packet(servo, Instruction.PING)), [servo], 3)
+        return servo in answers or damaged
 
     def set_up(self, servos: Sequence[int]) -> None:
         """Identifies servos, refuses one that is not fit for use, and limits their speed.
@@ -159,33 +159,33 @@ class DynamixelChain(Chain):
             DeviceError: A servo does not answer, is no X servo, is set up otherwise or failed.
         """
         self._write(_RETURN_LEVEL, servos, 2, 1)
-        identities = self._all(servos, _IDENTITY, 12)
-        limits = self._all(servos, _LIMITS, 8)
-        drives = self._all(servos, _DRIVE_LIMITS, 6)
-        startup = self._all(servos, _STARTUP, 1)
+        identities = self._read_all(servos, _IDENTITY, 12)
+        limits = self._read_all(servos, _LIMITS, 8)
+        drives = self._read_all(servos, _DRIVE_LIMITS, 6)
+        startup = self._read_all(servos, _STARTUP, 1)
         for servo in servos:
             model = _numbers(identities[servo][1:], 2)[0]
             self._check(servo, model, *identities[servo][11:13], startup=startup[servo][1])
             highest, lowest = _numbers(limits[servo][1:], 4)
-            most_volts, least_volts, most = _numbers(drives[servo][1:], 2)
+            most_volts, least_volts, most_pwm = _numbers(drives[servo][1:], 2)
             self._delays[servo] = identities[servo][10] * _DELAY_UNIT
             self._known[servo] = _Known(
-                most=max(most, 1),
-                unit=0.0 if model in _SAY_NO_CURRENT else _CURRENT_UNITS.get(model, 2.69e-3),
+                most=max(most_pwm, 1),
+                unit=0.0 if model in _WITHOUT_CURRENT else _CURRENT_UNITS.get(model, 2.69e-3),
                 limits=(lowest, highest),
                 volts=(least_volts, most_volts),
             )
-        torque = self._all(servos, _TORQUE, 1)
-        errors = self._all(servos, _HARDWARE_ERROR, 1)
-        off = [servo for servo in servos if errors[servo][1] and not torque[servo][1]]
-        if off:
-            self._reboot(off)
+        torque = self._read_all(servos, _TORQUE, 1)
+        errors = self._read_all(servos, _HARDWARE_ERROR, 1)
+        tripped = [servo for servo in servos if errors[servo][1] and not torque[servo][1]]
+        if tripped:
+            self._reboot(tripped)
         for _ in range(_SENDINGS):
             self._write(_WATCHDOG, servos, 0, 1)
             self._write(_ACCELERATION, servos, 0, 4)
             self._write(_VELOCITY, servos, TOP_SPEED, 4)
-            profiles = self._all(servos, _ACCELERATION, 8)
-            if all(_numbers(found[1:], 4) == [0, TOP_SPEED] for found in profiles.values()):
+            profiles = self._read_all(servos, _ACCELERATION, 8)
+            if all(_numbers(profile[1:], 4) == [0, TOP_SPEED] for profile in profiles.values()):
                 break  # else a packet was damaged; if none arrives, the servo's speed shows it
 
     def read(self, servos: Sequence[int]) -> dict[int, Registers]:
@@ -196,10 +196,10 @@ class DynamixelChain(Chain):
             DeviceDataError: A servo's answer is damaged, or a refusal.
             DeviceMissingError: The line failed.
         """
-        state = self._all(servos, _STATE, _STATE_END - _STATE)
-        torque = self._all(servos, _TORQUE, 1)
+        state = self._read_all(servos, _STATE, _STATE_END - _STATE)
+        torque = self._read_all(servos, _TORQUE, 1)
         alerted = [n for n in servos if (state[n][0] | torque[n][0]) & ALERT]
-        errors = dict.fromkeys(servos, b"\0\0") | self._all(alerted, _HARDWARE_ERROR, 1)
+        errors = dict.fromkeys(servos, b"\0\0") | self._read_all(alerted, _HARDWARE_ERROR, 1)
         return {n: self._registers(n, state[n][1:], torque[n][1], errors[n][1]) for n in servos}
 
     def send(self, goals: Mapping[int, int]) -> None:
@@ -263,29 +263,29 @@ class DynamixelChain(Chain):
                 servo,
                 f"is in {_MODES.get(mode, f'the unknown operating mode {mode}')} mode, not in "
                 "position mode",
-                f"Set its Operating Mode to 3 {_WIZARD}",
+                f"Set its Operating Mode to 3 {_WIZARD_ADVICE}",
             )
         if drive & ~1:  # bit 0 only turns the direction round
             raise self._unfit(
                 servo,
                 f"has Drive Mode {drive}: a profile by time, or torque that goes on with a goal",
-                f"Set its Drive Mode to 0 or 1 {_WIZARD}",
+                f"Set its Drive Mode to 0 or 1 {_WIZARD_ADVICE}",
             )
         if startup:
             raise self._unfit(
                 servo,
                 "switches its torque on, or restores its memory, by itself after a reset",
-                f"Set its Startup Configuration to 0 {_WIZARD}",
+                f"Set its Startup Configuration to 0 {_WIZARD_ADVICE}",
             )
 
     def _reboot(self, servos: Sequence[int]) -> None:
         for servo in servos:
             self._line.write(encode(Packet(servo, Instruction.REBOOT)))
-        for _ in range(_REBOOTS):
-            self._clock.sleep(_REBOOT)
+        for _ in range(_REBOOT_WAITS):
+            self._clock.sleep(_REBOOT_TIME)
             if self.ping(servos[-1]):
                 break
-        for servo, answer in self._all(servos, _HARDWARE_ERROR, 1).items():
+        for servo, answer in self._read_all(servos, _HARDWARE_ERROR, 1).items():
             if answer[1]:
                 raise self._unfit(
                     servo,
@@ -297,7 +297,7 @@ class DynamixelChain(Chain):
         """Writes a number into several servos, which none of them acknowledges."""
         self._line.write(encode(sync_write(address, dict.fromkeys(servos, value), size)))
 
-    def _all(self, servos: Sequence[int], address: int, size: int) -> dict[int, bytes]:
+    def _read_all(self, servos: Sequence[int], address: int, size: int) -> dict[int, bytes]:
         """Reads ``size`` bytes of each servo from an address on; before them stands the error."""
 
         def question(missing: Sequence[int]) -> Packet:
@@ -309,11 +309,11 @@ class DynamixelChain(Chain):
         for servo, answer in answers.items():
             error = answer[0] & ~ALERT
             if error or len(answer) != 1 + size:
-                said = PacketError(error).name if error in list(PacketError) else f"error {error}"
+                kind = PacketError(error).name if error in list(PacketError) else f"error {error}"
                 raise self._unfit(
                     servo,
                     f"does not tell its registers from {address} on: "
-                    f"{said.lower().replace('_', ' ')}",
+                    f"{kind.lower().replace('_', ' ')}",
                     "Check that its firmware is current.",
                 )
         return answers
@@ -322,7 +322,7 @@ class DynamixelChain(Chain):
 def _numbers(data: bytes, size: int) -> list[int]:
     """Numbers of ``size`` bytes, low first, one after another; a rest is left out."""
     starts = range(0, len(data) - size + 1, size)
-    return [int.from_bytes(data[at : at + size], "little") for at in starts]
+    return [int.from_bytes(data[start : start + size], "little") for start in starts]
 
 
 def _in_words(error: int) -> str:

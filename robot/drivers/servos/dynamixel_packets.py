@@ -98,8 +98,8 @@ def encode(packet: Packet) -> bytes:
     body = bytes((packet.instruction,)) + packet.parameters
     body = body.replace(_STUFFED, _STUFFED + b"\xfd")
     length = len(body) + _CRC_BYTES
-    whole = HEADER + bytes((packet.id,)) + length.to_bytes(2, "little") + body
-    return whole + crc16(whole).to_bytes(2, "little")
+    frame = HEADER + bytes((packet.id,)) + length.to_bytes(2, "little") + body
+    return frame + crc16(frame).to_bytes(2, "little")
 
 
 class Decoder:
@@ -122,8 +122,8 @@ class Decoder:
         """Takes bytes; returns the packets that are complete with them."""
         self._buffer += data
         packets = []
-        while (found := self._next()) is not None:
-            packets += found
+        while (next_packets := self._next()) is not None:
+            packets += next_packets
         return packets
 
     def begin(self, question: bytes = b"") -> None:
@@ -160,9 +160,9 @@ class Decoder:
         if crc16(buffer[:body_end]) != int.from_bytes(buffer[body_end:end], "little"):
             return self._damaged()
         body = bytes(buffer[_BEFORE_INSTRUCTION:body_end]).replace(_STUFFED + b"\xfd", _STUFFED)
-        found = Packet(buffer[len(HEADER)], body[0], body[1:])
+        packet = Packet(buffer[len(HEADER)], body[0], body[1:])
         del buffer[:end]
-        return [found]
+        return [packet]
 
     def _damaged(self) -> list[Packet]:
         """Goes on behind the damaged packet's header: another may stand in its supposed length."""

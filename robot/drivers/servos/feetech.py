@@ -45,7 +45,7 @@ FAULTS: Final = (
 )
 """Bits of the status, and what each of them says."""
 
-_EVERYBODY: Final = 0xFE
+_BROADCAST: Final = 0xFE
 _HEADER: Final = b"\xff\xff"
 _OVERHEAD: Final = 6  # bytes of a packet around its parameters
 _PING, _READ, _WRITE, _SYNC_READ, _SYNC_WRITE = 0x01, 0x02, 0x03, 0x82, 0x83
@@ -56,7 +56,7 @@ _SETTINGS: Final = range(5, 34)
 _DELAY: Final = 7  # register of the delay of an answer, in units of 2 µs
 _CURRENT_UNIT: Final = 0.0065  # A
 _MODES: Final = ("position", "wheel (constant speed)", "open loop (PWM)", "step")
-_SETTLED: Final = 0.002  # s after a write until a reading shows it
+_SETTLE_TIME: Final = 0.002  # s after a write until a reading shows it
 
 
 class FeetechChain(Chain):
@@ -77,8 +77,8 @@ class FeetechChain(Chain):
 
     def ping(self, servo: int) -> bool:
         """Whether a servo answers, asked once; a damaged answer, as of two at once, counts."""
-        found, damaged = self._ask(_packet(servo, _PING), [servo], 0)
-        return servo in found or damaged
+        answers, damaged = self._ask(_packet(servo, _PING), [servo], 0)
+        return servo in answers or damaged
 
     def set_up(self, servos: Sequence[int]) -> None:
         """Identifies servos, refuses one that is not fit for use, and marks them.
@@ -88,27 +88,27 @@ class FeetechChain(Chain):
             DeviceDataError: A servo's answers are damaged, or it is set up for something else.
             DeviceMissingError: The line failed.
         """
-        settings = self._all(servos, _SETTINGS)
+        settings = self._read_all(servos, _SETTINGS)
         for servo in servos:
             memory = dict(zip(_SETTINGS, settings[servo], strict=True))
             mode = memory[_MODE]
             if mode:
-                what = _MODES[mode] if mode < len(_MODES) else f"unknown ({mode})"
+                mode_name = _MODES[mode] if mode < len(_MODES) else f"unknown ({mode})"
                 raise self._unfit(
                     servo,
-                    f"is in {what} mode, register {_MODE}",
+                    f"is in {mode_name} mode, register {_MODE}",
                     "Set its mode to 0 (position) with the maker's program; nothing is written "
                     "into its EEPROM here.",
                 )
             low, high = (memory[at] + 256 * memory[at + 1] for at in (_LIMITS, _LIMITS + 2))
             self._limits[servo] = (low, high) if high > low else (0, COUNTS[-1])  # both 0: none
             self._delays[servo] = 2e-6 * memory[_DELAY]
-        states = {n: found.state for n, found in self.read(servos).items()}
-        off = {n: b"\0" for n, state in states.items() if state.fault and not state.driven}
-        if off:
-            self._write(_TORQUE, off)  # acknowledges an overload that is over
+        states = {n: registers.state for n, registers in self.read(servos).items()}
+        tripped = {n: b"\0" for n, state in states.items() if state.fault and not state.driven}
+        if tripped:
+            self._write(_TORQUE, tripped)  # acknowledges an overload that is over
         self._write(_ACCELERATION, dict.fromkeys(servos, bytes((MARK,))))
-        self._clock.sleep(_SETTLED)
+        self._clock.sleep(_SETTLE_TIME)
 
     def read(self, servos: Sequence[int]) -> dict[int, Registers]:
         """Goal, torque and state of some servos, in one query for all of them.
@@ -118,8 +118,8 @@ class FeetechChain(Chain):
             DeviceDataError: A servo's answer is damaged.
             DeviceMissingError: The line failed.
         """
-        found = self._all(servos, _STATE)
-        return {servo: self._registers(servo, found[servo]) for servo in servos}
+        answers = self._read_all(servos, _STATE)
+        return {servo: self._registers(servo, answers[servo]) for servo in servos}
 
     def send(self, goals: Mapping[int, int]) -> None:
         """Writes goals with their speed, in one packet, which also switches the torque on.
@@ -137,7 +137,7 @@ class FeetechChain(Chain):
             DeviceError: The line failed.
         """
         self._write(_TORQUE, dict.fromkeys(servos, bytes((on,))))
-        self._clock.sleep(_SETTLED)
+        self._clock.sleep(_SETTLE_TIME)
 
     def seconds_for(self, servos: int) -> float:
         """Time that reading so many servos and sending to them takes, s."""
@@ -153,8 +153,8 @@ class FeetechChain(Chain):
     def _registers(self, servo: int, data: bytes) -> Registers:
         def number(address: int, sign: int = 15) -> int:
             """Number in two bytes, low first, whose sign is a bit of its own."""
-            at = address - _STATE[0]
-            value = data[at] + 256 * data[at + 1]
+            start = address - _STATE[0]
+            value = data[start] + 256 * data[start + 1]
             size = value & ~(1 << sign)
             return -size if value >> sign & 1 else size
 
@@ -168,7 +168,7 @@ class FeetechChain(Chain):
             state=ServoState(
                 position=number(56),
                 driven=bool(byte(_TORQUE)),
-                fault=" and ".join(what for bit, what in FAULTS if status >> bit & 1),
+                fault=" and ".join(fault for bit, fault in FAULTS if status >> bit & 1),
                 load=number(60, sign=10) / 1000,
                 voltage=byte(62) / 10,
                 temperature=byte(63),
@@ -181,16 +181,16 @@ class FeetechChain(Chain):
         """Writes into several servos' memory, which none of them acknowledges."""
         size = len(next(iter(data.values()), b""))
         values = b"".join(bytes((servo,)) + value for servo, value in data.items())
-        self._line.write(_packet(_EVERYBODY, _SYNC_WRITE, bytes((address, size)) + values))
+        self._line.write(_packet(_BROADCAST, _SYNC_WRITE, bytes((address, size)) + values))
 
-    def _all(self, servos: Sequence[int], addresses: range) -> dict[int, bytes]:
+    def _read_all(self, servos: Sequence[int], addresses: range) -> dict[int, bytes]:
         """Reads the bytes at some addresses of each servo."""
-        where = bytes((addresses[0], len(addresses)))
+        block = bytes((addresses[0], len(addresses)))
 
         def question(missing: Sequence[int]) -> bytes:
             if len(missing) == 1:
-                return _packet(missing[0], _READ, where)
-            return _packet(_EVERYBODY, _SYNC_READ, where + bytes(missing))
+                return _packet(missing[0], _READ, block)
+            return _packet(_BROADCAST, _SYNC_READ, block + bytes(missing))
 
         answers = self._query(question, servos, len(addresses))
         return {servo: answer[1:] for servo, answer in answers.items()}
@@ -225,9 +225,9 @@ class _Answers:
         """Takes bytes; returns the answers complete with them: ID, and error with data."""
         self._raw += data
         return [
-            (whole[2], whole[4:-1])
-            for whole in self._packets()
-            if whole != self._question and whole[2] != _EVERYBODY
+            (packet[2], packet[4:-1])
+            for packet in self._packets()
+            if packet != self._question and packet[2] != _BROADCAST
         ]
 
     def _packets(self) -> Iterator[bytes]:

@@ -172,10 +172,10 @@ class PCA9685Settings:
     def __str__(self) -> str:
         boards = " and ".join(f"0x{address:x}" for address in self.boards)
         ticks = " and ".join(f"{tick:.2f}" for tick in self.ticks_us)
-        guess = "" if self.oscillators_mhz else " if the oscillator runs at 25 MHz, not measured"
+        caveat = "" if self.oscillators_mhz else " if the oscillator runs at 25 MHz, not measured"
         return (
             f"{boards} on I²C bus {self.bus}, {1 / self.period:.1f} pulses a second, counts of "
-            f"{ticks} µs{guess}"
+            f"{ticks} µs{caveat}"
         )
 
 
@@ -239,9 +239,9 @@ class PCA9685:
         check_counts(counts, self._settings.counts, self._settings.outputs)
         altered = self._differing(self._held)
         if altered:
-            several = "s" if altered[1:] else ""
+            plural = "s" if altered[1:] else ""
             raise DeviceDataError(
-                f"The servo board (PCA9685) does not have the commands for output{several} "
+                f"The servo board (PCA9685) does not have the commands for output{plural} "
                 f"{', '.join(map(str, altered))}: another program wrote there, or writes were "
                 "lost.",
                 "Check that nothing else drives the board, then its cable.",
@@ -297,15 +297,15 @@ class PCA9685:
         """
         check_outputs(outputs, self._settings.outputs)
         if not self._ready:
-            for one in self._boards:
-                one.set_up(self._clock.sleep)
+            for board in self._boards:
+                board.set_up(self._clock.sleep)
             self._switch(on=self._on)  # the bus cannot tell the level of this line
             self._held.clear()
             self._ready = True
-        found = self._read()
-        counts = {output: found[output] for output in outputs}
+        all_counts = self._read()
+        counts = {output: all_counts[output] for output in outputs}
         self._held |= counts
-        self._driven |= {output for output, count in found.items() if count}
+        self._driven |= {output for output, count in all_counts.items() if count}
         return counts
 
     def verify(self, expected: Mapping[int, int]) -> list[int]:
@@ -344,8 +344,8 @@ class PCA9685:
 
     def seconds_for(self, changed: int) -> float:
         """Time of ``set_counts``: a pulse, and the transfers on a bus of 100 kHz, s."""
-        every = len(self._settings.boards) * (BYTES_TO_READ + BYTES_TO_MOVE)
-        return self._settings.period + (every + changed * BYTES_PER_OUTPUT) * _SECONDS_PER_BYTE
+        fixed = len(self._settings.boards) * (BYTES_TO_READ + BYTES_TO_MOVE)
+        return self._settings.period + (fixed + changed * BYTES_PER_OUTPUT) * _SECONDS_PER_BYTE
 
     def close(self) -> None:
         """Closes the bus; the boards keep the servos where they are."""
@@ -375,8 +375,8 @@ class PCA9685:
             self._line.set(not on)
 
     def _board(self, address: int) -> PCA9685Board:
-        held = self._settings
-        return PCA9685Board(self._link, address, prescale=held.prescale, counts=held.counts)
+        settings = self._settings
+        return PCA9685Board(self._link, address, prescale=settings.prescale, counts=settings.counts)
 
     def _read(self) -> dict[int, int]:
         """Counts of all outputs; checks that the boards run as they were set up."""
@@ -386,10 +386,10 @@ class PCA9685:
         return counts
 
     def _differing(self, expected: Mapping[int, int]) -> list[int]:
-        held = self._read()
-        if any(held[output] != count for output, count in expected.items()):
-            held = self._read()  # it may be the reading that was damaged
-        return sorted(output for output, count in expected.items() if held[output] != count)
+        counts = self._read()
+        if any(counts[output] != count for output, count in expected.items()):
+            counts = self._read()  # it may be the reading that was damaged
+        return sorted(output for output, count in expected.items() if counts[output] != count)
 
     def _sound(self, transfer: Callable[..., T], *arguments: Any) -> T:
         """Makes a transfer with a board that was set up; if it was altered, forgets all boards."""

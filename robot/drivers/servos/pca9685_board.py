@@ -125,14 +125,14 @@ class PCA9685Board:
         """
         for _ in range(2):  # it may be the reading that was damaged
             data = self._registers.read(_PRESCALE, len(_SETTINGS) + _OUTPUT_BYTES * OUTPUTS)
-            found, outputs = data[: len(_SETTINGS)], data[len(_SETTINGS) :]
-            if found == self._settings:
+            settings, outputs = data[: len(_SETTINGS)], data[len(_SETTINGS) :]
+            if settings == self._settings:
                 starts = range(0, len(outputs), _OUTPUT_BYTES)
-                return tuple(_count(outputs[at : at + _OUTPUT_BYTES]) for at in starts)
-            found = self._one_by_one(_SETTINGS)
-            if found != self._settings:
+                return tuple(_count(outputs[start : start + _OUTPUT_BYTES]) for start in starts)
+            settings = self._one_by_one(_SETTINGS)
+            if settings != self._settings:
                 break
-        raise self._altered(found)
+        raise self._altered(settings)
 
     def move(self, counts: Mapping[int, int]) -> None:
         """Commands outputs to counts, all at the same time.
@@ -140,10 +140,10 @@ class PCA9685Board:
         Raises:
             DeviceDataError: The chip does not run as it was set up; it got the counts all the same.
         """
-        writes = [(_led(one), 0, 0, count & 0xFF, count >> 8) for one, count in counts.items()]
-        found = self._registers.write_and_read(writes, _PRESCALE, len(_SETTINGS))
-        if found != self._settings:
-            raise self._altered(found)
+        writes = [(_led(n), 0, 0, count & 0xFF, count >> 8) for n, count in counts.items()]
+        settings = self._registers.write_and_read(writes, _PRESCALE, len(_SETTINGS))
+        if settings != self._settings:
+            raise self._altered(settings)
 
     def off(self, output: int) -> None:
         """Ends the pulses of an output."""
@@ -169,9 +169,9 @@ class PCA9685Board:
         """The registers that differ from how they were set up, in words; empty: none."""
         rows = zip(_NAMES, found, self._settings, strict=True)
         return ", ".join(
-            f"{name} is 0x{now:02x} instead of 0x{once:02x}"
-            for name, now, once in rows
-            if now != once
+            f"{name} is 0x{value:02x} instead of 0x{expected:02x}"
+            for name, value, expected in rows
+            if value != expected
         )
 
     def _altered(self, found: bytes) -> DeviceDataError:

@@ -119,8 +119,8 @@ class AnsweringServoBus(ServoBus, Protocol):
 
 def answering(servos: ServoBus) -> AnsweringServoBus | None:
     """The driver, if its servos tell their positions, else ``None``."""
-    found = callable(getattr(servos, "read_states", None))
-    return cast(AnsweringServoBus, servos) if found else None
+    is_answering = callable(getattr(servos, "read_states", None))
+    return cast(AnsweringServoBus, servos) if is_answering else None
 
 
 def check_outputs(outputs: Iterable[int], known: range) -> None:

@@ -156,8 +156,8 @@ class Chain(ABC):
             if not missing:
                 break
             self.repeats += attempt > 0
-            found, damaged = self._ask(question(missing), missing, size)
-            answers |= found
+            new_answers, damaged = self._ask(question(missing), missing, size)
+            answers |= new_answers
         for servo in servos:
             if servo not in answers:
                 raise self._unanswered(servo, damaged=damaged)
@@ -171,15 +171,15 @@ class Chain(ABC):
         self._answers.begin(question)
         self._line.write(question)
         answers: dict[int, bytes] = {}
-        left = len(servos) * (self.overhead + size)
-        while servos[-1] not in answers and (left > 0 or not self._answers.damaged):
-            wanted = max(1, self.overhead + size - self._answers.pending)
-            data = self._line.read(wanted)
-            left -= len(data)
+        bytes_left = len(servos) * (self.overhead + size)
+        while servos[-1] not in answers and (bytes_left > 0 or not self._answers.damaged):
+            count = max(1, self.overhead + size - self._answers.pending)
+            data = self._line.read(count)
+            bytes_left -= len(data)
             for servo, answer in self._answers.take(data):
                 if servo in servos:
                     answers[servo] = answer
-            if len(data) < wanted:
+            if len(data) < count:
                 break
         self._clock.charge(sum(self._delays.get(servo, _USUAL_DELAY) for servo in answers))
         return answers, bool(self._answers.damaged or self._answers.pending)

@@ -47,7 +47,7 @@ MAX_BOARDS: Final = 8
 _SERVOS_PER_LINE: Final = 2
 _FIRST_POSITION: Final = 51  # RAM cell of servo 1's commanded count
 _ATTEMPTS: Final = 3  # of a query; a sound line needs one, and the doctor counts the others
-_RESET: Final = "Check the servos' supply: it drops under load."
+_RESET_ADVICE: Final = "Check the servos' supply: it drops under load."
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,8 +96,8 @@ class SV203Settings:
 
     def __str__(self) -> str:
         numbers = " and ".join(map(str, self.boards))
-        several = "s" if len(self.boards) > 1 else ""
-        return f"board{several} {numbers} on {self.port}, {self.baud} baud"
+        plural = "s" if len(self.boards) > 1 else ""
+        return f"board{plural} {numbers} on {self.port}, {self.baud} baud"
 
 
 class SV203:
@@ -188,10 +188,10 @@ class SV203:
             DeviceDataError: A board was reset.
             DeviceError: The line failed, no reply came, or only garbage did.
         """
-        wanted = list(self._outputs if outputs is None else outputs)
-        check_outputs(wanted, self._outputs)
+        asked_outputs = list(self._outputs if outputs is None else outputs)
+        check_outputs(asked_outputs, self._outputs)
         counts = {}
-        for output in wanted:
+        for output in asked_outputs:
             self._select(self._board_of(output))
             counts[output] = self._held[output] = self._query(output)
         return counts
@@ -234,10 +234,10 @@ class SV203:
         """Longest time that ``set_counts`` takes when ``changed`` counts changed, s."""
         used = min(len(self._boards), changed) if len(self._boards) > 1 else 0
         pairs, single = divmod(changed - used, _SERVOS_PER_LINE)
-        one = len("SV8M255")
+        size = len("SV8M255")
         return (
-            pairs * self._line.seconds_for(2 * one)
-            + (single + used) * self._line.seconds_for(one)  # a board's last line may have but one
+            pairs * self._line.seconds_for(2 * size)
+            + (single + used) * self._line.seconds_for(size)  # a board's last line may have but one
             + used * self._line.seconds_to_ask(len("BD255RR58"))
         )
 
@@ -256,9 +256,9 @@ class SV203:
         """Groups outputs by board, the selected board first; leaves out boards without any."""
         boards = sorted(self._boards, key=lambda board: board != self._selected)
         groups = ((board, [n for n in outputs if self._board_of(n) == board]) for board in boards)
-        return [(board, own) for board, own in groups if own]
+        return [(board, group) for board, group in groups if group]
 
-    def _called(self, board: int) -> str:
+    def _board_name(self, board: int) -> str:
         number = f", board {board}" if len(self._boards) > 1 else ""
         return f"servo board ({self.name}{number})"
 
@@ -280,16 +280,16 @@ class SV203:
         held = self._held_by(board)
         if board == self._selected or not held:
             return
-        telling = max(held, key=lambda output: abs(held[output] - NEUTRAL))
+        probe = max(held, key=lambda output: abs(held[output] - NEUTRAL))
         for _ in range(2):  # it may be the answer that was damaged
-            count = self._query(telling)
-            if count == held[telling]:
+            count = self._query(probe)
+            if count == held[probe]:
                 return
         self.forget()
         raise DeviceDataError(
-            f"The {self._called(board)} has count {count} at output {telling} instead of "
-            f"{held[telling]}: it was reset, or bytes were lost on the line.",
-            _RESET,
+            f"The {self._board_name(board)} has count {count} at output {probe} instead of "
+            f"{held[probe]}: it was reset, or bytes were lost on the line.",
+            _RESET_ADVICE,
         )
 
     def _query(self, output: int) -> int:
@@ -311,7 +311,7 @@ class SV203:
         select = ""
         if board != self._selected:
             self._selected, select = None, f"BD{board}"
-        answer = self._line.ask(_cell(output), select=select, board=self._called(board))
+        answer = self._line.ask(_cell(output), select=select, board=self._board_name(board))
         self._selected = board
         return answer
 
@@ -320,15 +320,15 @@ class SV203:
         board = self._board_of(output)
         for _ in range(_ATTEMPTS):
             with suppress(DeviceTimeoutError, DeviceDataError):
-                self._line.ask(_cell(output), select=f"BD{board}", board=self._called(board))
+                self._line.ask(_cell(output), select=f"BD{board}", board=self._board_name(board))
                 break
         else:
             return
         self.forget()
         raise DeviceDataError(
-            f"The {self._called(board)} is not selected any more: it was reset, and its servos "
+            f"The {self._board_name(board)} is not selected any more: it was reset, and its servos "
             "went to neutral.",
-            _RESET,
+            _RESET_ADVICE,
         )
 
 

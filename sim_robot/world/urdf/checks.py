@@ -115,7 +115,7 @@ def _link(link: Link, *, root: bool, whole: bool) -> Iterator[tuple[str, str]]:
         reason = f"is {mass:g} kg, and may be {HEAVIEST:g} at most: URDF has kilograms."
         yield f"{where}: mass", reason
     if link.inertial is not None:
-        if link.inertial.inertia is not None and not _possible(link.inertial.inertia):
+        if link.inertial.inertia is not None and not _is_possible(link.inertial.inertia):
             yield (
                 f"{where}: inertia",
                 "is that of no rigid body: its principal moments must be 0 or more.",
@@ -132,7 +132,7 @@ def _link(link: Link, *, root: bool, whole: bool) -> Iterator[tuple[str, str]]:
         yield where, "the root link must have a shape, <collision>: it is the main body."
 
 
-def _possible(inertia: Inertia) -> bool:
+def _is_possible(inertia: Inertia) -> bool:
     moments = np.linalg.eigvalsh(inertia.matrix)
     return bool(moments.min() >= -1e-6 * abs(moments).max())
 

@@ -44,11 +44,11 @@ def frame_of(xyz: Sequence[float] | Points, rpy: Sequence[float] = (0.0, 0.0, 0.
     """The pose at a position (m), turned by roll, pitch and yaw (rad) about x, y and z, fixed."""
     frame = np.eye(4)
     for axis, angle in enumerate(rpy):
-        one, other = (axis + 1) % 3, (axis + 2) % 3
+        u, v = (axis + 1) % 3, (axis + 2) % 3
         turn = np.eye(4)
-        turn[one, one] = turn[other, other] = math.cos(angle)
-        turn[other, one] = math.sin(angle)
-        turn[one, other] = -turn[other, one]
+        turn[u, u] = turn[v, v] = math.cos(angle)
+        turn[v, u] = math.sin(angle)
+        turn[u, v] = -turn[v, u]
         frame = turn @ frame
     frame[:3, 3] = xyz
     return frame
@@ -56,10 +56,10 @@ def frame_of(xyz: Sequence[float] | Points, rpy: Sequence[float] = (0.0, 0.0, 0.
 
 def inverse(frame: Frame) -> Frame:
     """Inverse of a pose: that of the outer frame in the inner one."""
-    back = np.eye(4)
-    back[:3, :3] = frame[:3, :3].T
-    back[:3, 3] = -frame[:3, :3].T @ frame[:3, 3]
-    return back
+    inverted = np.eye(4)
+    inverted[:3, :3] = frame[:3, :3].T
+    inverted[:3, 3] = -frame[:3, :3].T @ frame[:3, 3]
+    return inverted
 
 
 def _finite(value: float) -> float:
@@ -80,7 +80,7 @@ def _not_negative(value: float) -> float:
     return value
 
 
-def _three(text: str) -> str:
+def _three_numbers(text: str) -> str:
     try:
         values = vector(text)
     except ValueError:
@@ -91,13 +91,13 @@ def _three(text: str) -> str:
 
 
 def _extents(text: str) -> str:
-    for value in vector(_three(text)):
+    for value in vector(_three_numbers(text)):
         _positive(value)
     return text
 
 
 def _scale(text: str) -> str:
-    if not all(vector(_three(text))):
+    if not all(vector(_three_numbers(text))):
         raise ValueError("must not be 0")
     return text
 
@@ -105,7 +105,7 @@ def _scale(text: str) -> str:
 Finite = Annotated[float, AfterValidator(_finite)]
 Positive = Annotated[float, AfterValidator(_finite), AfterValidator(_positive)]
 NotNegative = Annotated[float, AfterValidator(_finite), AfterValidator(_not_negative)]
-Vector = Annotated[str, AfterValidator(_three)]
+Vector = Annotated[str, AfterValidator(_three_numbers)]
 Extents = Annotated[str, AfterValidator(_extents)]
 Scale = Annotated[str, AfterValidator(_scale)]
 
@@ -160,9 +160,9 @@ class Inertia(_Element, tag="inertia"):
     def _symmetric(self) -> Self:
         rounding = 1e-6 * max(map(abs, (self.ixx, self.iyy, self.izz)))
         for upper, lower in (("ixy", "iyx"), ("ixz", "izx"), ("iyz", "izy")):
-            one, other = getattr(self, upper), getattr(self, lower)
-            if other is not None and abs(one - other) > rounding:
-                raise ValueError(f"is not symmetric: {upper} is {one:g}, {lower} {other:g}")
+            above, below = getattr(self, upper), getattr(self, lower)
+            if below is not None and abs(above - below) > rounding:
+                raise ValueError(f"is not symmetric: {upper} is {above:g}, {lower} {below:g}")
         return self
 
     @property
@@ -218,8 +218,8 @@ class Geometry(_Element, tag="geometry"):
     def shape(self) -> Box | Cylinder | Sphere | Mesh | None:
         """The shape, if there is exactly one."""
         shapes = (self.box, self.cylinder, self.sphere, self.mesh)
-        there = [item for item in shapes if item is not None]
-        return there[0] if len(there) == 1 else None
+        given_shapes = [shape for shape in shapes if shape is not None]
+        return given_shapes[0] if len(given_shapes) == 1 else None
 
 
 class Collision(_Element, tag="collision"):

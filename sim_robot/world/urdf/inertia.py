@@ -18,7 +18,7 @@ import numpy as np
 from sim_robot.world.urdf.declarations import Inertia, Link, Origin, Points, Robot, Say, vector
 
 _ROUNDING: Final = 0.01  # share of the largest moment; files have few digits
-_LEAST: Final = 0.01  # m, side of a link without shapes
+_LEAST_SIDE: Final = 0.01  # m, side of a link without shapes
 
 
 def mend_inertia(robot: Robot, note: Say) -> None:
@@ -30,20 +30,20 @@ def mend_inertia(robot: Robot, note: Say) -> None:
         robot: Links that have masses, and boxes, cylinders or spheres.
         note: Told what is replaced, and why.
     """
-    hanging: dict[str, list[Points]] = defaultdict(list)
+    joint_places: dict[str, list[Points]] = defaultdict(list)
     for joint in robot.joints:
-        hanging[joint.parent.link].append(np.array(vector(joint.origin.xyz)))
-    extents = {link.name: _extent(link, hanging[link.name]) for link in robot.links}
+        joint_places[joint.parent.link].append(np.array(vector(joint.origin.xyz)))
+    extents = {link.name: _extent(link, joint_places[link.name]) for link in robot.links}
     longest = max(map(_diagonal, extents.values()), default=0.0)
-    said = dict[str, str]()  # sentence about the first link, by broken rule
+    sentences = dict[str, str]()  # sentence about the first link, by broken rule
     for link in robot.links:
         inertial, mass = link.inertial, link.mass
         if inertial is None or not mass:
             continue
         reach = _diagonal(extents[link.name]) if link.collisions else longest
-        reason = _impossible(inertial.inertia, mass, reach)
-        if reason:
-            sentence = said.setdefault(*reason)
+        broken_rule = _impossible(inertial.inertia, mass, reach)
+        if broken_rule:
+            sentence = sentences.setdefault(*broken_rule)
             note(f"link '{link.name}'", f"{sentence}; it is given that of a box of its size")
             inertial.inertia = _of_box(mass, extents[link.name])
             inertial.origin = Origin(xyz=inertial.origin.xyz)  # along the axes of its link
@@ -89,7 +89,7 @@ def _diagonal(sides: Points) -> float:
 
 def _of_box(mass: float, sides: Points) -> Inertia:
     """The inertia of a box of uniform density."""
-    x, y, z = (np.maximum(sides, _LEAST) ** 2).tolist()
+    x, y, z = (np.maximum(sides, _LEAST_SIDE) ** 2).tolist()
     return Inertia(
         ixx=mass * (y + z) / 12,
         iyy=mass * (x + z) / 12,

@@ -25,10 +25,10 @@ LARGEST: Final = 100 * 2**20
 LARGEST_COLLADA: Final = 20 * 2**20
 """Most bytes of a Collada file, which is in memory as a whole, ten times as large."""
 
-_HEADER: Final = 84  # bytes of a binary STL before its triangles
+_HEADER_SIZE: Final = 84  # bytes of a binary STL before its triangles
 _TRIANGLE: Final = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("colour", "<u2")])
-_AT_ONCE: Final = 10_000  # triangles, or lines
-_PACKAGE: Final = "package://"
+_BATCH_SIZE: Final = 10_000  # triangles, or lines
+_PACKAGE_PREFIX: Final = "package://"
 
 
 def find_mesh(filename: str, description: Path) -> Path | None:
@@ -42,14 +42,14 @@ def find_mesh(filename: str, description: Path) -> Path | None:
     """
     folder = description.resolve().parent
     name = filename.removeprefix("file://")
-    if not filename.startswith(_PACKAGE):
+    if not filename.startswith(_PACKAGE_PREFIX):
         path = folder / name
         return path if path.is_file() else None
-    inside = filename.removeprefix(_PACKAGE)
-    for place in (folder, *folder.parents):
-        for name in (inside, inside.partition("/")[2]):
-            if (place / name).is_file():
-                return place / name
+    package_path = filename.removeprefix(_PACKAGE_PREFIX)
+    for parent in (folder, *folder.parents):
+        for name in (package_path, package_path.partition("/")[2]):
+            if (parent / name).is_file():
+                return parent / name
     return None
 
 
@@ -68,10 +68,10 @@ def box_of_mesh(path: Path) -> NDArray[np.float64]:
     if kind not in readers:
         formats = ".stl, .obj or .dae"
         raise ValueError(f"is {kind or 'of no known format'}; write collision meshes as {formats}")
-    size, most = path.stat().st_size, LARGEST_COLLADA if kind == ".dae" else LARGEST
-    if size > most:
+    size, limit = path.stat().st_size, LARGEST_COLLADA if kind == ".dae" else LARGEST
+    if size > limit:
         raise ValueError(
-            f"has {size / 2**20:.0f} MiB, and may have {most / 2**20:.0f} at most: only the box "
+            f"has {size / 2**20:.0f} MiB, and may have {limit / 2**20:.0f} at most: only the box "
             "around it is used, so write a coarser mesh for <collision>, or a box"
         )
     with path.open("rb") as file:
@@ -89,11 +89,11 @@ def box_of_mesh(path: Path) -> NDArray[np.float64]:
 
 
 def _stl(file: BinaryIO, size: int) -> Iterator[Points]:
-    head = file.read(_HEADER)
-    count = int.from_bytes(head[_HEADER - 4 :], "little") if len(head) == _HEADER else 0
-    expected = _HEADER + count * _TRIANGLE.itemsize
+    head = file.read(_HEADER_SIZE)
+    count = int.from_bytes(head[_HEADER_SIZE - 4 :], "little") if len(head) == _HEADER_SIZE else 0
+    expected = _HEADER_SIZE + count * _TRIANGLE.itemsize
     if size == expected:
-        while triangles := min(count, _AT_ONCE):
+        while triangles := min(count, _BATCH_SIZE):
             count -= triangles
             yield np.fromfile(file, _TRIANGLE, triangles)["corners"].reshape(-1, 3).astype(float)
     elif head.lstrip()[:5].lower() == b"solid" and b"\0" not in head:
@@ -108,25 +108,25 @@ def _stl(file: BinaryIO, size: int) -> Iterator[Points]:
 
 
 def _text_stl(file: BinaryIO) -> Iterator[Points]:
-    corners, last = 0, b""
-    for words in _batches(file):
-        last = words[-1][0]
-        points = _numbers(words, b"vertex")
+    corners, last_word = 0, b""
+    for lines in _batches(file):
+        last_word = lines[-1][0]
+        points = _numbers(lines, b"vertex")
         corners += len(points)
         if len(points):
             yield points
-    if last != b"endsolid" or corners % 3:
+    if last_word != b"endsolid" or corners % 3:
         raise ValueError(f"is cut short: after {corners} corners it ends without 'endsolid'")
 
 
 def _obj(file: BinaryIO, _: int) -> Iterator[Points]:
-    faces = False
-    for words in _batches(file):
-        faces = faces or any(line[0] in (b"f", b"l") for line in words)
-        points = _numbers(words, b"v")
+    has_faces = False
+    for lines in _batches(file):
+        has_faces = has_faces or any(line[0] in (b"f", b"l") for line in lines)
+        points = _numbers(lines, b"v")
         if len(points):
             yield points
-    if not faces:
+    if not has_faces:
         raise ValueError("has no faces: it is cut short, or no mesh")
 
 
@@ -137,7 +137,7 @@ def _batches(file: BinaryIO) -> Iterator[list[list[bytes]]]:
         words = line.split(maxsplit=4)
         if words:
             lines.append([words[0].lower(), *words[1:4]])
-        if len(lines) == _AT_ONCE:
+        if len(lines) == _BATCH_SIZE:
             yield lines
             lines = []
     if lines:
@@ -167,9 +167,9 @@ def _collada(file: BinaryIO, _: int) -> Iterator[Points]:
         scene = () if document.scene is None else document.scene.objects("geometry")
         metres = document.assetInfo.unitmeter or 1.0
         for shape in scene:
-            for part in shape.original.primitives:
-                if part.vertex_index is not None and len(part.vertex_index):
-                    corners = np.asarray(part.vertex)[np.unique(part.vertex_index)]
+            for primitive in shape.original.primitives:
+                if primitive.vertex_index is not None and len(primitive.vertex_index):
+                    corners = np.asarray(primitive.vertex)[np.unique(primitive.vertex_index)]
                     yield (corners @ shape.matrix[:3, :3].T + shape.matrix[:3, 3]) * metres
     except (collada.DaeError, etree.XMLSyntaxError, AttributeError) as error:
         raise ValueError(f"is no Collada file: {error}") from error

@@ -53,11 +53,11 @@ from sim_robot.world.urdf.declarations import (
 from sim_robot.world.urdf.inertia import mend_inertia
 from sim_robot.world.urdf.meshes import box_of_mesh, find_mesh
 
-_AMPLE: Final = 2.0 * 9.81  # N·m for each kg of the robot
+_AMPLE_EFFORT: Final = 2.0 * 9.81  # N·m for each kg of the robot
 _HALF_TURN: Final = math.pi
-_RADIANS: Final = 2 * math.pi + 0.01  # what lies beyond is hardly meant in radians
-_THINNEST: Final = 1e-4  # m
-_UPRIGHT: Final = 1e-6  # by which the cosine of an upright axis may be below 1
+_MAX_RADIANS: Final = 2 * math.pi + 0.01  # what lies beyond is hardly meant in radians
+_MIN_EXTENT: Final = 1e-4  # m
+_UPRIGHT_TOLERANCE: Final = 1e-6  # by which the cosine of an upright axis may be below 1
 
 
 def normalise(
@@ -83,7 +83,7 @@ def normalise(
         _arrange_tree(robot, note)
         main = _root(robot)
         if main is not None:
-            _show_instead(main, visual_faults.get(main.name, ()), note, fault)
+            _use_visuals(main, visual_faults.get(main.name, ()), note, fault)
     boxes = _MeshBoxes(file, fault)
     for link in robot.links:
         link.visuals = []
@@ -99,7 +99,7 @@ def normalise(
         if main is not None:
             _make_simple(main, note)
         mend_inertia(robot, note)
-    effort = _AMPLE * sum(link.mass for link in robot.links)
+    effort = _AMPLE_EFFORT * sum(link.mass for link in robot.links)
     for joint in robot.joints:
         _make_servo(joint, effort, note, fault)
 
@@ -109,16 +109,16 @@ def normalise(
 
 def _arrange_tree(robot: Robot, note: Say) -> None:
     """Makes the main body the root, joins links without mass to others, and lists parents first."""
-    _release(robot, note)
+    _drop_world(robot, note)
     _make_root(robot, lambda link: link.mass > 0)  # joining the old one to it makes a note
     _join_massless(robot, note)
-    new = _make_root(robot, lambda link: bool(link.collisions))
-    if new:
-        note(f"link '{new}'", "is the main body: what it is fixed to has no shape")
+    new_root = _make_root(robot, lambda link: bool(link.collisions))
+    if new_root:
+        note(f"link '{new_root}'", "is the main body: what it is fixed to has no shape")
     _list_parents_first(robot, note)
 
 
-def _release(robot: Robot, note: Say) -> None:
+def _drop_world(robot: Robot, note: Say) -> None:
     """Removes the world that a robot floats in: every robot lies free here."""
     for joint in list(robot.joints):
         name = joint.parent.link
@@ -141,27 +141,27 @@ def _make_root(robot: Robot, wanted: Callable[[Link], bool]) -> str:
     Returns:
         The name of the new root; empty where the old one stays.
     """
-    top = _root(robot)
-    if top is None or wanted(top):
+    old_root = _root(robot)
+    if old_root is None or wanted(old_root):
         return ""
-    ways: list[tuple[str, list[Joint]]] = [(top.name, [])]
-    seen = {top.name}
+    ways: list[tuple[str, list[Joint]]] = [(old_root.name, [])]
+    seen_names = {old_root.name}
     for name, way in ways:  # grows while it is gone through
         for joint in _joints_on(robot, name):
-            below = joint.child.link
-            link = _link(robot, below)
-            if joint.type != "fixed" or link is None or below in seen:
+            child_name = joint.child.link
+            link = _link(robot, child_name)
+            if joint.type != "fixed" or link is None or child_name in seen_names:
                 continue
             if wanted(link):
-                upright = reduce(matmul, (one.origin.frame for one in [*way, joint]))
+                upright = reduce(matmul, (fixed.origin.frame for fixed in [*way, joint]))
                 upright[:3, 3] = 0.0
-                for one in [*way, joint]:
-                    one.parent, one.child = one.child, one.parent
-                    one.origin = Origin.at(inverse(one.origin.frame))
+                for fixed in [*way, joint]:
+                    fixed.parent, fixed.child = fixed.child, fixed.parent
+                    fixed.origin = Origin.at(inverse(fixed.origin.frame))
                 _move_contents(robot, link, upright)
-                return below
-            seen.add(below)
-            ways.append((below, [*way, joint]))
+                return child_name
+            seen_names.add(child_name)
+            ways.append((child_name, [*way, joint]))
     return ""
 
 
@@ -171,28 +171,28 @@ def _move_contents(robot: Robot, link: Link, pose: Frame) -> None:
         return
     contents: list[Inertial | Collision | Joint] = [*link.collisions, *link.visuals]
     contents += [] if link.inertial is None else [link.inertial]
-    for one in [*contents, *_joints_on(robot, link.name)]:
-        one.origin = Origin.at(pose @ one.origin.frame)
+    for part in [*contents, *_joints_on(robot, link.name)]:
+        part.origin = Origin.at(pose @ part.origin.frame)
 
 
 def _join_massless(robot: Robot, note: Say) -> None:
     """Makes links without mass parts of what they are fixed to."""
     for joint in list(robot.joints):
-        above, below = _link(robot, joint.parent.link), _link(robot, joint.child.link)
-        if joint.type != "fixed" or above is None or below is None or above is below:
+        parent, child = _link(robot, joint.parent.link), _link(robot, joint.child.link)
+        if joint.type != "fixed" or parent is None or child is None or parent is child:
             continue
-        if below.mass or joint.mimic:
+        if child.mass or joint.mimic:
             continue
-        _move_contents(robot, below, joint.origin.frame)
-        above.collisions += below.collisions
-        for one in _joints_on(robot, below.name):
-            one.parent.link = above.name
+        _move_contents(robot, child, joint.origin.frame)
+        parent.collisions += child.collisions
+        for carried in _joints_on(robot, child.name):
+            carried.parent.link = parent.name
         _discard(robot.joints, joint)
-        _discard(robot.links, below)
-        note(f"link '{below.name}'", f"has no mass and is taken as a part of '{above.name}'")
+        _discard(robot.links, child)
+        note(f"link '{child.name}'", f"has no mass and is taken as a part of '{parent.name}'")
 
 
-def _show_instead(
+def _use_visuals(
     main: Link, visual_faults: Sequence[tuple[str, str]], note: Say, fault: Say
 ) -> None:
     """Gives a main body without ``<collision>`` the shapes of its ``<visual>``."""
@@ -200,7 +200,7 @@ def _show_instead(
         return
     for remark in visual_faults:
         fault(*remark)
-    shapes = [Collision(origin=one.origin, geometry=one.geometry) for one in main.visuals]
+    shapes = [Collision(origin=visual.origin, geometry=visual.geometry) for visual in main.visuals]
     main.collisions = shapes or [_stand_in()]
     note(f"link '{main.name}'", "has no <collision>; its <visual> is taken for one")
 
@@ -227,8 +227,8 @@ def _list_parents_first(robot: Robot, note: Say) -> None:
 def _root(robot: Robot) -> Link | None:
     """The link that is no joint's child, if there is one such."""
     children = {joint.child.link for joint in robot.joints}
-    tops = [link for link in robot.links if link.name not in children]
-    return tops[0] if len(tops) == 1 else None
+    roots = [link for link in robot.links if link.name not in children]
+    return roots[0] if len(roots) == 1 else None
 
 
 def _link(robot: Robot, name: str) -> Link | None:
@@ -258,21 +258,21 @@ class _MeshBoxes:
     def __init__(self, file: Path, fault: Say):
         self._file = file
         self._fault = fault
-        self._known: dict[Path, NDArray[np.float64]] = {}
+        self._boxes: dict[Path, NDArray[np.float64]] = {}
 
     def replace(self, link: Link, collision: Collision, note: Say) -> None:
         """Puts a box in the place of a mesh."""
         mesh = collision.geometry.mesh
         assert mesh is not None
         where = f"link '{link.name}': collision: mesh"
-        found = self._box(mesh.filename)
-        if isinstance(found, str):
-            self._fault(where, f"{mesh.filename} {found}.")
+        box_or_reason = self._box(mesh.filename)
+        if isinstance(box_or_reason, str):
+            self._fault(where, f"{mesh.filename} {box_or_reason}.")
             collision.geometry = _stand_in().geometry
             return
-        ends = found * vector(mesh.scale)
-        size, middle = np.abs(ends[1] - ends[0]), ends.mean(axis=0)
-        collision.geometry = Geometry(box=Box(size=text_of(np.maximum(size, _THINNEST))))
+        corners = box_or_reason * vector(mesh.scale)
+        size, middle = np.abs(corners[1] - corners[0]), corners.mean(axis=0)
+        collision.geometry = Geometry(box=Box(size=text_of(np.maximum(size, _MIN_EXTENT))))
         collision.origin = Origin.at(collision.origin.frame @ frame_of(middle))
         name = Path(mesh.filename).name
         note(where, f"{name} is taken as the box around it, {_millimetres(size)} mm")
@@ -283,37 +283,37 @@ class _MeshBoxes:
             path = find_mesh(filename, self._file)
             if path is None:
                 return "is not there"
-            if path not in self._known:
-                self._known[path] = box_of_mesh(path)
-            return self._known[path]
+            if path not in self._boxes:
+                self._boxes[path] = box_of_mesh(path)
+            return self._boxes[path]
         except (OSError, ValueError) as error:
             return str(getattr(error, "strerror", None) or error)
 
 
 def _make_simple(main: Link, note: Say) -> None:
     """Makes a main body an upright cylinder, or one box along its axes around all its shapes."""
-    whole = [collision.geometry.shape for collision in main.collisions]
-    if not whole or None in whole:
+    shapes = [collision.geometry.shape for collision in main.collisions]
+    if not shapes or None in shapes:
         return  # the checks refuse it
-    first = main.collisions[0]
-    box = isinstance(whole[0], Box) and len(whole) == 1
-    if box and not any(vector(first.origin.rpy)):
+    first_collision = main.collisions[0]
+    is_box = isinstance(shapes[0], Box) and len(shapes) == 1
+    if is_box and not any(vector(first_collision.origin.rpy)):
         return
-    upright = abs(first.origin.frame[2, 2]) > 1 - _UPRIGHT
-    if isinstance(whole[0], Cylinder) and len(whole) == 1 and upright:
-        first.origin = Origin(xyz=first.origin.xyz)
+    is_upright = abs(first_collision.origin.frame[2, 2]) > 1 - _UPRIGHT_TOLERANCE
+    if isinstance(shapes[0], Cylinder) and len(shapes) == 1 and is_upright:
+        first_collision.origin = Origin(xyz=first_collision.origin.xyz)
         return
-    ends = np.array([collision.bounds(np.eye(4)) for collision in main.collisions])
-    low, high = ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)
+    bounds = np.array([collision.bounds(np.eye(4)) for collision in main.collisions])
+    low, high = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
     main.collisions = [
         Collision(
             origin=Origin(xyz=text_of((low + high) / 2)),
             geometry=Geometry(box=Box(size=text_of(high - low))),
         )
     ]
-    turns = np.abs(first.origin.frame[:3, :3])
+    cosines = np.abs(first_collision.origin.frame[:3, :3])
     where, extents = f"link '{main.name}'", _millimetres(high - low)
-    if box and np.allclose(turns, np.round(turns), atol=1e-6):
+    if is_box and np.allclose(cosines, np.round(cosines), atol=1e-6):
         note(where, f"is a box that is turned, and is written as {extents} mm without the turn")
         return
     note(
@@ -355,8 +355,8 @@ def _make_servo(joint: Joint, effort: float, note: Say, fault: Say) -> None:
     limit = joint.limit
     if joint.type != "revolute" or limit is None:
         return
-    if max(abs(limit.lower), abs(limit.upper)) > _RADIANS:
-        _degrees(where, limit, note, fault)
+    if max(abs(limit.lower), abs(limit.upper)) > _MAX_RADIANS:
+        _cut_limits(where, limit, note, fault)
     _count_from_zero(joint, limit, note)
     for name, sign in (("lower", -1), ("upper", 1)):
         if getattr(limit, name) * sign > _HALF_TURN + 0.01:
@@ -368,7 +368,7 @@ def _make_servo(joint: Joint, effort: float, note: Say, fault: Say) -> None:
     limit.velocity = limit.velocity or 1.0  # servos turn at 60°/s, whatever it says
 
 
-def _degrees(where: str, limit: Limit, note: Say, fault: Say) -> None:
+def _cut_limits(where: str, limit: Limit, note: Say, fault: Say) -> None:
     """Cuts limits that are hardly radians down to a servo's, if that leaves a range with 0."""
     lower, upper = limit.lower, limit.upper
     if lower > 0 or upper < 0:
@@ -397,11 +397,11 @@ def _count_from_zero(joint: Joint, limit: Limit, note: Say) -> None:
         return
     joint.origin = Origin.at(joint.origin.frame @ _turned(axis, zero))
     limit.lower, limit.upper = lower - zero, upper - zero
-    low, high, here = (math.degrees(angle) for angle in (lower, upper, zero))
+    low, high, new_zero = (math.degrees(angle) for angle in (lower, upper, zero))
     note(
         f"joint '{joint.name}'",
         f"turns from {low:.0f}° to {high:.0f}°, without 0, where interactions begin; its angle is "
-        f"counted from {here:.1f}°",
+        f"counted from {new_zero:.1f}°",
     )
 
 

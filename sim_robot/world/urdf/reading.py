@@ -40,20 +40,20 @@ MAX_ELEMENTS: Final = 20_000
 MAX_WRITTEN: Final = 10 * MAX_LINKS
 """Most links, and most joints, as they are written: those without mass are joined to others."""
 
-_LONGEST: Final = 200  # characters of an attribute; PyBullet dies of a hundred thousand
-_UNUSED: Final = (
+_MAX_LENGTH: Final = 200  # characters of an attribute; PyBullet dies of a hundred thousand
+_SKIPPED_WORDS: Final = (
     "visual",
     "material",
     "gazebo",
     "transmission",
 )  # words of URDF, skipped in silence
-_ONLY_MOVING: Final = ("axis", "limit", "dynamics")  # of a fixed joint they mean nothing
-_ROBOT: Final[dict[str, type[BaseXmlModel]]] = {"link": Link, "joint": Joint}
-_ALIKE: Final = 0.8  # as difflib counts it: one letter of five
-_LINE: Final = re.compile(r"^\[line -?\d+\]: ")
-_EXPRESSION: Final = re.compile(r"\$[{(]")
+_MOTION_TAGS: Final = ("axis", "limit", "dynamics")  # of a fixed joint they mean nothing
+_ROBOT_PARTS: Final[dict[str, type[BaseXmlModel]]] = {"link": Link, "joint": Joint}
+_SIMILARITY: Final = 0.8  # as difflib counts it: one letter of five
+_LINE_PREFIX: Final = re.compile(r"^\[line -?\d+\]: ")
+_XACRO_EXPRESSION: Final = re.compile(r"\$[{(]")
 _XACRO_ADVICE: Final = "is xacro, of which URDF is made first: xacro FILE > robot.urdf."
-_SHAPES: Final = "is no shape that can be simulated: write a box, cylinder, sphere or mesh"
+_SHAPE_ADVICE: Final = "is no shape that can be simulated: write a box, cylinder, sphere or mesh"
 
 _Element: TypeAlias = etree._Element
 _Item = TypeVar("_Item", bound=BaseXmlModel)
@@ -91,15 +91,15 @@ def read_urdf(path: Path) -> Description:
 
     _drop_foreign(root, note, fault)
     robot, visual_faults = _checked(root, fault)
-    written = len(root.findall("link")), len(root.findall("joint"))
-    whole = written == (len(robot.links), len(robot.joints))
+    written_counts = len(root.findall("link")), len(root.findall("joint"))
+    whole = written_counts == (len(robot.links), len(robot.joints))
     normalise(robot, path, whole=whole, visual_faults=visual_faults, note=note, fault=fault)
     faults += faults_of(robot, whole=whole)
     return Description(
         robot=robot,
         faults=tuple(
-            BodyError(str(path), place, why if why.endswith("?") else f"{why}.")
-            for place, why in _merged(faults)
+            BodyError(str(path), place, reason if reason.endswith("?") else f"{reason}.")
+            for place, reason in _merged(faults)
         ),
         notes=tuple(f"{place} {what}" for place, what in _merged(notes)),
     )
@@ -110,17 +110,17 @@ def _merged(remarks: Iterable[_Remark]) -> Iterable[_Remark]:
     places: dict[str, dict[str, None]] = {}
     for place, what in remarks:
         places.setdefault(what.removesuffix("."), {})[place] = None
-    for what, (first, *others) in places.items():
-        names = ", ".join(_beside(first, other) for other in others)
-        yield first, f"{what}; likewise {names}" if names else what
+    for what, (first, *other_places) in places.items():
+        likewise = ", ".join(_short_place(first, other) for other in other_places)
+        yield first, f"{what}; likewise {likewise}" if likewise else what
 
 
-def _beside(first: str, other: str) -> str:
+def _short_place(first: str, other: str) -> str:
     """A place after another one, by its name alone where the rest is the same."""
-    before, _, rest = first.partition("'")
-    after = rest.partition("'")[2]
-    alike = before and other.startswith(f"{before}'") and other.endswith(f"'{after}")
-    return other[len(before) : len(other) - len(after)] if alike else other
+    prefix, _, remainder = first.partition("'")
+    suffix = remainder.partition("'")[2]
+    is_alike = prefix and other.startswith(f"{prefix}'") and other.endswith(f"'{suffix}")
+    return other[len(prefix) : len(other) - len(suffix)] if is_alike else other
 
 
 # --- the XML --------------------------------------------------------------------------------------
@@ -130,7 +130,7 @@ def _parsed(path: Path) -> _Element:
     """The ``<robot>`` of a file that is within the bounds and no xacro."""
     try:
         with path.open("rb") as file:
-            root = _tree(file.read(LARGEST + 1))
+            root = _root_element(file.read(LARGEST + 1))
     except OSError as error:
         raise BodyError(str(path), "", f"cannot be read: {error.strerror}.") from error
     except etree.XMLSyntaxError as error:
@@ -146,7 +146,7 @@ def _parsed(path: Path) -> _Element:
     return root
 
 
-def _tree(data: bytes) -> _Element:
+def _root_element(data: bytes) -> _Element:
     """Root element of a file's text.
 
     Raises:
@@ -154,8 +154,8 @@ def _tree(data: bytes) -> _Element:
         etree.XMLSyntaxError: The text is no XML.
     """
     if len(data) > LARGEST:
-        most = f"{LARGEST / 2**20:g} MiB"
-        raise ValueError(f"has more than {most}, as no description of {MAX_LINKS} links has")
+        limit = f"{LARGEST / 2**20:g} MiB"
+        raise ValueError(f"has more than {limit}, as no description of {MAX_LINKS} links has")
     if data.startswith(LFS_POINTER):
         raise ValueError("is a Git LFS pointer, not the description: fetch it with git lfs pull")
     reader = etree.iterparse(
@@ -179,19 +179,19 @@ def _no_description(root: _Element) -> _Remark:
     if root.tag != "robot":
         return f"<{root.tag!s}>", "the root element must be <robot>."
     for item in root.iter():
-        if max((len(value) for value in item.attrib.values()), default=0) > _LONGEST:
-            return f"<{item.tag!s}>", f"no attribute may have more than {_LONGEST} characters."
-    place = _xacro(root)
+        if max((len(value) for value in item.attrib.values()), default=0) > _MAX_LENGTH:
+            return f"<{item.tag!s}>", f"no attribute may have more than {_MAX_LENGTH} characters."
+    place = _xacro_place(root)
     if place:
         return place, _XACRO_ADVICE
-    for tag in _ROBOT:
+    for tag in _ROBOT_PARTS:
         count = len(root.findall(tag))
         if count > MAX_WRITTEN:
             return "robot", f"must have at most {MAX_LINKS} {tag}s, not {count}."
     return "", ""
 
 
-def _xacro(root: _Element) -> str:
+def _xacro_place(root: _Element) -> str:
     """Element that is xacro and was not expanded; empty for none."""
     for element in root.iter():
         namespace, _, name = str(element.tag).rpartition("}")
@@ -199,7 +199,7 @@ def _xacro(root: _Element) -> str:
             return f"<xacro:{name}>"
     for element in (root, *root.iterfind("link//*"), *root.iterfind("joint//*")):
         for key, value in element.attrib.items():
-            if _EXPRESSION.search(str(value)):
+            if _XACRO_EXPRESSION.search(str(value)):
                 return f'<{element.tag!s} {key!s}="{value!s}">'
     return ""
 
@@ -216,7 +216,7 @@ def _drop_foreign(root: _Element, note: Say, fault: Say) -> None:
         fault: Told what looks like a misspelt word of URDF.
     """
     for joint in root.iterfind("joint[@type='fixed']"):
-        for element in [child for child in joint if child.tag in _ONLY_MOVING]:
+        for element in [child for child in joint if child.tag in _MOTION_TAGS]:
             joint.remove(element)
     for link in root.iterfind("link"):
         for visual in link.findall("visual"):
@@ -225,7 +225,7 @@ def _drop_foreign(root: _Element, note: Say, fault: Say) -> None:
             for element in [child for child in visual if child.tag not in ("origin", "geometry")]:
                 visual.remove(element)
             visual.attrib.clear()
-    _drop(root, _ROBOT, {"name", "version"}, note, fault)
+    _drop(root, _ROBOT_PARTS, {"name", "version"}, note, fault)
 
 
 def _drop(
@@ -238,10 +238,10 @@ def _drop(
     for name in map(str, list(element.attrib)):
         if name in attributes:
             continue
-        meant = _meant(name, attributes)
+        suggestion = _suggestion(name, attributes)
         place = f"attribute '{name}' of <{element.tag}>"
-        if meant:
-            fault(place, f"is unknown; did you mean '{meant}'?")
+        if suggestion:
+            fault(place, f"is unknown; did you mean '{suggestion}'?")
         else:
             note(place, "is ignored")
         del element.attrib[name]
@@ -249,34 +249,34 @@ def _drop(
         tag = str(child.tag)
         if tag in parts:
             if parts[tag] is not Visual:
-                _drop(child, *_known(parts[tag]), note, fault)
+                _drop(child, *_declared(parts[tag]), note, fault)
         elif element.tag != "geometry":  # a shape that is not known must not vanish
-            meant = _meant(tag, parts)
-            if meant:
-                fault(f"<{tag}> in <{element.tag}>", f"is unknown; did you mean <{meant}>?")
-            elif tag not in _UNUSED:
+            suggestion = _suggestion(tag, parts)
+            if suggestion:
+                fault(f"<{tag}> in <{element.tag}>", f"is unknown; did you mean <{suggestion}>?")
+            elif tag not in _SKIPPED_WORDS:
                 note(f"<{tag}>", "is ignored")
             element.remove(child)
 
 
-def _meant(word: str, known: Collection[str]) -> str:
+def _suggestion(word: str, known: Collection[str]) -> str:
     """The known word that is almost this one, or has the same letters; empty without any."""
-    same = [name for name in known if sorted(name) == sorted(word)]
-    return next(iter([*same, *get_close_matches(word, known, 1, _ALIKE)]), "")
+    anagrams = [name for name in known if sorted(name) == sorted(word)]
+    return next(iter([*anagrams, *get_close_matches(word, known, 1, _SIMILARITY)]), "")
 
 
 @cache
-def _known(kind: type[BaseXmlModel]) -> tuple[dict[str, type[BaseXmlModel]], set[str]]:
+def _declared(kind: type[BaseXmlModel]) -> tuple[dict[str, type[BaseXmlModel]], set[str]]:
     """The elements and the attributes that a declaration has."""
     parts, attributes = dict[str, type[BaseXmlModel]](), set[str]()
     for name, field in kind.model_fields.items():
-        inner = [
+        models = [
             item
             for item in (field.annotation, *get_args(field.annotation))
             if isinstance(item, type) and issubclass(item, BaseXmlModel)
         ]
-        if inner:
-            parts[inner[0].__xml_tag__ or name] = inner[0]
+        if models:
+            parts[models[0].__xml_tag__ or name] = models[0]
         else:
             attributes.add(name)
     return parts, attributes
@@ -295,9 +295,9 @@ def _checked(root: _Element, fault: Say) -> tuple[Robot, dict[str, list[_Remark]
     links, joints, visual_faults = list[Link](), list[Joint](), dict[str, list[_Remark]]()
     for number, element in enumerate(root.findall("link"), start=1):
         link, faults = _item(Link, element, number)
-        wrong = [remark for remark in faults if ": visual" in remark[0]]
-        if wrong:
-            visual_faults[element.get("name", "")] = wrong
+        visual_remarks = [remark for remark in faults if ": visual" in remark[0]]
+        if visual_remarks:
+            visual_faults[element.get("name", "")] = visual_remarks
             for visual in element.findall("visual"):
                 element.remove(visual)
             link, faults = _item(Link, element, number)
@@ -325,10 +325,10 @@ def _item(kind: type[_Item], element: _Element, number: int) -> tuple[_Item | No
     except ValidationError as error:
         name = element.get("name", f"number {number}")
         faults = []
-        for wrong in error.errors():
-            inner = ".".join(str(part) for part in wrong["loc"] if not isinstance(part, int))
-            place = ": ".join(filter(None, (f"{element.tag} '{name}'", inner)))
+        for detail in error.errors():
+            location = ".".join(str(part) for part in detail["loc"] if not isinstance(part, int))
+            place = ": ".join(filter(None, (f"{element.tag} '{name}'", location)))
             place = place.replace(": collisions", ": collision").replace(": visuals", ": visual")
-            reason = _LINE.sub("", wrong["msg"]).replace("Value error, ", "")
-            faults.append((place, reason.replace("Extra inputs are not permitted", _SHAPES)))
+            reason = _LINE_PREFIX.sub("", detail["msg"]).replace("Value error, ", "")
+            faults.append((place, reason.replace("Extra inputs are not permitted", _SHAPE_ADVICE)))
         return None, faults
