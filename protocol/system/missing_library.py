@@ -21,10 +21,16 @@ def install_command(extra: str = "") -> str:
     installed = metadata.distributions(name="bodyschema")  # a checkout on the path is one, too
     direct_url = next(filter(None, (dist.read_text("direct_url.json") for dist in installed)), "{}")
     source = json.loads(direct_url)
-    url = urlsplit(source.get("url", ""))
-    place = unquote(url.path) if url.scheme == "file" else source.get("url", "bodyschema")
+    url, version_control = source.get("url", ""), source.get("vcs_info")
+    wanted = f"[{extra}]" if extra else ""
+    if version_control:
+        url = f"{version_control['vcs']}+{url}@{version_control['commit_id']}"
+        package = f"bodyschema{wanted} @ {url}"
+    elif url.startswith("file:"):
+        package = unquote(urlsplit(url).path) + wanted
+    else:
+        package = f"bodyschema{wanted}" + (f" @ {url}" if url else "")
     editable = ["--editable"] if source.get("dir_info", {}).get("editable") else []
-    package = f"{place}[{extra}]" if extra else place
     return shlex.join(["pip", "install", *editable, package])
 
 

@@ -136,6 +136,17 @@ sys.exit(main())
             {"url": "file:///tmp/body-1.whl", "archive_info": {}},
             "pip install '/tmp/body-1.whl[live]'",
         ),
+        (
+            {"url": "https://example.org/body-1.whl", "archive_info": {}},
+            "pip install 'bodyschema[live] @ https://example.org/body-1.whl'",
+        ),
+        (
+            {
+                "url": "https://example.org/body.git",
+                "vcs_info": {"vcs": "git", "requested_revision": "main", "commit_id": "0123abc"},
+            },
+            "pip install 'bodyschema[live] @ git+https://example.org/body.git@0123abc'",
+        ),
         (None, "pip install 'bodyschema[live]'"),
     ],
 )
