@@ -50,6 +50,8 @@ class FaultSwitch:
         if fault in self.EVENTS:
             self._happen(fault, value)
         else:
+            if self._faults.get(fault, value) != value:
+                self.mend(fault)  # what it kept was of another number
             self._amounts[fault] = amount  # first: others look at the faults at any time
             self._faults[fault] = value
 

@@ -51,7 +51,9 @@ class Servos(FaultSwitch):
         super().__init__()
         self._count = count
         self._last_driven: tuple[int, ...] = ()
-        self._stuck: dict[str, int] = {}  # count when the fault began, by fault
+        self._stuck: dict[
+            tuple[str, int], int
+        ] = {}  # count when the fault began, by fault and number
 
     def numbers(self, fault: str) -> Sequence[int]:
         """Numbers of servos, from 1; the last has no neighbour to exchange plugs with."""
@@ -62,11 +64,12 @@ class Servos(FaultSwitch):
         driven = list(pulses)
         faults = self.faults
         _swap(driven, faults)
-        self._stuck = {name: count for name, count in self._stuck.items() if name in faults}
+        self._stuck = {key: count for key, count in self._stuck.items() if key in faults.items()}
         for name, play in (("jammed", 0.0), ("blocked", _PLAY)):
             if name in faults:
                 servo = faults[name] - 1
-                count = self._stuck.setdefault(name, (self._last_driven or driven)[servo])
+                key = name, faults[name]
+                count = self._stuck.setdefault(key, (self._last_driven or driven)[servo])
                 if count and driven[servo]:
                     room = round(play * count)
                     driven[servo] = min(max(driven[servo], count - room), count + room)

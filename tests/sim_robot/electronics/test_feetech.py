@@ -185,3 +185,13 @@ def test_the_makers_library_speaks_with_them(bus: FeetechEmulator, clock: Instan
         assert packets.read1ByteTxRx(port, 1, feetech.TORQUE) == (0, 0, feetech.OVERLOAD)
     finally:
         port.closePort()
+
+
+def test_wheel_mode_that_moves_to_another_servo_leaves_the_first(bus: FeetechEmulator) -> None:
+    modes = []
+    for number in (2, 1):
+        bus.inject("wheel_mode", number)
+        modes.append([servo.memory[feetech.MODE] for servo in bus.servos])
+    bus.mend("wheel_mode")
+    assert modes == [[0, 1, 0], [1, 0, 0]]
+    assert [servo.memory[feetech.MODE] for servo in bus.servos] == [0, 0, 0]

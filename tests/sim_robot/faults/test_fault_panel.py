@@ -177,6 +177,15 @@ def test_servos_fail_as_ordered() -> None:
     assert servos.carry(pulses) == pulses
 
 
+def test_a_jam_that_moves_to_another_servo_begins_anew() -> None:
+    servos = Servos(4)
+    servos.carry((10, 20, 30, 40))
+    servos.inject("jammed", 2)
+    assert servos.carry((11, 21, 31, 41)) == (11, 20, 31, 41)
+    servos.inject("jammed", 4)
+    assert servos.carry((12, 22, 32, 42)) == (12, 22, 32, 41)
+
+
 def test_a_cable_is_a_fault_like_others() -> None:
     board = SV203Emulator()
     try:

@@ -101,6 +101,13 @@ def test_an_axis_that_never_changes_is_stuck(bench: Bench, axis: int) -> None:
         bench.sensor.check()
 
 
+def test_another_axis_sticks_where_it_is_itself(bench: Bench) -> None:
+    bench.chip.inject("stuck_axis", 0)
+    bench.next()
+    bench.chip.inject("stuck_axis", 2)
+    assert bench.next() == pytest.approx(bench.felt, abs=1e-2)
+
+
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_an_axis_that_fails_its_self_test_is_named(bench: Bench, axis: int) -> None:
     bench.chip.inject("weak", axis)
