@@ -22,6 +22,7 @@ from estimator.identification.method import Listener
 from estimator.identification.robot_link import RobotLink
 from estimator.physics.base import Physics
 from estimator.posterior.fitted import FittedPosterior
+from estimator.posterior.model.unknowns import Unknowns, simulated
 from estimator.randomness import Stream, generator
 from estimator.readings.modalities import MODALITIES
 from estimator.readings.observation import Observation, PredictedReadings, Program
@@ -191,22 +192,25 @@ def _predict(
     listener: Listener,
 ) -> list[Prediction]:
     fitted = FittedPosterior.of(store)
-    if fitted is None or fitted.best is None:
+    best = None if fitted is None else fitted.best_point
+    if fitted is None or best is None:
         raise EstimatorError(f"{store.directory} has no model yet: resume the run first")
     genome = fitted.genome
     rng = generator(store.settings.seed, Stream.RANDOM_MODELS)
     drawn = genome.permitted(rng.random((RANDOM_MODELS, genome.size)))
-    groups = {BEST: fitted.best[None], POPULATION: fitted.models, RANDOM: drawn}
-    bodies = genome.decode_all(np.concatenate(list(groups.values())))
+    population = fitted.points if fitted.summary is None else np.vstack([best, fitted.points])
+    groups = {
+        BEST: (fitted.unknowns, best[None]),
+        POPULATION: (fitted.unknowns, population),
+        RANDOM: (Unknowns(genome), drawn),
+    }
     predictions = []
     for program in programs:
-        angles = np.array(program)
-        readings = physics.read([(body, angles) for body in bodies])
-        by_group, start = {}, 0
-        for group, genes in groups.items():
-            by_group[group] = _plain(readings[slice(start, start + len(genes))])
-            start += len(genes)
-        predictions.append(Prediction(program=program, readings=by_group))
+        readings = {
+            group: _plain(simulated(physics, unknowns, points, np.array([program])))
+            for group, (unknowns, points) in groups.items()
+        }
+        predictions.append(Prediction(program=program, readings=readings))
         listener.worked(1, f"predicted {len(predictions)} of {len(programs)}")
     return predictions
 

@@ -204,6 +204,19 @@ class FittedPosterior:
         return values if changed is None else np.hstack([values, changed])
 
     @property
+    def best_point(self) -> Array | None:
+        """The best body's genome, as ``points`` has those of the samples, shape (size,)."""
+        if self.best is None or self.summary is None:
+            return self.best
+        posterior, identified = self.posterior, Unknowns(self.genome, self.unknowns.table)
+        deviations = identified.mean_deviations(posterior.values, posterior.modes[0].point)
+        best: Array = identified.with_deviations(self.best[None], deviations)[0]
+        if posterior.changed is None:
+            return best
+        order = np.argsort(posterior.changed[:, 0], kind="stable")
+        return np.append(best, posterior.changed[order[len(order) // 2]])
+
+    @property
     def weights(self) -> Array:
         """Weights of the samples, adding up to 1, shape (n,)."""
         return self.posterior.weights

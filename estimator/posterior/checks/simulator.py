@@ -18,7 +18,7 @@ from estimator.physics.base import Physics, WorldSettings
 from estimator.posterior.model.likelihood import FORKS, Likelihood, apart
 from estimator.posterior.model.noise import Noise
 from estimator.posterior.model.special import expit, logsumexp, softmax
-from estimator.posterior.model.unknowns import Predictor
+from estimator.posterior.model.unknowns import Predictor, simulated
 from estimator.posterior.posterior import Posterior, systematic
 
 SAMPLES: Final = 16
@@ -192,7 +192,7 @@ def _simulated_fits(
 ) -> Array:
     """Log-likelihoods of n points in k interactions by the simulator, shape (n, k)."""
     data = likelihood.data
-    readings = predictor.simulated(reference, points, data.programs)
+    readings = simulated(reference, predictor.unknowns, points, data.programs)
     misfits = data.misfits(readings, np.tile(np.arange(len(data)), len(points)))
     by_points = misfits.reshape(len(points), len(data), -1)
     return likelihood.of(by_points, scales=scales)

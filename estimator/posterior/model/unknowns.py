@@ -322,21 +322,25 @@ class Predictor:
         rows, columns = np.indices((len(values), len(programs))).reshape(2, -1)
         return self.read(self.unknowns.bodies(values), rows, programs[columns], gravity_tilts)
 
-    def simulated(self, reference: Physics, values: Array, programs: Array) -> PredictedReadings:
-        """What a simulator predicts of n points in each of k programs, as ``read_all`` does.
 
-        Args:
-            reference: The simulator.
-            values: Points, shape (n, size).
-            programs: Motor programs, rad, shape (k, motors).
-        """
-        count = len(programs)
-        bodies = self.unknowns.bodies(values)
-        chosen = bodies[np.repeat(np.arange(len(values)), count)]
-        angles = performed(np.tile(programs, (len(values), 1)), chosen)
-        objects = [body for body in bodies.objects() for _ in range(count)]
-        readings = reference.read(list(zip(objects, angles, strict=True)))
-        return as_sensed(readings, chosen)
+def simulated(
+    reference: Physics, unknowns: Unknowns, values: Array, programs: Array
+) -> PredictedReadings:
+    """What a simulator predicts of n points in each of k programs, as ``Predictor.read_all`` does.
+
+    Args:
+        reference: The simulator.
+        unknowns: Unknowns that the points are of.
+        values: Points, shape (n, size).
+        programs: Motor programs, rad, shape (k, motors).
+    """
+    count = len(programs)
+    bodies = unknowns.bodies(values)
+    chosen = bodies[np.repeat(np.arange(len(values)), count)]
+    angles = performed(np.tile(programs, (len(values), 1)), chosen)
+    objects = [body for body in bodies.objects() for _ in range(count)]
+    readings = reference.read(list(zip(objects, angles, strict=True)))
+    return as_sensed(readings, chosen)
 
 
 def _places(genome: Genome) -> tuple[Columns, ...]:

@@ -244,6 +244,9 @@ def test_a_cut_leg_is_noticed_named_and_stood_on(run: Path, tmp_path: Path) -> N
             *("pose", now, "--robot", uri, "--clearance", "45mm", "--tilt-left", "0", "--yes")
         )
         assert posed.exit_code == 0, posed.output
+        validated = estimator("validate", now, "--robot", uri, "--programs", "6")
+    assert validated.exit_code == 0, validated.output
+    assert "6 of 6" in validated.stdout
     shown = CliRunner().invoke(app, ["show", str(now)])
     assert "Changed since it was identified: the leg of front shortened" in shown.stdout
     front = load(now)
