@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import uuid
 from pathlib import Path
 from typing import Final
 
@@ -47,7 +48,8 @@ def write_run(
     settings = store.settings.model_copy(
         update={"robot": robot, "interactions": max(1, len(observations)), "sure": None}
     )
-    with RunStore.create(directory, settings, store.capabilities, store.client_id) as new:
+    client_id = str(uuid.uuid4())  # another run's requests must not be taken for this one's
+    with RunStore.create(directory, settings, store.capabilities, client_id) as new:
         for number, (observation, reason) in enumerate(
             zip(observations, diagnosis.reasons, strict=True)
         ):

@@ -20,6 +20,7 @@ from estimator.cli.command_line import app
 from estimator.exploration import best_programs
 from estimator.posterior.model.likelihood import FORKS, GRAVITY_TILTS, apart
 from estimator.readings.observation import Observation, Program
+from estimator.storage.store import RunStore
 from estimator.use import competitor, movements, surprise
 from estimator.use.causes import Weigher
 from estimator.use.changes import Cause, causes_of
@@ -247,6 +248,11 @@ def test_a_cut_leg_is_noticed_named_and_stood_on(run: Path, tmp_path: Path) -> N
         validated = estimator("validate", now, "--robot", uri, "--programs", "6")
     assert validated.exit_code == 0, validated.output
     assert "6 of 6" in validated.stdout
+    with (
+        RunStore.open(run, to_write=False) as then,
+        RunStore.open(now, to_write=False) as since,
+    ):
+        assert since.client_id != then.client_id  # else the robot would answer as it did then
     shown = CliRunner().invoke(app, ["show", str(now)])
     assert "Changed since it was identified: the leg of front shortened" in shown.stdout
     front = load(now)
