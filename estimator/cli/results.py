@@ -194,5 +194,5 @@ def exported(directory: Path, form: BodyFormat, sample: int) -> Exported:
             f"{directory} holds {count} models, so there is no sample {sample}: choose 0 to "
             f"{count - 1}"
         )
-    body = fitted.genome.decode(fitted.models[fitted.ranked[sample]])
+    (body,) = fitted.bodies_at(fitted.model_points[fitted.ranked[[sample]]])
     return BODY_FORMATS[form](in_words_of(fitted.problem, fitted.capabilities, body))

@@ -198,10 +198,9 @@ def _predict(
     genome = fitted.genome
     rng = generator(store.settings.seed, Stream.RANDOM_MODELS)
     drawn = genome.permitted(rng.random((RANDOM_MODELS, genome.size)))
-    population = fitted.points if fitted.summary is None else np.vstack([best, fitted.points])
     groups = {
         BEST: (fitted.unknowns, best[None]),
-        POPULATION: (fitted.unknowns, population),
+        POPULATION: (fitted.unknowns, fitted.model_points),
         RANDOM: (Unknowns(genome), drawn),
     }
     predictions = []

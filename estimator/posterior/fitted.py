@@ -238,7 +238,19 @@ class FittedPosterior:
 
     def bodies(self, count: int) -> list[Morphology]:
         """``count`` representative bodies, each as often as its weight says to within one."""
-        return self.genome.decode_all(self.samples[systematic(self.weights, count, 0.5)])
+        return self.bodies_at(self.points[systematic(self.weights, count, 0.5)])
+
+    def bodies_at(self, points: Array) -> list[Morphology]:
+        """The bodies of n points, shape (n, size): as stated, but for lengths that have changed."""
+        bodies = self.genome.decode_all(self.unknowns.cube(points))
+        if not self.changes:
+            return bodies
+        changed = []
+        for body, lengths in zip(bodies, self.unknowns.bodies(points).length.tolist(), strict=True):
+            pairs = zip(body.parts, lengths, strict=True)
+            parts = tuple(replace(part, length=length) for part, length in pairs)
+            changed.append(replace(body, parts=parts))
+        return changed
 
     def sample(self, count: int, rng: np.random.Generator) -> FittedPosterior:
         """This posterior with at most ``count`` equally likely samples, drawn by their weights."""
@@ -253,6 +265,13 @@ class FittedPosterior:
         if self.summary is None or self.best is None:
             return self.samples
         return np.vstack([self.best, self.samples])
+
+    @cached_property
+    def model_points(self) -> Array:
+        """The models' genomes, as ``points`` has those of the samples, shape (m, size)."""
+        if self.summary is None or self.best_point is None:
+            return self.points
+        return np.vstack([self.best_point, self.points])
 
     @cached_property
     def ranked(self) -> NDArray[np.intp]:

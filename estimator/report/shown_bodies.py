@@ -158,6 +158,7 @@ def shown_bodies(store: RunStore, result: Result, true_body: Urdf | None) -> Sho
         ]
         samples = []
     bodies = fitted.genome.decode_all(np.array(genes))
+    bodies[:1] = fitted.bodies_at(fitted.model_points[fitted.ranked[:1]])
     predicted = predict(store, bodies)
     if summary is not None:
         predicted[0][: len(summary.predicted)] = [

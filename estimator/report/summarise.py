@@ -43,7 +43,7 @@ def summarise(store: RunStore) -> Result:
         counters = posteriors[-1][1]
     fitted, bodies, errors = FittedPosterior.of(store), [], []
     if fitted is not None:
-        bodies = store.genome.decode_all(fitted.models[fitted.ranked])
+        bodies = fitted.bodies_at(fitted.model_points[fitted.ranked])
         errors = _errors(fitted)
     end = store.search_end.finish()
     if end is not None:

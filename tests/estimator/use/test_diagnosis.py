@@ -253,6 +253,13 @@ def test_a_cut_leg_is_noticed_named_and_stood_on(run: Path, tmp_path: Path) -> N
         RunStore.open(now, to_write=False) as since,
     ):
         assert since.client_id != then.client_id  # else the robot would answer as it did then
+    exported = CliRunner().invoke(app, ["export", str(now), "--format", "json"])
+    lengths = {
+        one["name"]: one["far"] + one["radius"] for one in json.loads(exported.stdout)["links"]
+    }
+    assert 1000 * lengths["front"] == pytest.approx(90, abs=3)
+    result = json.loads((now / "result.json").read_text())
+    assert 1000 * result["legs"][1]["length_m"] == pytest.approx(90, abs=3)
     shown = CliRunner().invoke(app, ["show", str(now)])
     assert "Changed since it was identified: the leg of front shortened" in shown.stdout
     front = load(now)
