@@ -53,7 +53,7 @@ def as_sensed(readings: PredictedReadings, bodies: Bodies) -> PredictedReadings:
         tilt = np.where(odd[:, None], measured, tilt)
     if odd_distance:
         *_, too_high, gain = errors
-        height = np.maximum(gain * clearance + too_high, 0.0)
+        height = gain * clearance + too_high  # below 0 where a belly on the ground reads too little
         clearance = np.where(readings.saturated, clearance, height)
     touch, doubtful = readings.touch, readings.touch_doubtful
     if odd_touch:

@@ -163,9 +163,11 @@ def test_a_flat_robot_reads_its_accelerometers_own_tilt_and_sloping_ground_is_no
 def test_distances(predictor: Predictor) -> None:
     bodies = predictor.unknowns.bodies(LENGTHS)
     before = read(predictor, bodies)
-    higher = changed(predictor, "distance sensor's offset", 0.01)
-    assert np.allclose(higher.clearance, before.clearance + np.where(before.saturated, 0, 0.01))
-    assert np.all(changed(predictor, "distance sensor's offset", -1.0).clearance >= 0)
+    for offset in (0.01, -0.5):  # where the belly lies on the ground a reading may be below 0
+        moved = changed(predictor, "distance sensor's offset", offset)
+        assert np.allclose(
+            moved.clearance, before.clearance + np.where(before.saturated, 0, offset)
+        )
     farther = changed(predictor, "distance sensor's gain", 1.5)
     assert np.allclose(farther.clearance, before.clearance * np.where(before.saturated, 1, 1.5))
     far = TABLE["distance sensor's gain"].applied(bodies, 2.0)[np.zeros(40, dtype=np.intp)]
