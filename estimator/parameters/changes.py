@@ -9,14 +9,15 @@ than a leg with a round foot that lifts its robot as high.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Final
 
 import numpy as np
 
-from estimator.body.morphology import Array, Morphology
+from estimator.body.morphology import BASE, Array, Morphology
+from estimator.parameters.mechanical_rows import STUB
 from estimator.parameters.rows import table_of
 from estimator.parameters.table import Draft, Parameter
 
@@ -103,11 +104,12 @@ def _lengths(body: Morphology, joints: Sequence[str]) -> Iterator[Parameter]:
         if motor is None:
             continue
         members = [part for part, group in enumerate(body.rigid_groups) if group == root]
+        carried = [part for part in range(len(body.parts)) if _sits_on(body, part, members)]
         leg = f"the leg of {joints[motor]}"
         for damage, group, low, high, change in (
             ("shortened", "length", 0.03, 0.9, partial(_shortened, members)),
             ("lengthened", "longer", 1.1, 1.8, partial(_scaled, members)),
-            ("broken off", "broken", 0.03, 0.9, partial(_broken, members)),
+            ("broken off", "broken", 0.03, 0.9, partial(_broken, members, carried)),
         ):
             gauge = ", its gauge gone" if damage == "broken off" else ""
             yield Within(
@@ -137,13 +139,24 @@ def _shortened(members: list[int], draft: Draft, shares: Array) -> None:
     draft.flags("box")[edged] = True
 
 
-def _broken(members: list[int], draft: Draft, shares: Array) -> None:
-    """Breaks legs off; for positive shares the stump is as thick as a leg may be above its foot."""
+def _sits_on(body: Morphology, part: int, members: Collection[int]) -> bool:
+    """Whether a part sits on one of some others, or on what these carry."""
+    parent = body.parts[part].parent
+    below = parent in members or (parent != BASE and _sits_on(body, parent, members))
+    return below and part not in members
+
+
+def _broken(members: list[int], carried: list[int], draft: Draft, shares: Array) -> None:
+    """Breaks legs off with all that they carry.
+
+    For positive shares the stump is as thick as a leg may be above its foot.
+    """
     _shortened(members, draft, -np.abs(shares))
     thick = np.flatnonzero(shares > 0)[:, None], members
     draft.measures("radius")[thick] *= _THICKER
     draft.measures("density")[thick] /= _THICKER**2
-    draft.numbers("stuck")[:, members] = -1
+    draft.measures("length")[:, carried] *= STUB
+    draft.numbers("stuck")[:, [*members, *carried]] = -1
 
 
 def _normal(theta: Array) -> Array:

@@ -23,7 +23,9 @@ from estimator.parameters.table import (
     shifted,
 )
 
-_STUB: Final = 0.02  # share of its length that a part keeps which hangs limply
+STUB: Final = 0.02
+"""Share of its length that a part keeps which hangs limply, or is gone."""
+
 _MASS: Final = 3  # column of ``Bodies.base``
 _AXES: Final = (
     ("its own length", "how the servo's axis lies along the leg"),
@@ -292,7 +294,7 @@ def _limp(part: int, draft: Draft, amounts: Array) -> None:
     for column in range(part + 1, parent.shape[1]):  # a carrier comes before its parts
         carrier = parent[:, column]
         hanging[:, column] |= (carrier != BASE) & hanging[rows, carrier]
-    draft.measures("length")[hanging] *= _STUB
+    draft.measures("length")[hanging] *= STUB
     draft.flags("limp")[hanging] = True
 
 

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from estimator.body.arrays import ACCELEROMETER, Bodies
-from estimator.body.morphology import Array, Base
+from estimator.body.morphology import BASE, Array, Base, Morphology, Part
+from estimator.parameters.changes import changes_of
 from estimator.parameters.instruments import as_sensed
 from estimator.parameters.rows import packages, table_of
 from estimator.parameters.table import (
@@ -275,3 +276,17 @@ def test_a_package_adds_a_row(
     pulled = rows["cable of left upper"].applied(bodies, 0.1)
     assert same(read(predictor, pulled), changed(predictor, "zero of left upper", 0.1))
     assert pulled.base[0, ACCELEROMETER] == 0
+
+
+def test_a_leg_that_breaks_off_takes_what_it_carries_along() -> None:
+    hip = Part(parent=BASE, mount=0, hinge=2, length=0.12, radius=0.008, motor=0)
+    knee = Part(parent=0, mount=1, hinge=2, length=0.1, radius=0.008, motor=1, sensor=0)
+    other = replace(hip, mount=2, motor=2, sensor=1)
+    body = Morphology(
+        base=Base(size=(0.14, 0.14, 0.06), mass=0.6), parts=(hip, knee, other), density=1000.0
+    )
+    rows = changes_of(body, ["hip", "knee", "other"], ["thigh", "shin", "leg"])
+    (broken,) = (row for row in rows if row.name == "the leg of hip broken off")
+    gone = broken.applied(Bodies.of([body]), np.array([0.5]))
+    assert gone.length[0].tolist() == pytest.approx([0.06, 0.002, 0.12])
+    assert gone.stuck[0].tolist() == [-1, -1, 0]
