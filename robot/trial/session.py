@@ -395,7 +395,7 @@ def head(
     by_hand: bool = False,
 ) -> list[str]:
     """Lines that show the sensors, a message, and the keys."""
-    width = max(len(row.name) for row in sensors.rows)
+    width = max((len(row.name) for row in sensors.rows), default=0)
     return [
         *(f"{'!' if one.failed else ' '} {one.name:<{width}}  {one.text}" for one in sensors.rows),
         "",

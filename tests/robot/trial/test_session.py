@@ -89,6 +89,13 @@ def test_every_sensor_is_shown_in_physical_units(desk: Desk) -> None:
     assert not desk.moves
 
 
+def test_a_robot_without_sensors_shows_its_joints(desk: Desk) -> None:
+    desk.config = replace(desk.config, daq=None, accelerometer=None, touch=(), distance=None)
+    seen = desk.tried("0", 2.0, "right", 1.0).seen[-1]
+    assert "> hip_left" in seen
+    assert desk.degrees() == pytest.approx(1.0, abs=0.7)
+
+
 def test_a_joint_moves_by_a_degree_and_the_others_stay(desk: Desk) -> None:
     others = desk.robot.servo_board.pulses()[1:]
     desk.tried("0", 2.0, *["right"] * 5, 1.0, "left", 1.0)
