@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import select
 import shutil
 import signal
@@ -40,6 +41,10 @@ KEYS: Final = MappingProxyType(
 )
 """Key by what a terminal sends for it."""
 
+_BEGUN: Final = re.compile(rb"\x1b(?:\[[0-?]*[ -/]*|O)?")
+"""An escape sequence that lacks its last byte, or Escape alone: a terminal sends both alike."""
+
+_ONE_KEY: Final = re.compile(_BEGUN.pattern + rb"[^\x1b]|.", re.DOTALL)
 _AT_ONCE: Final = (b" ", b"q", b"\x03", b"\x04")  # what ends a motion overtakes all before it
 _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _OPEN: Final = "\x1b[?1049h\x1b[?25l"  # another screen, no cursor
@@ -66,9 +71,10 @@ class Keyboard:
         if self._has_left:
             return QUIT
         self._bytes = self._bytes[max(0, *map(self._bytes.rfind, _AT_ONCE)) :]
-        if not self._bytes:
+        match = _ONE_KEY.match(self._bytes)
+        if match is None or _BEGUN.fullmatch(self._bytes):
             return None
-        sequence = next((key for key in KEYS if self._bytes.startswith(key)), self._bytes[:1])
+        sequence = match[0]
         self._bytes = self._bytes[len(sequence) :]
         return KEYS.get(sequence, sequence.decode("latin-1"))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import tty
 from collections.abc import Iterator
 from importlib import resources
 from pathlib import Path
@@ -65,14 +66,47 @@ def test_without_a_terminal_it_says_so(capsys: pytest.CaptureFixture[str], tmp_p
     assert "run it in a terminal" in capsys.readouterr().err
 
 
-def test_a_stop_overtakes_what_was_typed_before_it() -> None:
+class Typist:
+    """Types at a terminal, and sees what keys that is taken for."""
+
+    def __init__(self, near: int, far: int) -> None:
+        self._far = far
+        self._view = Keyboard(near)
+
+    def keys(self, typed: bytes) -> list[str]:
+        os.write(self._far, typed)
+        return list(iter(self._view.key, None))
+
+
+@pytest.fixture
+def typist() -> Iterator[Typist]:
     near, far = os.openpty()
-    try:
-        os.write(far, b"\x1b[5~" * 40 + b" \x1b[B")
-        view = Keyboard(near)
-        assert [view.key() for _ in range(3)] == ["space", "down", None]
-        os.write(far, b"\x1b[5~" * 40 + b"\x03")
-        assert view.key() == QUIT
-    finally:
-        os.close(near)
-        os.close(far)
+    tty.setraw(near)
+    yield Typist(near, far)
+    os.close(near)
+    os.close(far)
+
+
+def test_a_stop_overtakes_what_was_typed_before_it(typist: Typist) -> None:
+    assert typist.keys(b"\x1b[5~" * 40 + b" \x1b[B") == ["space", "down"]
+    assert typist.keys(b"\x1b[5~" * 40 + b"\x03") == [QUIT]
+
+
+@pytest.mark.parametrize("typed", [b"\x1b[20~", b"\x1b[6;5~", b"\x1bOP", b"\x1bh", b"\x1b\r"])
+def test_a_sequence_that_means_nothing_is_one_key(typist: Typist, typed: bytes) -> None:
+    assert len(typist.keys(typed)) == 1
+    assert typist.keys(typed + b"0")[1:] == ["0"]
+
+
+def test_a_sequence_that_arrives_in_parts_is_one_key(typist: Typist) -> None:
+    assert [typist.keys(part) for part in (b"\x1b", b"[2", b"0")] == [[], [], []]
+    assert len(typist.keys(b"~")) == 1
+    assert [typist.keys(part) for part in (b"\x1b[", b"A")] == [[], ["up"]]
+
+
+def test_escape_holds_up_neither_a_sequence_nor_a_stop(typist: Typist) -> None:
+    assert typist.keys(b"\x1b\x1b[5~") == ["\x1b", "page up"]
+    assert len(typist.keys(b"\x1b\x1b[20~")) == 2
+    assert typist.keys(b"\x1b") == []
+    assert typist.keys(b" ") == ["space"]
+    assert typist.keys(b"\x1b[2\x1b[B")[1:] == ["down"]
