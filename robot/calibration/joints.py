@@ -413,12 +413,17 @@ def _frequency(
     settings: PCA9685Settings, output: int, servos: ServoBus, dialogue: Questions
 ) -> float:
     """Pulse frequency of an output, Hz, as a person measures it; its count is left as it was."""
+
+    def switch_on() -> None:
+        servos.read_counts([output])  # a board that failed wants to be read before it moves
+        servos.set_counts({output: middle(settings.counts)})
+
     count = dialogue.attempt(lambda: servos.read_counts([output]))[output]
-    if not count:
-        dialogue.attempt(lambda: servos.set_counts({output: middle(settings.counts)}))
     slowest, fastest = (10 * mhz / settings.oscillator(1.0) for mhz in OSCILLATORS_MHZ)
     least, most = math.ceil(slowest) / 10, math.floor(fastest) / 10
     try:
+        if not count:
+            dialogue.attempt(switch_on)
         return dialogue.number("the frequency there in Hz, to a tenth", least, most)
     finally:
         if not count:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -321,6 +321,41 @@ def test_what_no_oscillator_does_is_asked_again_and_who_leaves_leaves_no_pulses(
         desk.measure(range(8), "", "500", "q")
     assert desk.boards[0].pulses() == (0,) * 16
     assert desk.measure(range(8), "skip").left == 0
+
+
+def test_a_board_that_is_reset_before_it_pulses_is_tried_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    desk = Desk()
+
+    def reset_and_set(counts: Mapping[int, int]) -> None:
+        monkeypatch.undo()
+        desk.boards[0].inject("reset")
+        desk.servos.set_counts(counts)
+
+    monkeypatch.setattr(desk.servos, "set_counts", reset_and_set)
+    script = desk.measure(range(8), "", "", desk.meter(0, 15), "skip")
+    assert script.heard("was reset")
+    assert script.prompts[1] == "Enter tries again"
+    assert script.left == 0
+    assert desk.boards[0].pulses() == (0,) * 16
+
+
+@pytest.mark.parametrize("leaves", [False, True])
+def test_an_output_that_pulses_unheard_does_not_go_on_pulsing(leaves: bool) -> None:
+    desk = Desk()
+    board = desk.boards[0]
+    board.on_pulse = lambda *_: board.inject("unheard")
+    answers = [desk.meter(0, 15)] if not leaves else []
+
+    def mend() -> None:
+        assert board.pulses()[15]
+        board.on_pulse = lambda *_: None
+        board.mend()
+
+    with pytest.raises(AbandonedError):
+        desk.measure(range(8), "", (mend, "q" if leaves else ""), *answers)
+    assert board.pulses() == (0,) * 16
 
 
 def test_other_boards_have_none() -> None:
