@@ -11,7 +11,7 @@ from typing import Final, TypeAlias
 from robot.drivers.links.device_files import open_serial
 from robot.drivers.servos import dynamixel, feetech
 from robot.drivers.servos.servo_chain import Chain
-from robot.errors import DeviceTimeoutError
+from robot.errors import CommandError, DeviceTimeoutError
 from robot.host.clock import WallClock
 
 HELP = "list the serial bus servos that answer on a line, by baud rate"
@@ -48,23 +48,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Asks every id at every baud rate; nothing moves, and nothing is written."""
+    families = {name: family for name, family in FAMILIES.items() if options.servos in (None, name)}
+    if options.baud is not None:
+        _check_baud(options.baud, families)
     servo_count = 0
-    for name, (chain, bauds, ids) in FAMILIES.items():
-        if options.servos in (None, name):
-            for baud in bauds:
-                if options.baud in (None, baud):
-                    line = chain(
-                        partial(open_serial, options.port, baud),
-                        clock=WallClock(),
-                        reply_timeout=_PATIENCE,
-                    )
-                    try:
-                        answering = [n for n in ids if n <= options.ids and line.ping(n)]
-                    finally:
-                        line.close()
-                    servo_count += len(answering)
-                    if answering:
-                        print(f"{name}, {baud} baud: {', '.join(map(str, answering))}", flush=True)
+    for name, (chain, bauds, ids) in families.items():
+        for baud in bauds:
+            if options.baud in (None, baud):
+                line = chain(
+                    partial(open_serial, options.port, baud),
+                    clock=WallClock(),
+                    reply_timeout=_PATIENCE,
+                )
+                try:
+                    answering = [n for n in ids if n <= options.ids and line.ping(n)]
+                finally:
+                    line.close()
+                servo_count += len(answering)
+                if answering:
+                    print(f"{name}, {baud} baud: {', '.join(map(str, answering))}", flush=True)
     if not servo_count:
         raise DeviceTimeoutError(
             f"No servo answers on {options.port}.",
@@ -72,3 +74,13 @@ def run(options: argparse.Namespace) -> int:
             f"{options.ids} (--ids).",
         )
     return 0
+
+
+def _check_baud(baud: int, families: Mapping[str, Family]) -> None:
+    """Refuses a baud rate that no servo has."""
+    if not any(baud in bauds for _, bauds, _ in families.values()):
+        known = "; ".join(
+            f"{name} has {', '.join(map(str, sorted(bauds)))}"
+            for name, (_, bauds, _) in families.items()
+        )
+        raise CommandError(f"--baud {baud} is no rate of these servos: {known}")

@@ -38,3 +38,19 @@ def test_a_line_without_servos_is_a_sentence(
 ) -> None:
     assert main(["scan", bus.port, "--ids", "2", "--baud", "57600"]) == 1
     assert f"No servo answers on {bus.port}." in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--baud", "56700"], "feetech has 38400, 57600, "),
+        (["--baud", "38400", "--servos", "dynamixel"], "dynamixel has 9600, 57600, "),
+    ],
+)
+def test_a_baud_rate_that_no_servo_has_is_refused_before_the_port_is_opened(
+    options: list[str], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["scan", "/dev/nothing", *options]) == 1
+    said = capsys.readouterr().err
+    assert f"--baud {options[1]} is no rate of these servos: {words}" in said
+    assert ("feetech" in said) == ("--servos" not in options)
