@@ -21,7 +21,7 @@ from robot.drivers.sensors.contracts import (
     SensorSettings,
 )
 from robot.drivers.servos.servo_bus import ServoSettings
-from robot.sensing.samples import RestCriterion
+from robot.sensing.samples import LEAST_SAMPLES, RestCriterion
 from robot.sensing.sensors import BellySensor, TouchPoint
 from robot.toml_sections import Section
 from robot.uncertainty import Uncertainty
@@ -181,3 +181,20 @@ def read_settling(section: Section) -> RestCriterion:
         timeout=section.number("timeout_s", 0.1, 60, defaults.timeout),
         rate=section.number("rate_hz", 1, 1000, defaults.rate),
     )
+
+
+def check_rest(section: Section, criterion: RestCriterion) -> None:
+    """Checks that the ``[settling]`` table lets a still robot come to rest."""
+    window, timeout = criterion.window, criterion.timeout
+    if window * criterion.rate < LEAST_SAMPLES:
+        raise section.refuse(
+            "rate_hz",
+            f"must be at least {math.ceil(LEAST_SAMPLES / window)}, not {criterion.rate:g}: rest "
+            f"is judged by {LEAST_SAMPLES} samples or more within window_s ({window:g}).",
+        )
+    if window > timeout:
+        raise section.refuse(
+            "window_s",
+            f"must be at most {timeout:g}, not {window:g}: no robot could come to rest within "
+            "timeout_s.",
+        )

@@ -18,6 +18,7 @@ from robot.configuration.calibration_file import Calibration, read_calibration
 from robot.configuration.device_tables import (
     DistanceConfig,
     check_count,
+    check_rest,
     read_accelerometer,
     read_board,
     read_distance,
@@ -376,6 +377,8 @@ def read_config(path: Path) -> tuple[RobotConfig, Path | None]:
                 joint=math.radians(noise.number("joint_deg", 0.01, 10, 0.5)),
             ),
         )
+        if config.accelerometer is not None:
+            check_rest(settling, config.settling)
     except ConfigError as error:
         raise ConfigError(error.reason, file=str(path), key=error.key) from error
     for section in (body, board, motion, settling, noise, root):

@@ -11,10 +11,14 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 from robot.drivers.links.analogue_inputs import AnalogueInputs
 from robot.drivers.sensors.contracts import DistanceSensor
 from robot.host.clock import Clock
+
+LEAST_SAMPLES: Final = 4
+"""Samples in a window below which it is not judged."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,7 +56,8 @@ class RestDetector:
         self._samples.append((now, values))
         while self._samples[0][0] < now - self._criterion.window - 1e-9:
             self._samples.popleft()
-        if len(self._samples) < max(4, int(self._criterion.window * self._criterion.rate / 2)):
+        expected = int(self._criterion.window * self._criterion.rate)
+        if len(self._samples) < max(LEAST_SAMPLES, expected // 2):
             return False  # a sample takes time of its own, so there are fewer than the rate says
         oldest, (previous, _) = self._samples[0][0], self._samples[-2]
         if now - oldest + (now - previous) < self._criterion.window - 1e-9:

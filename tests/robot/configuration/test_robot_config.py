@@ -13,11 +13,13 @@ from hypothesis import strategies as st
 
 from robot.configuration.robot_config import load_config
 from robot.errors import ConfigError
+from robot.sensing.samples import RestDetector
 
 SIZE = "size_mm = [140, 140, 85]"
 HIP_COUNTS = "joint 1 (hip_left).calibration"
 HIP_LIMITS = "joint 1 (hip_left).limits_deg"
 EXAMPLE = Path(str(resources.files("robot") / "robot.toml"))
+ARM = Path(__file__).parents[3] / "docs" / "robots" / "arm" / "robot.toml"
 
 
 def refused(tmp_path: Path, text: str) -> str:
@@ -162,6 +164,49 @@ def test_a_slip_of_the_unit_is_refused(
     assert old in text
     sentence = refused(tmp_path, text.replace(old, new, 1))
     assert all(word in sentence for word in words), sentence
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("window_s = 1.0", "window_s = 0.05", ["settling.rate_hz", "at least 80,"]),
+        ("rate_hz = 50", "rate_hz = 3", ["settling.rate_hz", "at least 4,"]),
+        ("window_s = 1.0", "window_s = 6", ["settling.window_s", "at most 5,", "timeout_s"]),
+    ],
+)
+def test_a_rest_that_no_robot_could_come_to_is_refused(
+    tmp_path: Path, old: str, new: str, words: list[str]
+) -> None:
+    text = EXAMPLE.read_text(encoding="utf-8")
+    assert old in text
+    sentence = refused(tmp_path, text.replace(old, new, 1))
+    assert all(word in sentence for word in words), sentence
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("window_s = 1.0", "window_s = 0.08"),
+        ("rate_hz = 50", "rate_hz = 4"),
+        ("window_s = 1.0", "window_s = 5"),
+    ],
+)
+def test_a_still_robot_comes_to_rest_by_whatever_is_not_refused(
+    tmp_path: Path, old: str, new: str
+) -> None:
+    file, text = tmp_path / "robot.toml", EXAMPLE.read_text(encoding="utf-8")
+    assert old in text
+    file.write_text(text.replace(old, new, 1), encoding="utf-8")
+    criterion = load_config(file).settling
+    detector = RestDetector(criterion)
+    times = (step / criterion.rate for step in range(int(criterion.timeout * criterion.rate) + 1))
+    assert any(detector.feed(time, (0.0, 0.0)) for time in times)
+
+
+def test_without_an_accelerometer_nobody_looks_for_rest(tmp_path: Path) -> None:
+    file, text = tmp_path / "robot.toml", ARM.read_text(encoding="utf-8")
+    file.write_text(text.replace("timeout_s = 2", "timeout_s = 0.5\nrate_hz = 1"), encoding="utf-8")
+    assert load_config(file).settling.timeout == 0.5
 
 
 def test_noise_may_be_none(tmp_path: Path) -> None:
