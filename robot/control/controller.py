@@ -73,6 +73,7 @@ class Controller:
         self._state = State.RELAXED if interaction.limp else State.IDLE
         limp_reason = LIMP if interaction.measures else OFF
         self._reason = limp_reason if interaction.limp else None
+        self._off_target: str | None = None  # the last reason that named joints
         self._leaving = False
         self._late = False
         self._ended = False
@@ -284,8 +285,9 @@ class Controller:
             self._sequence += 1
             sequence = self._sequence
             angles = self._interaction.angles()
-            if measured.off_target:
-                self._reason = told(measured.off_target, measured.measured or {}, angles)
+            off_target = told(measured.off_target or {}, measured.measured or {}, angles) or None
+            if off_target or self._reason == self._off_target:
+                self._reason = self._off_target = off_target
         return job.observation(measured, sequence, angles)
 
     def _report(self, job: Job, phase: str, fraction: float) -> None:

@@ -2,12 +2,15 @@
 
 A servo that pushes and takes no current has a dead motor; a joint that does not turn at all is
 jammed. One that stops on its way is blocked, or too weak for the load on it: after one movement
-nobody can tell which. A block is always at the same angle; where a joint sags depends on the load.
+nobody can tell which, nor of a joint that was not seen to move. A block is always at the same
+angle, one for each direction; where a joint sags depends on the load. What a movement has shown of
+a joint stands until the next one, or until the joint is where it was sent.
 """
 
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from typing import Final
 
@@ -40,7 +43,8 @@ class JointWatch:
     def __init__(self, joints: Sequence[DrivenJoint]):
         self._joints = joints
         self._start: dict[str, float] = {}
-        self._stops: dict[str, list[float]] = {}
+        self._known: dict[str, str] = {}  # kinds found since then
+        self._stops: dict[tuple[str, float], list[float]] = defaultdict(list)  # by joint, direction
 
     def angles(self, states: Mapping[int, ServoState]) -> dict[str, float]:
         """Angles of the joints by name, rad."""
@@ -51,6 +55,7 @@ class JointWatch:
     def begin(self, states: Mapping[int, ServoState]) -> None:
         """Notes where a movement begins."""
         self._start = self.angles(states)
+        self._known.clear()
 
     def off_target(
         self, commanded: Mapping[str, float], states: Mapping[int, ServoState]
@@ -72,19 +77,33 @@ class JointWatch:
         return kinds
 
     def _kind(self, joint: DrivenJoint, target: float, here: float, state: ServoState) -> str:
-        stops = self._stops.setdefault(joint.name, [])
-        side = math.copysign(1.0, target - here)
         if abs(target - here) <= OFF:
-            # It went beyond where it had stopped before: that was no block.
-            if any(abs(stop) < abs(here) - _SAME_STOP and stop * here > 0 for stop in stops):
-                stops[:] = [math.inf]
+            self._known.pop(joint.name, None)
+            self._reached(joint, here)
             return ""
         is_pushing = state.load is not None and abs(state.load) >= _PUSHES
         if is_pushing and state.current is not None and state.current < _NO_CURRENT:
             return DEAD
-        start = self._start.get(joint.name, here)
+        if joint.name not in self._start:
+            return STOPPED
+        if joint.name not in self._known:
+            self._known[joint.name] = self._found(joint, target, here)
+        return self._known[joint.name]
+
+    def _reached(self, joint: DrivenJoint, here: float) -> None:
+        """Notes that a joint may have gone beyond where it had stopped: that was no block."""
+        for side in (-1.0, 1.0):
+            stops = self._stops[joint.name, side]
+            if any((here - stop) * side > _SAME_STOP for stop in stops):
+                stops[:] = [side * math.inf]
+
+    def _found(self, joint: DrivenJoint, target: float, here: float) -> str:
+        """What a movement that has ended off its target has shown."""
+        side = math.copysign(1.0, target - here)
+        start = self._start[joint.name]
         if abs(here - start) < _STILL and (target - start) * side > OFF:
             return JAMMED
+        stops = self._stops[joint.name, side]
         elsewhere = [stop for stop in stops if not math.isclose(stop, here, abs_tol=_SAME_STOP)]
         stopped_before = len(elsewhere) < len(stops)
         stops.append(here)

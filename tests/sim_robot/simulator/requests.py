@@ -6,7 +6,7 @@ from itertools import count
 from queue import SimpleQueue
 
 from protocol.rules.robot_interface import Finished
-from protocol.wire.messages import Clear, Hold, Ok, Perform, Relax, Stop
+from protocol.wire.messages import Clear, Hold, Ok, Perform, Read, Relax, Stop
 from robot.control.controller import Controller
 
 SENDER = {"client": "test", "session": "test"}
@@ -40,6 +40,11 @@ class Requests:
     def perform(self, targets: dict[str, float]) -> object:
         number = next(self._numbers)
         self._controller.submit(number, Perform(id=number, targets=targets, **SENDER))
+        return self._end(number)
+
+    def read(self) -> object:
+        number = next(self._numbers)
+        self._controller.submit(number, Read(id=number, **SENDER))
         return self._end(number)
 
     def _end(self, number: int) -> object:

@@ -52,6 +52,12 @@ def observed(requests: Requests, **targets: float) -> ObservationReply:
     return reply
 
 
+def observed_again(requests: Requests) -> ObservationReply:
+    reply = requests.read()
+    assert isinstance(reply, ObservationReply), reply
+    return reply
+
+
 @pytest.mark.parametrize("electronics", ["feetech", "dynamixel"])
 def test_an_observation_says_where_the_joints_were(electronics: str) -> None:
     with robot(electronics) as (parts, controller, requests):
@@ -88,6 +94,35 @@ def test_a_joint_is_named_within_the_movement_that_shows_it(
         parts.panel.mend()
         assert observed(requests).off_target is None
         assert controller.snapshot().reason is None
+
+
+def test_reading_once_more_tells_no_more_until_the_joint_is_in_order() -> None:
+    with robot() as (parts, controller, requests):
+        observed(requests)
+        name = parts.config.joints[1].name
+        parts.panel.order(FaultSpec.parse(f"servos.blocked=2@{parts.panel.interactions + 1}i"))
+        assert observed(requests, **{name: 0.4}).off_target == {name: "blocked or too weak"}
+        assert observed_again(requests).off_target == {name: "blocked or too weak"}
+        assert "blocked or too weak: at " in (controller.snapshot().reason or "")
+        parts.panel.mend()
+        assert observed_again(requests).off_target is None
+        assert controller.snapshot().reason is None
+
+
+def test_a_daemon_that_has_seen_no_movement_calls_no_joint_jammed() -> None:
+    with robot() as (parts, _, requests):
+        observed(requests)
+        name = parts.config.joints[1].name
+        parts.panel.order(FaultSpec.parse(f"servos.blocked=2@{parts.panel.interactions + 1}i"))
+        observed(requests, **{name: 0.4})
+        later = robot_on(parts, LOG, operator=True)
+        later_requests = Requests(later)
+        later.start()
+        try:
+            assert observed_again(later_requests).off_target == {name: "blocked or too weak"}
+        finally:
+            later_requests.stop()  # or both daemons park
+            later.shut_down()
 
 
 def test_a_robot_whose_servos_answer_nothing_notices_nothing_of_it() -> None:
