@@ -188,7 +188,7 @@ def exported(directory: Path, form: BodyFormat, sample: int) -> Exported:
         fitted = FittedPosterior.of(store)
     if fitted is None:
         raise EstimatorError(f"{directory} has no model yet: resume the run first")
-    count = len(fitted.models)
+    count = len(fitted.model_points)
     if sample >= count:
         raise EstimatorError(
             f"{directory} holds {count} models, so there is no sample {sample}: choose 0 to "

@@ -15,10 +15,10 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel, ConfigDict
 
 from estimator.body.arrays import Bodies
-from estimator.body.limbs import driven_limbs, leg_lengths
+from estimator.body.limbs import leg_lengths
 from estimator.body.morphology import Array, Morphology
 from estimator.errors import EstimatorError
-from estimator.parameters.changes import Within, changes_of
+from estimator.parameters.changes import changes_of
 from estimator.parameters.table import Parameter
 from estimator.physics.backends import open_arrays
 from estimator.physics.base import ArrayPhysics
@@ -257,18 +257,11 @@ class FittedPosterior:
         return replace(self, posterior=self.posterior.sample(count, rng))
 
     @cached_property
-    def models(self) -> Array:
-        """Genomes of all models, shape (m, genes): a population, or the best body and the samples.
+    def model_points(self) -> Array:
+        """Points of all models, shape (m, size): a population, or the best body and the samples.
 
         Numbers in ``ranked`` are indices of these.
         """
-        if self.summary is None or self.best is None:
-            return self.samples
-        return np.vstack([self.best, self.samples])
-
-    @cached_property
-    def model_points(self) -> Array:
-        """The models' genomes, as ``points`` has those of the samples, shape (m, size)."""
         if self.summary is None or self.best_point is None:
             return self.points
         return np.vstack([self.best_point, self.points])
@@ -278,20 +271,13 @@ class FittedPosterior:
         """Indices of the models: the best, then the others by error or weight; shape (m,)."""
         if self.ranking is not None:
             return self.ranking
-        first = [np.inf] if len(self.models) > len(self) else []
+        first = [np.inf] if len(self.model_points) > len(self) else []
         return np.argsort(-np.concatenate([first, self.weights]), kind="stable")
 
     @cached_property
     def leg_lengths(self) -> Array:
         """Length of each leg of each sample by now, m, shape (n, legs), in motor order."""
-        bodies = self.genome.decode_all(self.samples)
-        lengths = leg_lengths(bodies)
-        changed = self.posterior.changed
-        for row, theta in zip(self.changes, [] if changed is None else changed.T, strict=True):
-            if isinstance(row, Within):
-                legs = [limb.motor for limb in driven_limbs(bodies[0])]
-                lengths[:, legs.index(row.motor)] *= np.abs(row.amounts(1.0, theta))
-        return lengths
+        return leg_lengths(self.bodies_at(self.points))
 
     # --- what is stated ---------------------------------------------------------------------------
 

@@ -104,7 +104,7 @@ def summarise(store: RunStore) -> Result:
 def _errors(fitted: FittedPosterior) -> list[tuple[float | None, float | None]]:
     """Subjective errors of the models, best first: those that count, and those of the search."""
     if fitted.errors is None or fitted.searched is None:
-        return [(None, None)] * len(fitted.models)
+        return [(None, None)] * len(fitted.model_points)
     return [
         (_known(fitted.errors[row]), _known(fitted.searched[row])) for row in fitted.ranked.tolist()
     ]
