@@ -150,12 +150,16 @@ class Modality(ABC):
     def prediction_errors(self, predicted: Array, observation: Observation) -> Array:
         """Absolute errors in the unit of ``error_name``, shape (n, values); NaN where unknown.
 
+        Nothing is known where robot and models have different numbers of sensors, which a modality
+        that is left out may have.
+
         Args:
             predicted: Shape (n, values); NaN where a simulation cannot be believed.
             observation: What the robot measured.
         """
         observed = self.observed(observation)
-        errors: Array = np.abs(predicted - (observed if observed.size else math.nan))
+        comparable = observed.size == predicted.shape[1]
+        errors: Array = np.abs(predicted - (observed if comparable else math.nan))
         return self.error_factor * errors
 
     @abstractmethod

@@ -66,6 +66,18 @@ def test_prediction_errors(name: str, error: list[list[float]], shown: float, sa
     assert modality.say_error(None) == "–"
 
 
+@pytest.mark.parametrize("gauges", [(), (True,), (True, False, True)])
+def test_gauges_that_the_problem_does_not_describe_are_not_compared(
+    gauges: tuple[bool, ...],
+) -> None:
+    predicted = np.array([[1.0, 0.0], [0.0, 0.0]])
+    errors = MODALITIES["touch"].prediction_errors(
+        predicted, Observation(angles=(0.0, 0.0), touch=gauges)
+    )
+    assert errors.shape == predicted.shape
+    assert np.isnan(errors).all()
+
+
 def test_what_a_sensor_can_hardly_tell_is_alike() -> None:
     both = readings()
     one, other = both[:1], both[1:]
