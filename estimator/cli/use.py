@@ -235,6 +235,12 @@ def diagnose(
         f"{directory.name}-{time.strftime('%Y%m%d-%H%M%S')}"
     )
     with errors_as_sentences(None), identified(directory, jobs) as (store, known):
+        if not store.settings.keeps_samples:
+            raise EstimatorError(
+                f"{directory} is a run of the method {store.settings.method}, and a diagnosis "
+                "needs one of the method posterior: make it with `estimator identify --robot "
+                f"{robot} --problem {store.settings.problem}`"
+            )
         may_move(yes, f"Move the robot at {robot}, up to {movements} times?")
         rng = np.random.default_rng(seed)
         weigher = Weigher(known, causes_of(known, rng), rng)

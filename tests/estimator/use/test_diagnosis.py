@@ -27,6 +27,7 @@ from estimator.use.changes import Cause, causes_of
 from estimator.use.diagnosis import Diagnosis, Verdict, diagnose
 from estimator.use.movements import Hypotheses
 from estimator.use.watch import HAZARD, Watch
+from tests.estimator.evaluation.test_score import make_ended_run
 from tests.estimator.model_robot import TRUE_LENGTHS, ModelRobot, serving, without_plots
 from tests.estimator.posterior_run import make_posterior_run
 from tests.estimator.use.test_pose import ASKEW, SPREAD, TRUTH, sampled
@@ -266,6 +267,24 @@ def test_a_cut_leg_is_noticed_named_and_stood_on(run: Path, tmp_path: Path) -> N
     assert 1000 * front.leg_lengths[:, 1].mean() == pytest.approx(90, abs=3)
     (own_tilt,) = front.unknowns.amounts(front.points).values()
     assert np.allclose(own_tilt, ASKEW)
+
+
+def test_a_population_is_not_diagnosed_and_nothing_moves(tmp_path: Path) -> None:
+    with make_ended_run(tmp_path, TRUE_LENGTHS) as store:
+        directory = store.directory
+    model, now = ModelRobot(), tmp_path / "now"
+    with serving(model) as uri:
+        ended = estimator("diagnose", directory, "--robot", uri, "--yes", "--out", now)
+        assert ended.exit_code == 1, ended.output
+        sentence = " ".join(ended.stderr.split())
+        assert "needs one of the method posterior" in sentence
+        assert f"estimator identify --robot {uri} --problem legs" in sentence
+        watched = estimator(
+            *("monitor", directory, "--robot", uri, "--every", "0", "--movements", "1", "--yes")
+        )
+    assert watched.exit_code == 0, watched.output
+    assert len(model.motions) == 1
+    assert not now.exists()
 
 
 def number_in(pattern: str, text: str) -> int:
