@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any, Final, Protocol
 
 from estimator.errors import EstimatorError, ReadingsError, RunDirectoryError
-from estimator.readings.modalities import MODALITIES
+from estimator.readings.modalities import MODALITIES, ROUNDING
 from estimator.readings.observation import Observation, Program, by_joint_name
 from estimator.readings.plausibility import AnswerChecks, implausible_body, impossible_reading
 from estimator.readings.readings_csv import ANGLE, Table, read
@@ -181,7 +181,7 @@ def open_by_hand(path: Path, driven: Callable[[Capabilities], Collection[int]]) 
             f"{path}: the problem drives {', '.join(missing)}, so write the columns "
             f"{', '.join(ANGLE + name for name in missing)}."
         )
-    observations = tuple(_for_all_joints(row, table.joints, names) for row in table.observations)
+    observations = tuple(_as_felt(row, table.joints, capabilities) for row in table.observations)
     for number, row in enumerate(observations, 1):
         wrong = impossible_reading(row, capabilities)
         if wrong is not None:
@@ -242,9 +242,32 @@ def _assumed(description: dict[str, Any], table: Table) -> dict[str, Any]:
     }
 
 
-def _for_all_joints(row: Observation, columns: tuple[str, ...], names: list[str]) -> Observation:
+def _as_felt(row: Observation, columns: tuple[str, ...], robot: Capabilities) -> Observation:
+    """A row as this robot would have reported it.
+
+    Where a servo measures its angle the table has that, and not the angle commanded: it may lie
+    beyond the joint's ends, and the nearest one within them is taken to be commanded.
+    """
     angles = dict(zip(columns, row.angles, strict=True))
-    return row.model_copy(update={"angles": tuple(angles.get(name, 0.0) for name in names)})
+    commanded: list[float] = []
+    measured: list[float | None] = []
+    for joint in robot.joints:
+        angle = angles.get(joint.name, 0.0)
+        measures = joint.measured_noise is not None
+        commanded.append(min(max(angle, joint.lower), joint.upper) if measures else angle)
+        measured.append(angle if measures else None)
+    sensor = robot.sensor("clearance")
+    upper = None if sensor is None else sensor.upper
+    reaches_upper = (
+        row.clearance is not None and upper is not None and row.clearance >= upper - ROUNDING
+    )
+    return row.model_copy(
+        update={
+            "angles": tuple(commanded),
+            "measured": tuple(measured),
+            "clearance_saturated": reaches_upper,
+        }
+    )
 
 
 PATIENCE: Final = 10.0

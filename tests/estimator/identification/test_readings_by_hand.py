@@ -1,12 +1,16 @@
 import json
 import math
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from estimator.errors import EstimatorError, ReadingsError
 from estimator.identification.robot_link import RobotLink, open_robot
+from estimator.readings.observation import Observation
+from estimator.readings.readings_csv import write
+from tests.estimator.model_robot import make_capabilities
 
 TABLE = "angle_deg_a,angle_deg_b,touch_1,tilt_lr_deg,tilt_fb_deg,clearance_mm\n30,-10,1,5,-5,40\n"
 ROBOT = {"base_size": [0.14, 0.14, 0.085], "base_mass": 0.6}
@@ -58,6 +62,33 @@ def test_joints_that_are_not_driven_need_no_column(tmp_path: Path) -> None:
     link = opened(tmp_path, robot={**ROBOT, "joints": joints}, driven=(0, 2))
     assert link.recorded is not None
     assert link.recorded[0] == pytest.approx([math.radians(-10), 0.0, math.radians(30)])
+
+
+def test_the_table_of_a_run_is_read_as_it_was_felt(tmp_path: Path) -> None:
+    """A servo may stand past the end to which it was commanded; the ground may be out of range."""
+    robot = make_capabilities()
+    first, *others = robot.joints
+    robot = replace(robot, joints=(replace(first, measured_noise=0.005), *others))
+    felt = [
+        Observation(
+            angles=(1.0, -1.0, 0.5, 0.0),
+            measured=(measured, None, None, None),
+            touch=(True, True, False, None),
+            tilt=(0.1, None),
+            clearance=clearance,
+            clearance_saturated=clearance == 0.2,
+        )
+        for measured, clearance in ((1.03, 0.2), (1.3, 0.199), (1.0, None))
+    ]
+    table = tmp_path / "felt.csv"
+    write(table, [joint.name for joint in robot.joints], felt)
+    link = opened(tmp_path, table.read_text(), robot.to_map())
+    for number, wanted in enumerate(felt):
+        got = link.perform(number, (), None, lambda phase, fraction: None)
+        assert got.taken == pytest.approx(wanted.taken, abs=1e-5)
+        assert got.angles == pytest.approx(wanted.angles, abs=1e-5)
+        assert got.clearance == wanted.clearance
+        assert got.clearance_saturated == wanted.clearance_saturated
 
 
 @pytest.mark.parametrize(
