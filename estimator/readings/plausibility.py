@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from estimator.readings.modalities import MODALITIES, ROUNDING, Value
+from estimator.readings.modalities import MODALITIES, ROUNDING
 from estimator.readings.observation import Observation, Program
 from protocol.wire.capabilities import Capabilities
 
@@ -19,7 +19,7 @@ LENGTHS: Final = (1e-4, 10.0)
 DENSITIES: Final = (1.0, 25_000.0)
 """Least and largest density, from a hull full of air to solid platinum, kg/m³."""
 
-_COINCIDENCES: Final = 4  # equal noisy values in a row; fewer may be coarse, or chance
+_COINCIDENCES: Final = 4  # equal noisy numbers in a row; fewer may be coarse, or chance
 
 
 def implausible_body(robot: Capabilities) -> str | None:
@@ -125,22 +125,25 @@ class AnswerChecks:
         return f"a robot time of {time:.2f} s, after one of {last_time:.2f} s"
 
     def _repeated(self, observation: Observation) -> int:
-        """How many noisy values equal those of the last observation, after another movement.
+        """How many noisy numbers equal those of the last observation, after another movement.
 
         Where one differs, or the movement is the same, minus the count so far, which begins anew.
         """
         if self._last is None or observation.angles == self._last.angles:
             return -self._coincidences
-        last_values, values = self._noisy_values(self._last), self._noisy_values(observation)
+        last_values, values = self._noisy_numbers(self._last), self._noisy_numbers(observation)
         return len(values) if values == last_values else -self._coincidences
 
-    def _noisy_values(self, observation: Observation) -> list[Value]:
-        """Values of sensors that announce noise, except those at the end of a range."""
+    def _noisy_numbers(self, observation: Observation) -> list[float]:
+        """Numbers of sensors that announce noise, except those at the end of a range.
+
+        Touch bits are left out: those of a healthy robot often repeat.
+        """
         return [
             value
             for sensor in self._robot.sensors
             for value in MODALITIES[sensor.modality].values(observation)
-            if sensor.noise > 0 and value not in (None, sensor.upper)
+            if sensor.noise > 0 and isinstance(value, float) and value != sensor.upper
         ]
 
 

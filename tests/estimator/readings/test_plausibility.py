@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from estimator.readings.observation import Observation
-from estimator.readings.plausibility import implausible_body, impossible_reading
+from estimator.readings.plausibility import AnswerChecks, implausible_body, impossible_reading
 from protocol.wire.capabilities import Sensor
 from tests.estimator.model_robot import make_capabilities
 
@@ -55,6 +55,15 @@ def test_touch_bits_of_a_robot_without_touch_sensors_are_impossible() -> None:
     robot = replace(ROBOT, sensors=ROBOT.sensors[1:])
     assert impossible_reading(LEVEL, robot) == "4 touch bits of 0 touch sensors"
     assert impossible_reading(LEVEL.model_copy(update={"touch": ()}), robot) is None
+
+
+def test_a_robot_that_stands_on_the_same_legs_again_is_not_frozen() -> None:
+    touch, *others = ROBOT.sensors
+    checks = AnswerChecks(replace(ROBOT, sensors=(replace(touch, noise=0.02), *others)))
+    for angle in (0.0, 0.1, 0.2, 0.3):
+        program = (angle, 0.0, 0.0, 0.0)
+        observation = LEVEL.model_copy(update={"angles": program, "tilt": (angle, 0.0)})
+        assert checks.wrong(program, observation) is None
 
 
 @pytest.mark.parametrize(
