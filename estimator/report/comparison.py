@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -17,7 +17,7 @@ from estimator.report.canvas import OTHER_MARKERS, leg_colour, leg_label, new_fi
 from estimator.report.evaluations import score_of
 from estimator.report.plots import legend_of_names
 from estimator.report.result import Result
-from estimator.report.scene import at_rest, model_links, solids_of
+from estimator.report.scene import MAIN_BODY, Solid, at_rest, model_links, solids_of
 from estimator.report.summarise import summarise
 from estimator.storage.posteriors import Interval
 from estimator.storage.store import RunStore
@@ -70,7 +70,7 @@ class ComparedRun:
 
 
 def joints_of(runs: Sequence[ComparedRun]) -> tuple[str, ...]:
-    """The joints that turn a leg in any of the runs."""
+    """The joints that turn a leg in any of the runs, in the order of the legs' colours."""
     return tuple(dict.fromkeys(joint for run in runs for joint in run.lengths))
 
 
@@ -79,12 +79,8 @@ def comparison_picture(runs: Sequence[ComparedRun]) -> Figure:
     figure = new_figure(max(7.0, 3.2 * len(runs)), 7.0)
     grid = figure.add_gridspec(2, 1)
     above, below = (figure.add_subfigure(grid[row]) for row in range(2))
-    bodies = [
-        at_rest(solids_of(model_links(run.body), np.zeros(run.body.motors)), None)
-        if run.body
-        else []
-        for run in runs
-    ]
+    joints = joints_of(runs)
+    bodies = [_best_body(run, joints) for run in runs]
     radius = max((reach(body) for body in bodies if body), default=1.0)
     panels = above.subplots(1, len(runs), squeeze=False)[0]
     for number, (axes, body) in enumerate(zip(panels, bodies, strict=True), 1):
@@ -97,13 +93,25 @@ def comparison_picture(runs: Sequence[ComparedRun]) -> Figure:
             axes.imshow(take_picture(body, radius))
         else:
             axes.set_xlabel("no picture")
-    _draw_lengths(below.subplots(), runs)
+    _draw_lengths(below.subplots(), runs, joints)
     return figure
 
 
-def _draw_lengths(axes: Axes, runs: Sequence[ComparedRun]) -> None:
+def _best_body(run: ComparedRun, joints: Sequence[str]) -> list[Solid]:
+    """A run's best body at rest, each leg with its joint's place among ``joints`` as its limb.
+
+    Empty where there is none.
+    """
+    if run.body is None:
+        return []
+    solids = at_rest(solids_of(model_links(run.body), np.zeros(run.body.motors)), None)
+    legs = {leg: joints.index(joint) for leg, joint in enumerate(run.lengths)}
+    limbs = {MAIN_BODY: MAIN_BODY, **legs}
+    return [replace(solid, limb=limbs[solid.limb]) for solid in solids]
+
+
+def _draw_lengths(axes: Axes, runs: Sequence[ComparedRun], joints: Sequence[str]) -> None:
     """Draws leg lengths: a colour for each leg, as on the bodies, and a marker for each run."""
-    joints = joints_of(runs)
     for number, run in enumerate(runs):
         marker = OTHER_MARKERS[number % len(OTHER_MARKERS)]
         axes.plot([], [], marker, color="0.3", label=_label(number + 1, run))

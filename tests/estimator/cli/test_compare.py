@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_hex, to_rgb
 from typer.testing import CliRunner, Result
 
 from estimator.cli.command_line import app
+from estimator.report.camera import Picture
 from estimator.report.comparison import ComparedRun, comparison_picture
 from estimator.storage.store import RunStore
-from tests.estimator.report.made_runs import made_run
+from tests.estimator.report.made_runs import EIGHT, capabilities_with, made_run
 
 
 @pytest.fixture
@@ -48,6 +51,38 @@ def test_runs_stand_side_by_side_as_table_and_picture(
     ]
     medians = [100 * length.median for run in (one, two) for length in run.lengths.values()]
     assert drawn == pytest.approx(medians)  # the plot's numbers are the table's
+
+
+def test_a_leg_has_one_colour_on_all_bodies_and_in_the_plot(tmp_path: Path) -> None:
+    others = tuple(f"other_{number}" for number in range(8))
+    first, second = (
+        ComparedRun.read(
+            made_run(
+                tmp_path / joints[0],
+                "parametric",
+                "posterior",
+                capabilities=capabilities_with(joints),
+            )
+        )
+        for joints in (EIGHT, others)
+    )
+    *panels, plot = comparison_picture([first, second]).axes
+    plotted = [to_hex(line.get_color()) for line in plot.lines if np.size(line.get_ydata()) == 1]
+    legs = len(first.lengths)
+    for panel, colours in zip(panels, (plotted[:legs], plotted[legs:]), strict=True):
+        picture = np.asarray(panel.images[0].get_array())
+        assert legs_in(picture, plotted) == set(colours)
+
+
+def legs_in(picture: Picture, colours: Sequence[str]) -> set[str]:
+    """Those of some colours in which something is drawn, however lit or shaded."""
+    pixels = picture.reshape(-1, 3) / np.linalg.norm(picture, axis=-1).reshape(-1, 1)
+    seen = set()
+    for colour in colours:
+        hue = np.array(to_rgb(colour)) / np.linalg.norm(to_rgb(colour))
+        if np.sum(np.linalg.norm(pixels - hue, axis=1) < 0.03) > 20:
+            seen.add(colour)
+    return seen
 
 
 def test_a_run_that_has_learnt_nothing_is_compared(runs: tuple[Path, Path], tmp_path: Path) -> None:
