@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import csv
+import math
 import re
 import shutil
 import time
@@ -20,6 +21,7 @@ from statistics import median
 from typing import Final
 
 import numpy as np
+from numpy.typing import ArrayLike
 from pydantic import BaseModel, ConfigDict, computed_field
 
 from bench.daemons import Simulator, simulator
@@ -38,7 +40,7 @@ from estimator.use.causes import Particles, Weigher
 from estimator.use.changes import causes_of
 from estimator.use.diagnosis import Verdict, diagnose
 from estimator.use.movements import near_forks, readings_in
-from estimator.use.pose import SAFE, Goal, find_pose
+from estimator.use.pose import SAFE, Goal, Pose, find_pose
 from estimator.use.watch import Watch
 from protocol.system.files import replace_text
 from protocol.transport.client import RobotClient
@@ -281,17 +283,28 @@ def _poses(known: FittedPosterior, uri: str, count: int, rng: np.random.Generato
             )
             pose = find_pose(known, goal, rng)
             observed = _perform(client, pose.program)
-            tilt_error = np.abs(np.array(observed.tilt, dtype=float) - pose.tilt).max()
-            rise_error = abs((observed.clearance or 0.0) - pose.clearance)
             poses.append(
                 Reached(
                     share=pose.share,
                     margin=pose.margin,
                     reached=goal.is_met_by(observed),
-                    elsewhere=bool(tilt_error > _ELSEWHERE[0] or rise_error > _ELSEWHERE[1]),
+                    elsewhere=fell_elsewhere(observed, pose),
                 )
             )
     return poses
+
+
+def fell_elsewhere(observed: Observation, pose: Pose) -> bool:
+    """Whether a robot reads otherwise than predicted; one whose reading is missing does."""
+    tilt_error, rise_error = _errors(observed, pose.tilt, pose.clearance)
+    return not (tilt_error <= _ELSEWHERE[0] and rise_error <= _ELSEWHERE[1])
+
+
+def _errors(observed: Observation, tilt: ArrayLike, clearance: float) -> tuple[float, float]:
+    """Largest error of predicted tilts, rad, and that of clearance, m; NaN where not read."""
+    felt_tilt = np.array(observed.tilt, dtype=float)
+    felt_clearance = math.nan if observed.clearance is None else observed.clearance
+    return float(np.abs(felt_tilt - tilt).max()), abs(felt_clearance - clearance)
 
 
 def _damaged(weigher: Weigher, client: RobotClient, faults: FaultClient, fault: str) -> Damaged:
@@ -343,9 +356,10 @@ def _as_if(weigher: Weigher, named: Particles, client: RobotClient) -> bool:
         felt = _perform(client, tuple(program.tolist()))
         noise = known.noise
         predicted = readings_in(known, bodies, np.array([felt.taken]))
-        tilt = np.abs(np.median(predicted.tilt, axis=0) - np.array(felt.tilt, dtype=float))
-        rise = abs(np.median(predicted.clearance) - (felt.clearance or 0.0))
-        explained += bool(tilt.max() < _SIGMAS * noise.tilt and rise < _SIGMAS * noise.clearance)
+        tilt_error, rise_error = _errors(
+            felt, np.median(predicted.tilt, axis=0), float(np.median(predicted.clearance))
+        )
+        explained += tilt_error < _SIGMAS * noise.tilt and rise_error < _SIGMAS * noise.clearance
     return explained >= min(_HELD_OUT, int(safe.sum())) - 1
 
 

@@ -7,8 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from bench.after import AfterRun, Damaged, Figures, Reached, tables, write_runs
+from bench.after import AfterRun, Damaged, Figures, Reached, fell_elsewhere, tables, write_runs
+from estimator.readings.observation import Observation
 from estimator.use.diagnosis import Verdict
+from estimator.use.pose import Pose
 
 SHORTER = "the leg of hip_front shortened"
 
@@ -53,6 +55,28 @@ WHOLE = damaged("", Verdict.UNCHANGED)
 )
 def test_what_counts_as_right(one: Damaged, right: bool, wrong: bool) -> None:
     assert (one.right, one.wrong) == (right, wrong)
+
+
+@pytest.mark.parametrize(
+    ("tilt", "clearance", "elsewhere"),
+    [
+        ((0.1, 0.04), 0.010, False),
+        ((0.1, 0.06), 0.005, True),
+        ((0.1, 0.00), 0.020, True),
+        ((0.1, None), 0.005, True),
+        ((None, None), 0.005, True),
+        ((0.1, 0.00), None, True),
+    ],
+)
+def test_a_robot_that_does_not_read_as_predicted_fell_elsewhere(
+    tilt: tuple[float | None, float | None], clearance: float | None, elsewhere: bool
+) -> None:
+    """As after a fall beyond a sensor's range, which leaves no reading."""
+    pose = Pose(
+        program=(0.0,), share=1.0, margin=0.1, tilt=(0.1, 0.0), clearance=0.005, touch=(True,)
+    )
+    observed = Observation(angles=(0.0,), tilt=tilt, clearance=clearance)
+    assert fell_elsewhere(observed, pose) == elsewhere
 
 
 def test_all_runs_are_listed_and_counted(tmp_path: Path) -> None:
