@@ -196,10 +196,7 @@ class FittedPosterior:
 
     @property
     def points(self) -> Array:
-        """Genomes with what is otherwise than stated and what has changed, shape (n, size).
-
-        ``unknowns`` makes bodies of them.
-        """
+        """Genomes with what is otherwise and has changed, for ``unknowns``, shape (n, size)."""
         values, changed = self.posterior.values, self.posterior.changed
         return values if changed is None else np.hstack([values, changed])
 

@@ -30,10 +30,7 @@ def logsumexp(logs: Any, axis: int | None = None) -> Any:
 
 
 def log_sum(one: Array, other: Array) -> Array:
-    """Logarithm of the sum of two exponentials of which one is finite.
-
-    Several times as fast as NumPy's ``logaddexp``.
-    """
+    """Logarithm of the sum of two exponentials, one of them finite; faster than ``logaddexp``."""
     logs: Array = np.maximum(one, other) + np.log1p(np.exp(-np.abs(one - other)))
     return logs
 
