@@ -48,7 +48,7 @@ FAULTS: Final = (
 _BROADCAST: Final = 0xFE
 _HEADER: Final = b"\xff\xff"
 _OVERHEAD: Final = 6  # bytes of a packet around its parameters
-_PING, _READ, _WRITE, _SYNC_READ, _SYNC_WRITE = 0x01, 0x02, 0x03, 0x82, 0x83
+_READ, _SYNC_READ, _SYNC_WRITE = 0x02, 0x82, 0x83
 _LIMITS, _MODE = 9, 33
 _TORQUE, _ACCELERATION, _GOAL = 40, 41, 42
 _STATE: Final = range(_TORQUE, 71)
@@ -77,7 +77,10 @@ class FeetechChain(Chain):
 
     def ping(self, servo: int) -> bool:
         """Whether a servo answers, asked once; a damaged answer, as of two at once, counts."""
-        answers, damaged = self._ask(_packet(servo, _PING), [servo], 0)
+        # Not the protocol's PING: a servo with a voltage fault answers that with the very same
+        # bytes, which would be taken for an echo.
+        question = _packet(servo, _READ, bytes((_SETTINGS[0], 1)))
+        answers, damaged = self._ask(question, [servo], 1)
         return servo in answers or damaged
 
     def set_up(self, servos: Sequence[int]) -> None:

@@ -54,3 +54,12 @@ def test_a_baud_rate_that_no_servo_has_is_refused_before_the_port_is_opened(
     said = capsys.readouterr().err
     assert f"--baud {options[1]} is no rate of these servos: {words}" in said
     assert ("feetech" in said) == ("--servos" not in options)
+
+
+def test_servos_that_report_a_fault_are_listed_too(
+    bus: BusServos,  # type: ignore[type-arg]
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    bus.inject("dip")
+    assert main(["scan", bus.port, "--ids", "3", "--baud", "1000000"]) == 0
+    assert capsys.readouterr().out.endswith("1000000 baud: 1, 3\n")
