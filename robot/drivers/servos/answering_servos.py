@@ -157,7 +157,8 @@ class AnsweringServos:
 
         Raises:
             CommandError: An output is out of range.
-            DeviceError: A servo does not answer or is not fit for use; or the line failed.
+            DeviceError: A servo does not answer, is not fit for use or is driven to what is no
+                count; or the line failed.
         """
         check_outputs(outputs, self._outputs)
         unread = [output for output in outputs if output not in self._held]
@@ -166,7 +167,15 @@ class AnsweringServos:
         answers = self._chain.read(outputs)
         for output, registers in answers.items():
             self._refuse_faulty(output, registers)
-            self._held[output] = registers.goal if registers.state.driven else 0
+            goal, driven = registers.goal, registers.state.driven
+            if driven and goal not in self._counts:
+                self.forget()
+                raise DeviceDataError(
+                    f"{self._name_of([output])} is driven to {goal}, beyond {self._counts[0]} to "
+                    f"{self._counts[-1]}: another program did that.",
+                    "Switch the servos' supply off and on, so that it is limp.",
+                )
+            self._held[output] = goal if driven else 0
         return {output: self._held[output] for output in outputs}
 
     def read_states(self, outputs: Sequence[int]) -> dict[int, ServoState]:

@@ -123,3 +123,18 @@ def test_what_was_read_before_a_question_was_repeated_is_read_again(line: Line) 
     with pytest.raises(DeviceDataError, match="has the goal 3000, not 2048: another program"):
         line.servos.set_counts(dict.fromkeys(IDS, 2058))
     assert not line.moves
+
+
+def test_a_servo_that_is_driven_beyond_its_counts_is_not_called_limp(
+    line: Line, clock: InstantClock
+) -> None:
+    stand(line)
+    line.bus.servos[0].send_to(0)  # another program
+    line.servos.forget()
+    for _ in range(2):
+        with pytest.raises(DeviceDataError, match=r"Servo 1 .* is driven to 0, beyond 1 to 4095"):
+            line.servos.read_counts(IDS)
+    line.bus.inject("reboot", 1)
+    clock.sleep(1.0)
+    assert line.servos.read_counts(IDS) == {1: 0, 2: 2048}
+    stand(line)
