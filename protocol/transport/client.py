@@ -13,6 +13,7 @@ from typing import Any, Final, TypeAlias, TypeVar
 from protocol.errors import (
     BodyschemaError,
     RemoteProtocolError,
+    RobotError,
     RobotRestartedError,
     RobotUnreachableError,
 )
@@ -113,7 +114,7 @@ class RobotClient(Closable):
             raise
 
     def close(self) -> None:
-        """Gives control back, if it was had, and closes the connection; idempotent."""
+        """Gives back the control that it may have, and closes the connection; idempotent."""
         try:
             if self._holding:
                 self._holding = False
@@ -200,9 +201,12 @@ class RobotClient(Closable):
 
     def acquire(self) -> Ok:
         """Takes control; the error ``held`` tells who has it."""
-        reply = self._ask(self._in_session(Acquire), Ok)
-        self._holding = True
-        return reply
+        self._holding = True  # perhaps: the answer may be lost, or not waited for
+        try:
+            return self._ask(self._in_session(Acquire), Ok)
+        except RobotError:
+            self._holding = False
+            raise
 
     def release(self) -> Ok:
         """Gives control back; a motion of this client that is under way ends where it is."""

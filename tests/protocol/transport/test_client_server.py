@@ -137,6 +137,32 @@ def test_ctrl_c_ends_the_wait_and_closing_holds_the_robot(
     assert slow_robot.controllers[-1] is None
 
 
+def test_control_that_was_asked_for_in_vain_is_given_back(serve: Serve, robot: FakeRobot) -> None:
+    taken, interrupted = threading.Event(), threading.Event()
+    changed = robot.controller_changed
+
+    def hesitate(client: str | None) -> None:
+        changed(client)
+        taken.set()
+        assert interrupted.wait(120)  # until then, nothing is answered
+
+    robot.controller_changed = hesitate  # type: ignore[method-assign]
+    server = serve(robot)
+    main = threading.get_ident()
+
+    def interrupt() -> None:
+        assert taken.wait(120)
+        signal.pthread_kill(main, signal.SIGINT)
+
+    with RobotClient(server.endpoint) as client:
+        pressed = in_background(interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            client.acquire()
+        pressed.result()
+        interrupted.set()
+    assert robot.controllers == [client.client_id, None]
+
+
 def test_an_exception_in_on_progress_comes_out(serve: Serve, robot: FakeRobot) -> None:
     server = serve(robot)
 
