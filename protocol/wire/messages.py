@@ -13,7 +13,14 @@ from enum import StrEnum
 from functools import partial
 from typing import Any, ClassVar, Final, cast
 
-from protocol.errors import CLEAR, LocalProtocolError, RemoteProtocolError, RobotError
+from protocol.errors import (
+    CLEAR,
+    HOLD,
+    STATUS,
+    LocalProtocolError,
+    RemoteProtocolError,
+    RobotError,
+)
 from protocol.wire import field_checks
 from protocol.wire.capabilities import Capabilities
 from protocol.wire.codec import request_id_of
@@ -291,7 +298,9 @@ class ErrorReply(Message):
 
     def to_error(self, robot: str) -> RobotError:
         """The error that the reply carries; a command in its advice names the robot's address."""
-        advice = self.advice.replace(CLEAR, CLEAR.replace("URI", robot))
+        advice = self.advice
+        for command in (CLEAR, HOLD, STATUS):
+            advice = advice.replace(command, command.replace("URI", robot))
         return RobotError(self.code, self.message, advice=advice, retryable=self.retryable)
 
 

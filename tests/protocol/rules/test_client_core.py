@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from protocol.errors import (
+    ERROR_CODES,
     LocalProtocolError,
     RobotError,
     RobotRestartedError,
@@ -309,6 +310,17 @@ def test_errors_come_as_exceptions(opened: ClientCoreBench) -> None:
     assert isinstance(error, RobotError)
     assert (error.code, error.message, error.advice) == ("busy", "The robot moves.", "Wait.")
     assert error.retryable
+
+
+@pytest.mark.parametrize(
+    "code", [code for code, kind in ERROR_CODES.items() if "URI" in kind.advice]
+)
+def test_a_command_in_an_advice_names_the_robot(opened: ClientCoreBench, code: str) -> None:
+    call = opened.ask(perform(1))
+    opened.answer(ErrorReply.of(RobotError(code, "No."), request_id=1))
+    (error,) = answers(call)
+    assert isinstance(error, RobotError)
+    assert "python -m protocol tcp://robot:1 " in error.advice
 
 
 @pytest.mark.parametrize("retryable", [True, False])
