@@ -29,7 +29,7 @@ from zmq.utils import z85
 from protocol.errors import KeysError
 from protocol.rules.control import Role
 from protocol.security.key_files import check_private, read_toml
-from protocol.system.files import replace_file
+from protocol.system.files import may_exist, replace_file
 
 ROBOT: Final = "robot"
 """The role in ``known.toml`` of the robot that a computer controls."""
@@ -84,7 +84,7 @@ class KeyDirectory:
     """A key directory; nothing is read before it is asked for.
 
     All methods raise ``KeysError`` where a file is missing, wrong, another user's, or open to
-    others.
+    others; the constructor, where ``~`` or ``~user`` has no home directory.
 
     Args:
         path: The directory.
@@ -93,7 +93,13 @@ class KeyDirectory:
     """
 
     def __init__(self, path: str | os.PathLike[str], *, tended: bool = False):
-        self.path = Path(path).expanduser()
+        try:
+            self.path = Path(path).expanduser()
+        except RuntimeError:
+            raise KeysError(
+                f"{os.fspath(path)!r} begins with a home directory that is not known: write the "
+                "whole path."
+            ) from None
         self._tended = tended
 
     def create(self, name: str) -> Path:
@@ -136,7 +142,7 @@ class KeyDirectory:
     def known(self, *, must_exist: bool = False) -> tuple[KnownPeer, ...]:
         """The peers that this computer knows; none where there is no list, unless it must exist."""
         place = self._file(_KNOWN)
-        if not must_exist and not place.exists():
+        if not must_exist and not may_exist(place):
             return ()
         entries = self._read(place, closed=0o022)
         peers = tuple(_known_of(name, entry, place) for name, entry in entries.items())

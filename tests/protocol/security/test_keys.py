@@ -258,6 +258,13 @@ def test_what_is_missing_is_named_with_what_to_do(tmp_path: Path) -> None:
         KeyDirectory(tmp_path / "file" / "keys").create("x")
 
 
+def test_a_directory_that_cannot_be_looked_into_is_named(tmp_path: Path) -> None:
+    with pytest.raises(KeysError, match=r"known\.toml cannot be read: File name too long"):
+        KeyDirectory(tmp_path / (256 * "n")).known()
+    with pytest.raises(KeysError, match=r"'~nosuch/keys' begins with .*: write the whole path"):
+        KeyDirectory("~nosuch/keys")
+
+
 def test_changes_at_the_same_time_are_all_kept(keys: KeyDirectory) -> None:
     people = [person(f"p{number}") for number in range(24)]
     with ThreadPoolExecutor(8) as pool:
