@@ -48,7 +48,14 @@ class Endpoint:
             port = "0"
         if not (port.isascii() and port.isdigit() and int(port) <= 65_535):
             raise EndpointError(f"{uri!r} has the port {port!r}: write a number up to 65535.")
-        return cls(match["host"].strip("[]"), int(port))
+        host = match["host"].strip("[]")
+        try:
+            host.encode("idna")  # as the system's resolver is asked
+        except UnicodeError:
+            raise EndpointError(
+                f"{uri!r} has the host {host!r}: write 1 to 63 characters between dots."
+            ) from None
+        return cls(host, int(port))
 
     @property
     def is_wildcard(self) -> bool:

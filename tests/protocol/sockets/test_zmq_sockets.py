@@ -25,7 +25,8 @@ def test_addresses(uri: str, host: str, port: int, text: str) -> None:
 @pytest.mark.parametrize(
     "uri",
     ["", "5750", "localhost:5750", "udp://a:1", "tcp://", "tcp://a:b", "tcp://a:65536",
-     "tcp://a:-1", "tcp://a:1/x", "tcp://a b:1", "tcp://a:٣"],
+     "tcp://a:-1", "tcp://a:1/x", "tcp://a b:1", "tcp://a:٣", "tcp://robot..local:1",
+     f"tcp://{64 * 'r'}:1"],
 )  # fmt: skip
 def test_what_is_no_address_is_refused_in_a_sentence(uri: str) -> None:
     with pytest.raises(EndpointError, match=r"write .*\.$"):
