@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import shlex
+import shutil
 import subprocess
 import sys
 from collections import Counter
@@ -49,7 +50,14 @@ def _keys(place: str | None) -> ClientKeys | None:
 
 
 def _command(text: str | None) -> Callable[[], object] | None:
-    return partial(subprocess.Popen, shlex.split(text)) if text else None
+    if text is None:
+        return None
+    words = shlex.split(text)
+    if not words or shutil.which(words[0]) is None:
+        raise ValueError(
+            f"--shutdown: {text!r} begins with no command that is found here: write its full path."
+        )
+    return partial(subprocess.Popen, words)
 
 
 def _print(result: CheckResult) -> None:

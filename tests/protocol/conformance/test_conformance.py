@@ -211,3 +211,14 @@ def test_verbose_shows_each_frame_in_hex_and_what_it_says(
 def test_nobody_there(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["tcp://127.0.0.1:1"]) == 1
     assert "Nothing listens at tcp://127.0.0.1:1" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", ["nosuchcommand now", " "])
+def test_a_command_that_is_not_there_is_told_before_anything_is_tried(
+    command: str, calm: Controller, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with serving(calm) as uri:
+        assert main([uri, "--only", "5.14", "--shutdown", command]) == 1
+    seen = capsys.readouterr()
+    assert f"--shutdown: {command!r} begins with no command" in seen.err
+    assert not seen.out
