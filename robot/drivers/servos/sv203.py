@@ -6,16 +6,17 @@ line, and offers ``verify`` to find out whether a board still has what it was se
 
 After a brown-out a board comes back deselected, with all servos at neutral, and acts upon nothing
 until it is selected. Moves therefore never select it: those that are under way when it is reset
-reach a board that ignores them, instead of making every servo leap back to where it was. Only a
-query selects, and only one whose answer is waited for, when the driver begins and after it was told
-to ``forget``. Otherwise a query that stays unanswered is how a reset is noticed.
+reach a board that ignores them, instead of making every servo leap back to where it was. A query
+selects, whose answer is waited for, when the driver begins and after it was told to ``forget``; and
+a release does, which a board that was reset must obey, too. Otherwise a query that stays unanswered
+is how a reset is noticed.
 
 Where several boards share the line, selecting one deselects the others, so each must be selected
-again and again. It is selected with a question for the servo that it holds furthest from neutral:
-one that does not have that count any more was reset, and gets no move. (A reset of a board whose
-servos all stand at neutral is not found out in this way, and has thrown none of them.) All this
-holds for boards as they leave the factory; one that was set up to be selected when it is switched
-on would follow the moves after a reset.
+again and again. Then, and before the first move after a release, it is selected with a question for
+the servo that it holds furthest from neutral: one that does not have that count any more was reset,
+and gets no move. (A reset of a board whose driven servos all stand at neutral may not be found out
+in this way, and has thrown none of them.) All this holds for boards as they leave the factory; one
+that was set up to be selected when it is switched on would follow the moves after a reset.
 
 Source: Pontech SV203 User Manual, revision 1.20. That count 0 stops the pulses (``release``) is not
 in it, and wants a look with an oscilloscope on a new board.
@@ -172,9 +173,8 @@ class SV203:
         check_outputs(limp, self._outputs)
         for output in limp:
             self._sent.pop(output, None)  # a limp servo is worth the bytes of a repeat
+        self._selected = None  # a board that was reset is selected, too: whoever moves it next asks
         for board, group in self._by_board(sorted(limp)):
-            if board != self._selected:
-                self._selected = None
             self._send(board, dict.fromkeys(group, LIMP), select=f"BD{board}")
 
     def read_counts(self, outputs: Iterable[int] | None = None) -> dict[int, int]:
@@ -231,7 +231,10 @@ class SV203:
         self._line.open()
 
     def seconds_for(self, changed: int) -> float:
-        """Longest time that ``set_counts`` takes when ``changed`` counts changed, s."""
+        """Longest time that ``set_counts`` takes when ``changed`` counts changed, s.
+
+        The question after a release, for the one board of a line, comes on top of it.
+        """
         used = min(len(self._boards), changed) if len(self._boards) > 1 else 0
         pairs, single = divmod(changed - used, _SERVOS_PER_LINE)
         size = len("SV8M255")
@@ -280,7 +283,8 @@ class SV203:
         held = self._held_by(board)
         if board == self._selected or not held:
             return
-        probe = max(held, key=lambda output: abs(held[output] - NEUTRAL))
+        # A limp servo says least: a release after the reset has made it limp again.
+        probe = max(held, key=lambda n: (held[n] not in (LIMP, NEUTRAL), abs(held[n] - NEUTRAL)))
         for _ in range(2):  # it may be the answer that was damaged
             count = self._query(probe)
             if count == held[probe]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import chain, repeat
 from typing import cast
 
 import pytest
@@ -20,9 +21,10 @@ from tests.robot.drivers.servos.lines import Line
 COUNTS = st.dictionaries(st.integers(1, 8), st.integers(1, 255))
 
 
-def written_by(board: int, act: Callable[[SV203], object]) -> list[bytes]:
-    """The lines that follow the first query."""
-    line = Line(lambda: b"128\r")
+def written_by(board: int, act: Callable[[SV203], object], held: int = 128) -> list[bytes]:
+    """The lines that follow the first query, where later ones are answered with ``held``."""
+    answers = chain([128], repeat(held))
+    line = Line(lambda: b"%d\r" % next(answers))
     driver = SV203(lambda: cast(serial.Serial, line), boards=[board], clock=InstantClock())
     driver.read_counts([1])
     act(driver)
@@ -66,7 +68,8 @@ def test_release_is_always_sent_to_any_board_and_forgets() -> None:
         driver.release([2])
         driver.set_counts({2: 20})
 
-    assert written_by(1, act) == [b"SV2M20", b"BD1SV2M0", b"BD1SV2M0", b"SV2M20"]
+    lines = written_by(1, act, held=0)
+    assert lines == [b"SV2M20", b"BD1SV2M0", b"BD1SV2M0", b"BD1RR52", b"SV2M20"]
 
 
 @pytest.mark.parametrize("counts", [{0: 5}, {9: 5}, {1: 0}, {1: 256}, {1: -3}, {1: 5, 2: 1000}])
@@ -154,6 +157,33 @@ def test_a_board_that_was_reset_is_released_all_the_same(
     servos.release()
     assert servo_board.wait_until_read(servos.bytes_written, 5.0)
     assert set(servo_board.pulses()) == {0}
+
+
+@pytest.mark.parametrize("pose", [{1: 200, 2: 60}, {1: 128, 2: 60}])
+def test_a_release_lets_no_move_through_to_a_board_that_was_reset(
+    servos: SV203, servo_board: SV203Emulator, pose: dict[int, int]
+) -> None:
+    servos.read_counts()
+    servos.set_counts(pose | {3: 90})
+    servos.release([3])
+    assert servo_board.wait_until_read(servos.bytes_written, 5.0)
+    servo_board.power_cycle()
+    servos.release([4])
+    with pytest.raises(DeviceDataError, match="it was reset"):
+        servos.set_counts({1: pose[1] + 2})
+    assert servo_board.wait_until_read(servos.bytes_written, 5.0)
+    assert servo_board.pulses()[:4] == (128, 128, 128, 0)
+
+
+def test_a_board_whose_servos_are_limp_or_at_neutral_is_found_out_by_the_limp_ones(
+    servos: SV203, servo_board: SV203Emulator
+) -> None:
+    servos.read_counts()
+    servos.release([3])
+    assert servo_board.wait_until_read(servos.bytes_written, 5.0)
+    servo_board.power_cycle()
+    with pytest.raises(DeviceDataError, match="count 128 at output 3 instead of 0: it was reset"):
+        servos.set_counts({1: 130})
 
 
 def test_bytes_lost_on_the_line_are_found_and_mended(
