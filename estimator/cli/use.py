@@ -24,7 +24,7 @@ from estimator.cli.console import (
     print_run_directory,
     unless_unwritable,
 )
-from estimator.cli.options import CORES, Directory, Jobs, Keys, Robot
+from estimator.cli.options import CORES, Directory, Jobs, Keys
 from estimator.cli.screen import Screen
 from estimator.errors import EstimatorError
 from estimator.identification.robot_link import RobotLink
@@ -53,6 +53,7 @@ ONCE: Final = 6
 LOG: Final = "monitor.jsonl"
 """File in the run directory to which ``monitor`` adds a line for each movement."""
 
+Robot = Annotated[str, typer.Option(help="tcp://HOST:PORT; a record cannot move.")]
 Yes = Annotated[bool, typer.Option("--yes", help="Move the robot without asking first.")]
 Seed = Annotated[int, typer.Option(help="Of what is drawn.")]
 _MAX_CAUSES: Final = 4
@@ -286,8 +287,13 @@ def identified(directory: Path, jobs: int) -> Iterator[tuple[RunStore, FittedPos
 
 
 def same_robot(store: RunStore, uri: str, screen: Screen, keys: Path | None) -> RobotLink:
-    """Connects to a run's robot as a new client: what is done with it later belongs to no run."""
-    return open_same_robot(
+    """Connects to a run's robot as a new client: what is done with it later belongs to no run.
+
+    Raises:
+        EstimatorError: It is a record, or another robot.
+        BodyschemaError: The robot cannot be reached.
+    """
+    link = open_same_robot(
         store.problem,
         store.capabilities,
         uri,
@@ -296,6 +302,12 @@ def same_robot(store: RunStore, uri: str, screen: Screen, keys: Path | None) -> 
         first_id=first_id(0),
         keys=keys,
     )
+    if link.recorded is not None:
+        link.close()
+        raise EstimatorError(
+            f"{uri} is a record, which cannot move: give the robot, tcp://HOST:PORT"
+        )
+    return link
 
 
 def may_move(yes: bool, question: str) -> None:

@@ -379,6 +379,11 @@ class WireLink:
         )
 
 
+def is_record(uri: str) -> bool:
+    """Whether a URI names a record, which cannot move, and not a robot."""
+    return uri.startswith(("file:", "replay:"))
+
+
 def open_robot(
     uri: str,
     *,

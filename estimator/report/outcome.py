@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from estimator.identification.robot_link import is_record
 from estimator.report.posterior_report import PosteriorReport
 from estimator.report.result import MAIN_BODY, LegResult, ModelResult, PartResult, Result
 from estimator.report.tables import (
@@ -195,27 +196,29 @@ def next_steps(result: Result, directory: Path | None) -> list[str]:
     if not result.complete:
         return ["Next:", f"  estimator resume {directory}    goes on"]
     robot, interactions = result.robot_uri, result.interactions + 3
-    steps = [
+    movements = [
         (f"validate {directory} --robot {robot}", "predicts fresh movements, then makes them"),
         (f"pose {directory} --robot {robot} --highest", "a pose by what it knows"),
+    ]
+    files = [
         (f"export {directory} --format urdf", "the body as a file for simulators"),
         (f"show {directory} --details", "probabilities, rivals, each movement"),
     ]
-    posterior = result.posterior
+    lines, posterior = ["Next:"], result.posterior
     if posterior is not None and _may_have_something_else(posterior):
-        return [
-            "Next:",
+        lines += [
             "  Measure what the robot seems to have otherwise, say it in the problem (its value,",
             "  or under [uncertain]), and identify it anew: more movements make this no surer.",
-            *_commands(steps[1:]),
         ]
-    if posterior is not None and not (
+        del movements[0]
+    elif posterior is not None and not (
         (posterior.probability or 0.0) >= _SURE and posterior.knows_cause(_SURE)
     ):
         problem = result.problem_asked or result.problem
         command = f"identify --robot {robot} --problem {problem} --interactions {interactions}"
-        steps[0] = (command, "more movements make it surer")
-    return ["Next:", *_commands(steps)]
+        movements[0] = (command, "more movements make it surer")
+    steps = files if is_record(robot) else [*movements, *files]
+    return [*lines, *_commands(steps)]
 
 
 def _commands(steps: Sequence[tuple[str, str]]) -> list[str]:

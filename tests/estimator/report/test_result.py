@@ -14,6 +14,8 @@ from tests.estimator.model_robot import JOINTS, PROBLEM, TRUE_LENGTHS
 from tests.estimator.posterior_run import make_posterior_run
 from tests.estimator.report.made_runs import made_run
 
+ROBOT = "tcp://127.0.0.1:5750"
+
 
 def test_a_run_in_numbers(tmp_path: Path) -> None:
     store = make_run(tmp_path, (0.17, 0.15, 0.18, 0.16))
@@ -102,9 +104,29 @@ def test_to_go_on_the_problem_is_named_as_it_was(tmp_path: Path) -> None:
     with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3, hinge=2.5 / 6) as run:
         result = summarise(run)
         assert result.problem_asked == run.settings.problem
-    asked = result.model_copy(update={"complete": True, "problem_asked": "mine/arm.toml"})
+    asked = result.model_copy(
+        update={"complete": True, "problem_asked": "mine/arm.toml", "robot_uri": ROBOT}
+    )
     (again,) = [step for step in next_steps(asked, tmp_path) if "identify" in step]
     assert "--problem mine/arm.toml --interactions" in again
+
+
+def test_of_a_record_no_movement_is_asked(tmp_path: Path) -> None:
+    with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3) as run:
+        unsure = summarise(run).model_copy(update={"complete": True})
+    without_posterior = unsure.model_copy(update={"posterior": None})
+    for result, first in ((unsure, "identify"), (without_posterior, "validate")):
+        assert commands(result, ROBOT) == [first, "pose", "export", "show"]
+        for record in ("file:readings.csv", "replay:runs/first"):
+            assert commands(result, record) == ["export", "show"]
+
+
+def commands(result: Result, uri: str) -> list[str]:
+    """Names of the commands that are proposed next, where this was the robot."""
+    result = result.model_copy(update={"robot_uri": uri})
+    heading, *steps = next_steps(result, Path("run"))
+    assert heading == "Next:"
+    return [step.split()[1] for step in steps]
 
 
 def test_before_the_first_generation_there_is_a_result_without_models(tmp_path: Path) -> None:

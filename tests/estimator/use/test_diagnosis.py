@@ -287,6 +287,19 @@ def test_a_population_is_not_diagnosed_and_nothing_moves(tmp_path: Path) -> None
     assert not now.exists()
 
 
+@pytest.mark.parametrize("command", [("pose", "--highest"), ("monitor", "--once"), ("diagnose",)])
+def test_a_record_is_no_robot_that_could_move(run: Path, command: tuple[str, ...]) -> None:
+    name, *options = command
+    ended = estimator(name, run, "--robot", f"replay:{run}", "--yes", *options)
+    assert ended.exit_code == 1
+    assert ended.stderr.endswith(
+        f"estimator: replay:{run} is a record, which cannot move: give the robot, tcp://HOST:PORT\n"
+    )
+    assert "observed" not in ended.stdout
+    said = " ".join(estimator(name, "--help").stdout.replace("│", " ").split())
+    assert "tcp://HOST:PORT; a record cannot move." in said
+
+
 def number_in(pattern: str, text: str) -> int:
     match = re.search(pattern, text)
     assert match is not None, text
