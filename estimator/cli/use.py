@@ -232,9 +232,6 @@ def diagnose(
     keys: Keys = None,
 ) -> None:
     """Find out by a few movements what has changed on the robot since it was identified."""
-    out_directory = place or directory.with_name(
-        f"{directory.name}-{time.strftime('%Y%m%d-%H%M%S')}"
-    )
     with errors_as_sentences(None), identified(directory, jobs) as (store, known):
         if not store.settings.keeps_samples:
             raise EstimatorError(
@@ -242,6 +239,9 @@ def diagnose(
                 "needs one of the method posterior: make it with `estimator identify --robot "
                 f"{robot} --problem {store.settings.problem}`"
             )
+        run = directory.resolve()
+        out_directory = place or run.with_name(f"{run.name}-{time.strftime('%Y%m%d-%H%M%S')}")
+        RunStore.check_free(out_directory)
         may_move(yes, f"Move the robot at {robot}, up to {movements} times?")
         rng = np.random.default_rng(seed)
         weigher = Weigher(known, causes_of(known, rng), rng)

@@ -113,6 +113,23 @@ class RunStore(Closable):
 
     # --- opening and closing ----------------------------------------------------------------------
 
+    @staticmethod
+    def check_free(directory: Path) -> None:
+        """Makes sure that nothing in a directory, if there is one, is in the way of a new run.
+
+        Raises:
+            RunDirectoryError: The directory holds a run already, or files that a run would replace,
+                or cannot be read.
+        """
+        if holds_run(directory):
+            raise _holds_run_already(directory)
+        for name in (READINGS, ROBOT):
+            if (directory / name).exists():
+                raise RunDirectoryError(
+                    f"{directory} holds a {name} that is of no run there, and a run would replace "
+                    "it: give another --out."
+                )
+
     @classmethod
     def create(
         cls, directory: Path, settings: RunSettings, capabilities: Capabilities, client_id: str
@@ -123,23 +140,14 @@ class RunStore(Closable):
             RunDirectoryError: The directory holds a run already, or files that it would replace,
                 or cannot be made.
         """
-        holds = holds_run(directory)
-        for name in (READINGS, ROBOT):
-            if (directory / name).exists() and not holds:
-                raise RunDirectoryError(
-                    f"{directory} holds a {name} that is of no run there, and a run would replace "
-                    "it: give another --out."
-                )
+        cls.check_free(directory)
         held = lock(directory, LOCK)
         database = None
         try:
             database = connect(directory)
             with transaction(database):
-                if not is_empty(database):
-                    raise RunDirectoryError(
-                        f"{directory} holds a run already: go on with `estimator resume "
-                        f"{directory}`, or give another --out."
-                    )
+                if not is_empty(database):  # another process has been as quick
+                    raise _holds_run_already(directory)
                 make_tables(database)
                 meta = {
                     "format": json.dumps(FORMAT),
@@ -366,6 +374,13 @@ class RunStore(Closable):
         if row is None:
             raise RunDirectoryError(f"{self.directory / DATABASE} lacks its {key}.")
         return str(row[0])
+
+
+def _holds_run_already(directory: Path) -> RunDirectoryError:
+    return RunDirectoryError(
+        f"{directory} holds a run already: go on with `estimator resume {directory}`, or give "
+        "another --out."
+    )
 
 
 def _close(database: sqlite3.Connection | None, lock: int | None) -> None:

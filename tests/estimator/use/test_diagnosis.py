@@ -300,6 +300,28 @@ def test_a_record_is_no_robot_that_could_move(run: Path, command: tuple[str, ...
     assert "tcp://HOST:PORT; a record cannot move." in said
 
 
+def test_a_diagnosis_that_could_not_be_kept_moves_nothing(run: Path) -> None:
+    model = ModelRobot()
+    with serving(model) as uri:
+        ended = estimator("diagnose", run, "--robot", uri, "--yes", "--out", run)
+    assert ended.exit_code == 1
+    assert f"{run} holds a run already" in ended.stderr
+    assert not model.motions
+
+
+def test_a_diagnosis_of_the_run_here_is_kept_beside_it(
+    run: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = set(run.parent.iterdir())
+    monkeypatch.chdir(run)
+    with serving(ModelRobot(askew=ASKEW)) as uri:
+        ended = estimator("diagnose", ".", "--robot", uri, "--yes")
+    assert ended.exit_code == 0, ended.output
+    (made,) = set(run.parent.iterdir()) - before
+    assert made.name.startswith(f"{run.name}-")
+    assert f"Run: {made} " in ended.stdout
+
+
 def number_in(pattern: str, text: str) -> int:
     match = re.search(pattern, text)
     assert match is not None, text
