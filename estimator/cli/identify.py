@@ -28,6 +28,7 @@ from estimator.problem.values import complaint
 from estimator.report.outcome import print_result
 from estimator.report.run_files import write_report
 from estimator.storage.run_config import RunConfig
+from estimator.storage.store import RunStore
 
 _NUMBER_TYPES: Final = (bool, int, float)
 
@@ -93,6 +94,8 @@ def command(
     name = f"{time.strftime('%Y%m%d-%H%M%S')}-{Path(config.problem).stem}-{seed}"
     place = directory or Path("runs") / name
     config = config.model_copy(update={"seed": seed})
+    with errors_as_sentences(None):
+        RunStore.check_free(place)
     with errors_as_sentences(place), LiveView(place, live_bind if live else None) as live_view:
         with executors(jobs, dask) as workers, LiveScreen(err, live_view) as screen:
             result = identify(place, config, workers, screen, keys=keys, report=write_report)

@@ -234,6 +234,16 @@ def test_a_run_is_not_overwritten(run: Path, readings: Path) -> None:
     assert "holds a run already" in ended.stderr
 
 
+@pytest.mark.parametrize("options", [(), ("--live", "--live-bind", "x")])
+def test_of_an_older_run_nobody_says_that_it_goes_on(run: Path, options: tuple[str, ...]) -> None:
+    """What failed would have been another one."""
+    problem = run.parent / "legs.toml"
+    ended = estimator("identify", "--robot", "bob", "--problem", problem, "--out", run, *options)
+    assert ended.exit_code == 1
+    assert "holds a run already" in ended.stderr
+    assert "The run is safe" not in ended.stderr
+
+
 def test_a_hand_written_table_with_a_missing_column_is_a_sentence(
     tmp_path: Path, readings: Path
 ) -> None:
