@@ -282,7 +282,10 @@ def _options(settings: RunSettings) -> Iterator[str]:
     yield from ("--physics", settings.physics, "--explore", settings.explore)
     if settings.sure is not None:
         yield from ("--sure", str(settings.sure))
-    if not settings.keeps_samples:
+    if settings.keeps_samples:
+        if settings.learn != RunSettings.model_fields["learn"].default:
+            yield from ("--learn", settings.learn)
+    else:
         yield from ("--search", settings.search, "--objective", settings.objective)
         yield from ("--population", str(settings.population))
         yield from ("--generations", str(settings.generations))

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from estimator.cli.command_line import app
 from estimator.report.evaluations import SCORE, TRUTH
-from estimator.report.page.run_page import PageSources
+from estimator.report.page.run_page import PageSources, commands
 from estimator.report.summarise import summarise
 from estimator.storage.store import RunStore
 from tests.browser import watched_page
@@ -201,6 +201,17 @@ def test_every_shipped_problem_has_a_page(problem: str, method: str, tmp_path: P
     assert "tells &lt;b&gt;1&lt;/b&gt; apart" in text or method == "paper"
     assert text.count("<svg") == 3
     assert ("undecided)" in text) == (method == "paper")
+
+
+def test_a_run_that_moved_for_masses_is_made_again_so(tmp_path: Path) -> None:
+    directory = made_run(tmp_path / "run", "parametric", "posterior")
+    with RunStore.open(directory, to_write=False) as store:
+        settings = store.settings
+    for learn, said in (("all", []), ("mass", ["--learn", "mass"])):
+        asked = settings.model_copy(update={"learn": learn})
+        for command in commands(asked, directory, 3):
+            words = command.split()
+            assert words[words.index("--explore") + 2 :] == said
 
 
 def test_a_run_that_has_learnt_nothing_yet_has_a_page(tmp_path: Path) -> None:
