@@ -181,12 +181,17 @@ def _predicted(
     misfits = likelihood.misfits_of(predictor, posterior.values)
     inliers = likelihood.inlier_share(misfits, scales=posterior.scales)
     outlier = 1 - posterior.weights @ inliers
+    observed = likelihood.data.observed
     return tuple(
         PredictedInteraction(
             touch=tuple(bool(bit) for bit in readings.touch[interaction]),
             tilt=(float(readings.tilt[interaction, 0]), float(readings.tilt[interaction, 1])),
             clearance=float(readings.clearance[interaction]),
-            residuals={name: float(values[interaction]) for name, values in residuals.items()},
+            residuals={
+                name: float(values[interaction])
+                for name, values in residuals.items()
+                if observed[name].count[interaction]
+            },
             outlier_probability=float(np.clip(outlier[interaction], 0, 1)),
         )
         for interaction in range(len(likelihood))

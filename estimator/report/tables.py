@@ -130,8 +130,9 @@ def _print_residuals(console: Console, posterior: PosteriorReport) -> None:
     console.print("Measured minus predicted by the best body, in standard deviations of the noise:")
     table = plain_table("interaction", *MODALITIES, "outlier")
     for number, prediction in enumerate(posterior.predicted, 1):
-        residuals = (f"{prediction.residuals.get(name, 0.0):+.1f}" for name in MODALITIES)
-        table.add_row(str(number), *residuals, percent(prediction.outlier_probability))
+        residuals = (prediction.residuals.get(name) for name in MODALITIES)
+        cells = ("–" if value is None else f"{value:+.1f}" for value in residuals)
+        table.add_row(str(number), *cells, percent(prediction.outlier_probability))
     console.print(table)
 
 

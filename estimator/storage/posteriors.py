@@ -103,8 +103,9 @@ class PredictedInteraction(_Record):
         touch: Whether each touch sensor meets the ground.
         tilt: Tilt left/right and forward/back, rad.
         clearance: Clearance, m.
-        residuals: Measured minus predicted in standard deviations of the noise, by modality; for
-            touch, the number of bits that differ, each as many as it is unlikely.
+        residuals: Measured minus predicted in standard deviations of the noise, by each modality
+            that counts and was read; for touch, the number of bits that differ, each as many as it
+            is unlikely.
         outlier_probability: Probability that the readings say nothing about the body.
     """
 

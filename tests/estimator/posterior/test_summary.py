@@ -13,12 +13,14 @@ from estimator.body.limbs import leg_lengths
 from estimator.body.morphology import Array
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.model.likelihood import Likelihood
+from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.posterior import Mode, Posterior, systematic
 from estimator.posterior.summary import SAMPLES, information_gained, summarise
+from estimator.readings.observation import Observation
 from estimator.storage.posteriors import NotKnown, StoredPosterior
 from tests.estimator.exploration.test_few_limbs import genome_of
-from tests.estimator.two_unknown_rows import NOISE, POINT, draw, equally_likely, programs
+from tests.estimator.two_unknown_rows import CAP, NOISE, POINT, draw, equally_likely, programs
 
 COUNT = 40
 
@@ -144,6 +146,21 @@ def test_the_best_bodys_legs_are_as_long_as_the_middle_of_the_samples_legs() -> 
         for genes in (values, np.array([belief.best]))
     )
     assert np.allclose(best[0], np.median(samples, axis=0))
+
+
+def test_of_what_was_not_read_or_does_not_count_there_is_no_residual(predictor: Predictor) -> None:
+    first, second = map(tuple, programs(2).tolist())
+    seen = [
+        Observation(angles=first, touch=(None,) * 4, tilt=(0.1, None), clearance=0.05),
+        Observation(angles=second, touch=(True, None, False, None), clearance=0.05),
+    ]
+    belief = summarise(
+        posterior(lambda number: (True, True)),
+        predictor,
+        Likelihood(SensorData.of(seen, ("touch", "tilt"), CAP), NOISE),
+        lambda ones, _: np.ones(len(ones), dtype=bool),
+    )
+    assert [set(one.residuals) for one in belief.predicted] == [{"tilt"}, {"touch"}]
 
 
 LEFT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])

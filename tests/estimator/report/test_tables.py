@@ -78,7 +78,8 @@ def test_residuals_are_in_a_table(tmp_path: Path) -> None:
         residuals={"touch": 0.0, "tilt": -1.26, "clearance": 12.0},
         outlier_probability=0.97,
     )
-    posterior = result.posterior.model_copy(update={"predicted": (told,)})
+    not_read = told.model_copy(update={"residuals": {"tilt": 0.5}})
+    posterior = result.posterior.model_copy(update={"predicted": (told, not_read)})
     text = io.StringIO()
     print_result(
         Console(file=text, width=200),
@@ -86,9 +87,10 @@ def test_residuals_are_in_a_table(tmp_path: Path) -> None:
         details=True,
     )
     _, _, table = text.getvalue().partition("in standard deviations of the noise:\n")
-    heading, row, *_ = (line.split() for line in table.splitlines())
+    heading, row, other, *_ = (line.split() for line in table.splitlines())
     assert heading == ["interaction", "touch", "tilt", "clearance", "outlier"]
     assert row == ["1", "+0.0", "-1.3", "+12.0", "97.0", "%"]
+    assert other == ["2", "–", "+0.5", "–", "97.0", "%"]
 
 
 def test_that_the_robot_may_be_built_otherwise_is_taken_off_and_said(tmp_path: Path) -> None:
