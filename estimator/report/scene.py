@@ -302,7 +302,8 @@ def turn_at_rest(solids: Sequence[Solid], readings: Observation) -> Array:
     if readings.clearance_saturated and _belly_ray(solids, up) < (readings.clearance or 0.0):
         up = _up(readings, upright=False)
     ahead = np.array([1.0, 0.0, 0.0]) - up[0] * up
-    ahead = ahead / np.linalg.norm(ahead)
+    size = np.linalg.norm(ahead)
+    ahead = ahead / size if size > 0 else np.array([0.0, 0.0, -up[0]])  # the limit
     return np.array([ahead, np.cross(up, ahead), up])
 
 

@@ -20,7 +20,15 @@ from estimator.report.camera import (
     reach,
     take_picture,
 )
-from estimator.report.scene import MAIN_BODY, Solid, at_rest, model_links, robot_links, solids_of
+from estimator.report.scene import (
+    MAIN_BODY,
+    Solid,
+    at_rest,
+    model_links,
+    robot_links,
+    solids_of,
+    turn_at_rest,
+)
 from estimator.report.shown_bodies import observation_of
 from estimator.reproduction.robot_process import print_body
 from tests.estimator.kinematics import tips
@@ -89,6 +97,16 @@ def test_solids_are_where_the_kinematics_says(random_tree: MakeBody) -> None:
         ends = faces if part.shape == "box" else spheres
         reach = [float(np.linalg.norm(middle - tip)) - radius for middle, radius in ends]
         assert min(map(abs, reach)) < 1e-9
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_body_on_its_tail_or_nose_is_turned_as_one_that_nearly_stands_so(side: int) -> None:
+    turns = [
+        turn_at_rest([box()], Observation(angles=(), tilt=(0.0, side * math.radians(degrees))))
+        for degrees in (90.0, 90.0 - 1e-6)
+    ]
+    assert turns[0] == pytest.approx(turns[1], abs=1e-7)
+    assert turns[0][2] == pytest.approx(np.array([side, 0.0, 0.0]), abs=1e-9)
 
 
 @pytest.mark.parametrize("main", [box(), replace(box(), kind="cylinder", size=(0.07, 0.02))])
