@@ -23,7 +23,7 @@ from estimator.evaluation.validate import Validation
 from estimator.readings.modalities import MODALITIES
 from estimator.report.result import Result, in_words
 from estimator.report.tables import mm, number, plain_table
-from protocol.system.files import replace_text
+from protocol.system.files import replace_bytes, replace_text
 
 SCORE: Final = "score.json"
 TRUTH: Final = "truth.urdf"
@@ -42,7 +42,7 @@ def write_score(directory: Path, score: Score, truth: Path) -> None:
     Raises:
         OSError: The directory cannot be written.
     """
-    replace_text(directory / TRUTH, truth.read_text("utf-8"))
+    replace_bytes(directory / TRUTH, truth.read_bytes())
     replace_text(directory / SCORE, score.model_dump_json(indent=2) + "\n")
 
 

@@ -18,6 +18,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from estimator.cli.command_line import COMMANDS, app
+from estimator.report.evaluations import read_true_body
 from estimator.storage.store import RunStore
 from tests.estimator.evaluation.test_score import make_ended_run, make_run, write_truth
 from tests.estimator.identification.test_run import generations_reach, start_identify
@@ -147,6 +148,18 @@ def test_score_as_json_is_nothing_but_json(tmp_path: Path) -> None:
     assert ended.exit_code == 0, ended.output
     assert json.loads(ended.stdout)["mean_leg_error_m"] == pytest.approx(0.015)
     assert (tmp_path / "run" / "plots" / "lengths_with_truth.png").exists()
+
+
+def test_score_keeps_a_true_body_in_the_encoding_that_it_declares(tmp_path: Path) -> None:
+    make_run(tmp_path, (0.17, 0.15, 0.2, 0.16)).close()
+    truth = write_truth(tmp_path / "t.urdf", lengths=(0.16,) * 4)
+    text = truth.read_text("utf-8").replace('name="r"', 'name="Käfer"')
+    truth.write_text(f'<?xml version="1.0" encoding="ISO-8859-1"?>{text}', "latin-1")
+    ended = estimator("score", tmp_path / "run", "--truth", truth, "--jobs", "1")
+    assert ended.exit_code == 0, ended.output
+    kept = read_true_body(tmp_path / "run")
+    assert kept is not None
+    assert kept.name == "Käfer"
 
 
 def test_score_for_people_parts_legs_that_never_touched(tmp_path: Path) -> None:
