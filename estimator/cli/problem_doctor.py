@@ -56,6 +56,13 @@ def examine_problem(
     except ProblemError as error:
         yield ExaminedItem("problem", Fitness.BAD, f"{error}.".replace("..", "."))
         return
+    if not has:
+        yield ExaminedItem(
+            "sensors",
+            Fitness.BAD,
+            f"The robot has no {' or '.join(modalities)} sensor: give other --modalities.",
+        )
+        return
     driven, joints = len(problem.motors.driven), len(capabilities.joints)
     yield ExaminedItem(
         "problem",

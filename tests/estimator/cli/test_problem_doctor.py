@@ -107,6 +107,22 @@ def test_without_sensors_nothing_is_learnt(tmp_path: Path) -> None:
     assert "has no sensors, so nothing can be learnt from it" in items[-1].sentence
 
 
+@pytest.mark.parametrize(
+    ("robot", "modalities", "none"),
+    [
+        (None, ("touch",), "touch"),
+        (lacking("touch", "clearance"), ("touch", "clearance"), "touch or clearance"),
+    ],
+)
+def test_where_only_missing_sensors_count_others_are_asked_for(
+    tmp_path: Path, robot: Capabilities | None, modalities: tuple[str, ...], none: str
+) -> None:
+    text = re.sub(r"^sensor = .*\n", "", PROBLEM, flags=re.MULTILINE)
+    (item,) = examined(written(tmp_path, text), robot, modalities)
+    assert item.verdict is Fitness.BAD
+    assert item.sentence == f"The robot has no {none} sensor: give other --modalities."
+
+
 def test_a_part_that_cannot_move_what_is_felt_is_found_out(tmp_path: Path) -> None:
     """Legs too thin and short to lift anything, and an accelerometer alone."""
     text = re.sub(r"^sensor = .*\n", "", PROBLEM, flags=re.MULTILINE)
