@@ -255,10 +255,7 @@ class FittedPosterior:
 
     @cached_property
     def model_points(self) -> Array:
-        """Points of all models, shape (m, size): a population, or the best body and the samples.
-
-        Numbers in ``ranked`` are indices of these.
-        """
+        """Points of all models, (m, size): a population's, or the best body's and the samples'."""
         if self.summary is None or self.best_point is None:
             return self.points
         return np.vstack([self.best_point, self.points])

@@ -132,7 +132,11 @@ def _predicted(
             touch=tuple(readings.touch[at].tolist()),
             tilt=(float(readings.tilt[at, 0]), float(readings.tilt[at, 1])),
             clearance=float(readings.clearance[at]),
-            residuals={name: float(values[at]) for name, values in residuals.items()},
+            residuals={
+                name: float(values[at])
+                for name, values in residuals.items()
+                if data.observed[name].count[at]
+            },
             outlier_probability=float(np.clip(outliers[at], 0, 1)),
         )
         for at in range(count)
