@@ -4,7 +4,7 @@
 # `make demo ELECTRONICS=pi` does it on the chips of a Raspberry Pi. The robot takes a free port.
 set -euo pipefail
 out=${1:-demo}
-seed=${SEED:-1}
+seed=${SEED:-2}
 electronics=${ELECTRONICS:-pc104}
 
 . "$(dirname "$0")/start-simulator.sh"
