@@ -1,8 +1,9 @@
 """A simulated body: a URDF file of the subset, checked, with the names that a robot needs.
 
-Motor k is the k-th revolute joint in document order. The root link is the main body; it carries the
-accelerometer and, at the middle of its lower face, the distance sensor. Touch sensors sit on the
-leaf links, in the order of their motors; a sensor senses its link and whatever is fixed to it.
+As it is read, motor k is the k-th revolute joint in document order. The root link is the main body;
+it carries the accelerometer and, at the middle of its lower face, the distance sensor. Touch
+sensors sit on the leaf links, in the order of their motors; a sensor senses its link and whatever
+is fixed to it.
 """
 
 from __future__ import annotations
@@ -81,7 +82,7 @@ class Body:
         base_mass: Mass of the main body, kg.
         lies_flat: Whether the main body lies on the ground with all joints at 0.
         mass: Mass of all links together, kg.
-        motors: Motors in document order.
+        motors: Motors in the robot's order.
         touch: Link of each touch sensor with the links that are fixed to it, by the sensor's name.
         notes: What is taken otherwise than it stands in the file, in one sentence each.
     """

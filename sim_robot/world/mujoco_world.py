@@ -16,7 +16,7 @@ from typing import Any, Final
 import mujoco
 import numpy as np
 
-from sim_robot.world.body import Body
+from sim_robot.world.body import Body, Motor
 from sim_robot.world.simulation import (
     FRICTION,
     GRAVITY,
@@ -149,17 +149,22 @@ def _model(body: Body, held: Pose | None) -> Any:
         carriers[joint.child.link] = child
         _furnish(child, links[joint.child.link])
         if joint.name in motors:
-            stiffness = motors[joint.name].effort / (_FULL_TORQUE_SHARE * HOLD_TOLERANCE)
             hinge = child.add_joint(name=joint.name, axis=vector(joint.axis.xyz))
-            hinge.armature = stiffness * _STEP**2
-            servo = spec.add_actuator(
-                name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT
-            )
-            servo.set_to_position(kp=stiffness, kv=2 * stiffness * _STEP)
-            servo.forcelimited = True
-            servo.forcerange = (-1.0, 1.0)  # until commanded
-    # Servos are found by number, in the motors' order, which is the joints' in the file.
+            hinge.armature = _stiffness(motors[joint.name]) * _STEP**2
+    for motor in body.motors:  # actuators are found by number
+        servo = spec.add_actuator(
+            name=motor.name, target=motor.name, trntype=mujoco.mjtTrn.mjTRN_JOINT
+        )
+        stiffness = _stiffness(motor)
+        servo.set_to_position(kp=stiffness, kv=2 * stiffness * _STEP)
+        servo.forcelimited = True
+        servo.forcerange = (-1.0, 1.0)  # until commanded
     return spec.compile()
+
+
+def _stiffness(motor: Motor) -> float:
+    """Torque of a servo per angle that it is away from its target, N·m/rad."""
+    return motor.effort / (_FULL_TORQUE_SHARE * HOLD_TOLERANCE)
 
 
 def _furnish(element: Any, link: Link) -> None:

@@ -7,6 +7,7 @@ import logging
 import math
 import tempfile
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -65,6 +66,16 @@ def enlarged(path: Path, scale: float, folder: Path) -> Path:
     place = folder / "enlarged.urdf"
     tree.write(place)
     return place
+
+
+def test_each_servo_drives_its_own_joint_in_whatever_order_the_body_has_them(engine: str) -> None:
+    body = load_body(default_body_path())
+    targets = [0.05 * number - 0.2 for number in range(8)]
+    with open_world(replace(body, motors=body.motors[::-1]), log=LOG, engine=engine) as world:
+        world.hold(1.0)
+        world.set_targets(targets)
+        world.advance_to(1.0)
+        assert world.angles() == pytest.approx(targets, abs=0.005)
 
 
 @pytest.mark.parametrize("scale", [0.5, 3.0])
