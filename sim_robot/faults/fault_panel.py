@@ -172,8 +172,8 @@ class FaultPanel:
         self._now = now
         self._lock = threading.RLock()
         self._waiting: list[FaultSpec] = []
-        self._endings: list[tuple[Span, FaultSpec]] = []  # end, in absolute terms, and fault
-        self._timers: list[threading.Timer] = []
+        self._endings: dict[str, Span] = {}  # in absolute terms, by the fault's name
+        self._timers: dict[str, threading.Timer] = {}  # ends on the wall, by the fault's name
 
     def order(self, spec: FaultSpec) -> None:
         """Injects a fault, at once or when it is due.
@@ -201,7 +201,9 @@ class FaultPanel:
             check_name(name)
         with self._lock:
             self._waiting = [spec for spec in self._waiting if name not in (None, spec.name)]
-            self._endings = [item for item in self._endings if name not in (None, item[1].name)]
+            for ending in {*self._endings, *self._timers}:
+                if name in (None, ending):
+                    self._drop_ending(ending)
             for device, switch in self._devices.items():
                 for fault in switch.faults:
                     if name in (None, f"{device}.{fault}"):
@@ -236,17 +238,15 @@ class FaultPanel:
         """Cancels the faults that have not begun, and the ends of the others."""
         with self._lock:
             self._waiting.clear()
-            self._endings.clear()
-            for timer in self._timers:
-                timer.cancel()
+            for name in {*self._endings, *self._timers}:
+                self._drop_ending(name)
 
     def _apply_due(self) -> None:
         for spec in [spec for spec in self._waiting if self._reached(spec.start)]:
             self._waiting.remove(spec)
             self._begin(spec)
-        for item in [item for item in self._endings if self._reached(item[0])]:
-            self._endings.remove(item)
-            self._devices[item[1].device].mend(item[1].fault)
+        for name in [name for name, end in self._endings.items() if self._reached(end)]:
+            self._end(name)
 
     def _reached(self, when: Span | None) -> bool:
         if when is None:
@@ -255,16 +255,32 @@ class FaultPanel:
         return reached >= when.amount
 
     def _begin(self, spec: FaultSpec) -> None:
-        switch = self._devices[spec.device]
-        switch.inject(spec.fault, spec.value, spec.amount)
+        self._drop_ending(spec.name)  # that of the fault whose place this one takes
+        self._devices[spec.device].inject(spec.fault, spec.value, spec.amount)
         duration = spec.duration
         if duration is None:
             return
         if duration.unit == "w":
-            timer = threading.Timer(duration.amount, switch.mend, [spec.fault])
+            timer = threading.Timer(duration.amount, self._time_out, [spec.name])
             timer.daemon = True
-            self._timers = [t for t in self._timers if t.is_alive()] + [timer]
+            self._timers[spec.name] = timer
             timer.start()
         else:
             start = self.interactions if duration.unit == "i" else self._now()
-            self._endings.append((Span(start + duration.amount, duration.unit), spec))
+            self._endings[spec.name] = Span(start + duration.amount, duration.unit)
+
+    def _time_out(self, name: str) -> None:
+        with self._lock:
+            if self._timers.get(name) is threading.current_thread():  # else cancelled too late
+                self._end(name)
+
+    def _end(self, name: str) -> None:
+        self._drop_ending(name)
+        device, _, fault = name.partition(".")
+        self._devices[device].mend(fault)
+
+    def _drop_ending(self, name: str) -> None:
+        self._endings.pop(name, None)
+        timer = self._timers.pop(name, None)
+        if timer is not None:
+            timer.cancel()

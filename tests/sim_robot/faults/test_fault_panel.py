@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import socket
+import threading
 import time
 from contextlib import ExitStack, suppress
 from pathlib import Path
@@ -116,6 +117,31 @@ def test_a_fault_ends_by_the_clock_on_the_wall() -> None:
         active_faults.append(active)
         assert time.monotonic() < deadline
     assert active_faults[0] == ["daq.absent"]
+    bench.panel.close()
+
+
+@pytest.mark.parametrize("first", ["servos.dead=1+5s", "servos.dead=1+5i"])
+def test_a_fault_that_takes_the_place_of_another_outlasts_its_end(first: str) -> None:
+    bench = Panel()
+    bench.order(first)
+    bench.order("servos.dead=2")
+    for _ in range(5):
+        bench.panel.begin_interaction()
+    assert bench.advance_to(5.0) == ["servos.dead=2"]
+
+
+@pytest.mark.parametrize("mended", [False, True])
+def test_an_end_on_the_wall_goes_with_its_fault(*, mended: bool) -> None:
+    bench = Panel()
+    before = threading.enumerate()
+    bench.order("servos.dead=3+600w")
+    (timer,) = set(threading.enumerate()) - set(before)
+    if mended:
+        bench.panel.mend("servos.dead")
+    bench.order("servos.dead=4")
+    timer.join(120.0)
+    assert not timer.is_alive()
+    assert bench.panel.active() == ["servos.dead=4"]
     bench.panel.close()
 
 
