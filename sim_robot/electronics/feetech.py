@@ -3,11 +3,12 @@
 Sources: Feetech, memory table of the STS and SMS series and its protocol manual; for what a written
 goal does (torque goes on, a goal beyond the limits is driven to the limit, and the register keeps
 what was written) those who measured it. Where these are silent the emulator assumes, and drivers
-should not rely on it: after a reset a servo is deaf for 0.3 s, and its goal is where it stands;
-writing to the torque switch ends an overload; a locked permanent memory takes a write until the
-next reset; packets with a wrong checksum, or broken off by silence, are ignored. Not modelled:
-speed, acceleration, gains, the offset of the position, modes without a goal (the motor stands
-still), registered writes, and the load at which a servo calls itself overloaded: that is injected.
+should not rely on it: after a reset a servo is deaf for 0.3 s, and its goal is where it stands, or
+the end of the turn that is nearest; writing to the torque switch ends an overload; a locked
+permanent memory takes a write until the next reset; packets with a wrong checksum, or broken off by
+silence, are ignored. Not modelled: speed, acceleration, gains, the offset of the position, modes
+without a goal (the motor stands still), registered writes, and the load at which a servo calls
+itself overloaded: that is injected.
 """
 
 from __future__ import annotations
@@ -84,7 +85,7 @@ class Servo(BusServo):
         self.memory[TORQUE_LIMIT : TORQUE_LIMIT + 2] = self.memory[MOST_TORQUE : MOST_TORQUE + 2]
         self.memory[LOCK] = 1
         self._overloaded = False
-        self.set_word(GOAL, round(self.position))
+        self.set_word(GOAL, min(max(round(self.position), 0), STEPS - 1))
         self.switched_on = self.now()
 
     @property

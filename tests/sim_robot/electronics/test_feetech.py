@@ -124,6 +124,15 @@ def test_a_reset_wipes_out_what_is_not_permanent(servo: Servo) -> None:
     assert read(servo, feetech.POSITION) == (1234).to_bytes(2, "little")
 
 
+@pytest.mark.parametrize(("position", "goal"), [(-5.0, 0), (4100.0, 4095)])
+def test_a_reset_beyond_the_turn_leaves_a_goal_in_it(
+    servo: Servo, position: float, goal: int
+) -> None:
+    servo.feel(Felt(position, 0.0))
+    servo.power_up()
+    assert servo.word(feetech.GOAL) == goal
+
+
 def test_the_permanent_memory_keeps_nothing_while_it_is_locked(servo: Servo) -> None:
     written(servo, feetech.MODE, 1)
     assert (servo.memory[feetech.MODE], servo.permanent_writes) == (1, 1)
