@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import logging
+import sys
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
@@ -37,7 +38,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return check(options.check)
         if options.print_body:
             body = load_body(options.body)
-            print(body.urdf if body.notes else options.body.read_text(encoding="utf-8"), end="")
+            urdf = body.urdf.encode() if body.notes else options.body.read_bytes()
+            sys.stdout.buffer.write(urdf)
         elif options.list_bodies:
             list_bodies()
         elif options.calibrate:

@@ -13,7 +13,7 @@ import pytest
 
 from sim_robot.command_line import main
 from sim_robot.errors import BodyError
-from sim_robot.world.body import body_path, load_body, shipped_bodies
+from sim_robot.world.body import body_path, default_body_path, load_body, shipped_bodies
 from sim_robot.world.simulation import open_world
 
 JOINTS = {
@@ -91,6 +91,17 @@ def test_the_command_lists_prints_and_refuses(
         main(["--body", "octopod", "--print-body"])
     assert ended.value.code == 2
     assert "octopod: is neither a URDF file nor" in capsys.readouterr().err
+
+
+def test_a_body_is_printed_as_it_stands_in_its_file(
+    tmp_path: Path, capsysbinary: pytest.CaptureFixture[bytes]
+) -> None:
+    text = default_body_path().read_text(encoding="utf-8").partition("?>")[2]
+    file = tmp_path / "kaefer.urdf"
+    text = f'<?xml version="1.0" encoding="ISO-8859-1"?>\n<!-- für alle -->{text}'
+    file.write_text(text, encoding="latin-1")
+    assert main(["--body", str(file), "--print-body"]) == 0
+    assert capsysbinary.readouterr().out == file.read_bytes()
 
 
 @pytest.mark.parametrize(
