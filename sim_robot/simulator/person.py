@@ -203,8 +203,6 @@ class SimulatedPerson:
         return math.degrees(self._world.angles()[index])
 
     def _hold(self, height: float, up: tuple[float, ...] = _UP["upright"]) -> None:
-        for name in self._body.touch:
-            self._world.press(name, 0.0)
         self._world.hold(height, up)
         self._settle()
 

@@ -95,6 +95,7 @@ class World(Closable):
         The next step begins now: when steps fall due does not depend on what was before.
         """
         self._held = None
+        self._pressed.clear()
         self._calm_looks, self._rest_pose = 0, ()
         self._time = self._due_time
         self._build()
@@ -113,11 +114,12 @@ class World(Closable):
         """
         center = self._body.base_center[2] - self._body.base_size[2] / 2
         self._held = Pose((0.0, 0.0, height - center), _turn_up(up))
+        self._pressed.clear()
         self._calm_looks, self._rest_pose = 0, ()
         self._build()
 
     def press(self, sensor: str, force: float) -> None:
-        """Loads a touch sensor with a force (N), as a weight does, until told otherwise."""
+        """Loads a touch sensor with a force (N), as a weight does, until the body is put anew."""
         self._pressed[sensor] = force
 
     def set_targets(self, angles: Sequence[float | None]) -> None:

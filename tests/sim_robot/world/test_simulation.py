@@ -250,6 +250,16 @@ def test_a_pressed_sensor_feels_it_besides_the_ground(world: World) -> None:
     assert world.loads() == before
 
 
+def test_who_puts_the_body_elsewhere_takes_the_weights_off(world: World) -> None:
+    lying = world.loads()
+    world.press("lower_front", 2.5)
+    world.lay_down()
+    assert world.loads() == lying
+    world.press("lower_front", 2.5)
+    world.hold(1.0)
+    assert not any(world.loads())
+
+
 def test_legs_that_slew_in_the_air_are_not_weak(
     world: World, caplog: pytest.LogCaptureFixture
 ) -> None:
