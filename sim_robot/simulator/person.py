@@ -91,6 +91,7 @@ class SimulatedPerson:
         self._counts = parts.config.servos.counts
         self._joint = _Joint(self._counts)
         self._answers: tuple[tuple[str, Callable[[re.Match[str]], str]], ...] = (
+            ("instrument between", lambda _: "skip"),  # there is none
             ("on the stand", self._on_the_stand),
             (r"(?P<name>.+) is limp; hold it", lambda _: ""),
             (r"(?P<name>.+): limp, count \d+, was ", lambda _: "hold"),
@@ -132,15 +133,18 @@ class SimulatedPerson:
             CommandError: This person does not know the prompt.
         """
         answer = self._handle(prompt)
+        if answer is None:
+            raise CommandError(f"the simulated person does not understand {prompt!r}")
         self._echo(f"{prompt} > {answer}")
         return answer
 
-    def _handle(self, prompt: str) -> str:
+    def _handle(self, prompt: str) -> str | None:
+        """Does what is asked for; returns the answer, ``None`` to a question nobody foresaw."""
         for pattern, act in self._answers:
             match = re.match(pattern, prompt)
             if match is not None:
                 return act(match)
-        raise CommandError(f"the simulated person does not understand {prompt!r}")
+        return None
 
     def _on_the_stand(self, match: re.Match[str]) -> str:
         del match
@@ -215,7 +219,8 @@ class SimulatedPerson:
 class Rehearsal(SimulatedPerson):
     """Simulated hands for a real person at the keyboard.
 
-    They do what a question asks for and say what is to be seen; the person types the answer.
+    They do what a question asks for, if they know how, and say what is to be seen; the person types
+    the answer.
     """
 
     def ask(self, prompt: str) -> str:

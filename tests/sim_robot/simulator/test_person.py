@@ -6,27 +6,31 @@ import logging
 import math
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from robot.configuration.calibration_file import read_calibration
+from robot.drivers.servos.pca9685 import PCA9685Settings
 from robot.drivers.servos.sv203 import COUNTS
 from robot.errors import CommandError
 from sim_robot.simulator.daemon import Emulation, emulation
 from sim_robot.simulator.person import PROTRACTOR, UNEVEN, RehearsalConsole, SimulatedPerson
+from sim_robot.simulator.pi_set import PiSet
 from sim_robot.world.body import default_body_path, load_body
 from sim_robot.world.sensor_noise import NoiseLevels
 from tests.terminal_window import TerminalWindow
 
 BODY = load_body(default_body_path())
+LOG = logging.getLogger("test")
 COMMAND = [sys.executable, "-m", "sim_robot", "--console", "--miscalibrated", "7", "--calibration"]
 
 
 @pytest.fixture
 def parts() -> Iterator[Emulation]:
     with emulation(
-        BODY, seed=0, levels=NoiseLevels(), real_time=False, log=logging.getLogger("test"), wrong=7
+        BODY, seed=0, levels=NoiseLevels(), real_time=False, log=LOG, wrong=7
     ) as emulated:
         yield emulated
 
@@ -129,6 +133,31 @@ def test_what_it_does_not_know_is_answered_with_what_it_does(
     assert "--calibration FILE" in said
     assert "'daq' is no fault" in said
     assert "run it in a terminal" in said
+
+
+def test_what_the_hands_do_not_know_is_for_the_person_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with emulation(
+        BODY, seed=0, levels=NoiseLevels(), real_time=False, log=LOG, electronics="feetech"
+    ) as parts:
+        typed(
+            parts, tmp_path / "calibration.toml", monkeypatch,
+            "calibrate hip_left", "", "hold", "limp", "", "q",
+        )  # fmt: skip
+        assert not any(parts.electronics.pulses())
+    assert "! You left the session" in capsys.readouterr().out
+
+
+def test_a_simulated_person_has_no_instrument_for_an_oscillator(tmp_path: Path) -> None:
+    own = PiSet(BODY).configure(NoiseLevels())
+    assert isinstance(own.servos, PCA9685Settings)
+    own = replace(own, servos=replace(own.servos, oscillators_mhz=None))
+    file = tmp_path / "calibration.toml"
+    with emulation(BODY, seed=0, levels=NoiseLevels(), real_time=False, log=LOG, own=own) as parts:
+        person = SimulatedPerson(parts, seed=1, echo=lambda text: None)
+        person.calibrate(parts.devices, file, ["hip_left"])
+        assert list(read_calibration(file, parts.config.servos.counts).joints) == ["hip_left"]
 
 
 def test_a_lost_connection_costs_one_part_at_most(tmp_path: Path) -> None:
