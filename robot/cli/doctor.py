@@ -8,7 +8,7 @@ from pathlib import Path
 
 from protocol.system.files import may_exist
 from robot.calibration.guided_session import parts
-from robot.configuration.calibration_file import read_calibration
+from robot.configuration.calibration_file import calibration_command, read_calibration
 from robot.configuration.robot_config import RobotConfig, load_config, read_config
 from robot.diagnosis.doctor import Doctor
 from robot.diagnosis.findings import Finding, Severity, look, ok
@@ -33,7 +33,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Examines the robot that a configuration describes; 0 when all is well, else 1."""
     config = load_config(options.config, uncalibrated=True)
-    findings = Doctor(config, Buses(clock=WallClock()), move=options.move).examine()
+    buses = Buses(clock=WallClock())
+    findings = Doctor(config, buses, move=options.move, file=str(options.config)).examine()
     print_findings([describe_config(config, options.config)], print)
     return print_findings(findings, print)
 
@@ -41,7 +42,7 @@ def run(options: argparse.Namespace) -> int:
 def describe_config(config: RobotConfig, path: Path) -> Finding:
     """A finding that says what the configuration has, and how far it is calibrated."""
     text = f"{config.name}: {len(config.joints)} joints, {len(config.touch)} touch sensors"
-    advice = f"robotd calibrate --config {path}; see docs/your-robot.md"
+    advice = f"{calibration_command(path)}; see docs/your-robot.md"
     _, file = read_config(path)
     if file is None or not may_exist(file):
         missing = f"; {file} does not exist yet" if file else ""

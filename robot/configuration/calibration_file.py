@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import math
+import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -128,6 +129,17 @@ class Calibration:
                 return replace(self, accelerometer=part)
             case DistanceCalibration():
                 return replace(self, distance=part)
+
+
+def calibration_command(config: str | Path, *parts: str) -> str:
+    """The command, to be typed in a shell, that writes the calibration file.
+
+    Args:
+        config: The robot's ``robot.toml``.
+        parts: Names of the parts to calibrate; none for all of them.
+    """
+    only = ["--only", *parts] if parts else []
+    return shlex.join(["robotd", "calibrate", "--config", str(config), *only])
 
 
 def read_calibration(path: Path, counts: range) -> Calibration:

@@ -14,7 +14,11 @@ from pathlib import Path
 from typing import Final, cast
 
 from protocol.system.files import may_exist
-from robot.configuration.calibration_file import Calibration, read_calibration
+from robot.configuration.calibration_file import (
+    Calibration,
+    calibration_command,
+    read_calibration,
+)
 from robot.configuration.device_tables import (
     DistanceConfig,
     check_count,
@@ -228,8 +232,8 @@ def load_config(path: Path, *, uncalibrated: bool = False) -> RobotConfig:
     config, calibration = read_config(path)
     if calibration is not None and not uncalibrated and not may_exist(calibration):
         raise ConfigError(
-            f"names {calibration}, which does not exist. Write it with: robotd calibrate --config "
-            f"{path}; or leave [calibration] out.",
+            f"names {calibration}, which does not exist. Write it with: "
+            f"{calibration_command(path)}; or leave [calibration] out.",
             file=str(path),
             key="calibration.file",
         )

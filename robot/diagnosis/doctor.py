@@ -35,13 +35,15 @@ class Doctor:
         config: Configuration of the robot.
         buses: Buses that lead to its devices.
         move: Whether joints may be moved.
+        file: Name of the configuration's file, for the commands that are advised.
     """
 
-    def __init__(self, config: RobotConfig, buses: Buses, *, move: bool):
+    def __init__(self, config: RobotConfig, buses: Buses, *, move: bool, file: str = "FILE"):
         self._config = config
         self._buses = buses
         self._clock = buses.clock
         self._move = move
+        self._file = file
 
     def examine(self) -> Iterator[Finding]:
         """Yields the findings as they are made; closes what it opened."""
@@ -70,7 +72,7 @@ class Doctor:
         )
         yield from findings
         if counts:
-            yield from check_joints(joints, counts, servos)
+            yield from check_joints(joints, counts, servos, file=self._file)
             if self._move and any(finding.verdict is Severity.BAD for finding in findings):
                 yield look("moves", "none made over such a line.", "See the servo board.")
             elif self._move:
@@ -120,17 +122,18 @@ class Doctor:
         if config.accelerometer is None:
             yield ok(_TILT, "no sensor is configured")
         elif _TILT in recordings:
-            finding, tilt = check_accelerometer(config, recordings[_TILT])
+            finding, tilt = check_accelerometer(config, recordings[_TILT], file=self._file)
             yield with_repeats(finding, drivers[_TILT])
         for point in config.touch:
             if (subject := f"touch {point.name}") in recordings:
-                yield with_repeats(check_touch(point, recordings[subject]), drivers[subject])
+                finding = check_touch(point, recordings[subject], file=self._file)
+                yield with_repeats(finding, drivers[subject])
         if config.distance is None:
             yield ok(_DISTANCE, "no sensor is configured")
         elif _DISTANCE in drivers:
             sensor = config.distance.sensor
             finder = drivers[_DISTANCE]
-            finding = check_distance(config, sensor, finder, tilt, self._clock)
+            finding = check_distance(config, sensor, finder, tilt, self._clock, file=self._file)
             yield with_repeats(finding, finder)
 
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import Any, Final, Generic, TypeVar
 
+from robot.configuration.calibration_file import calibration_command
 from robot.configuration.robot_config import RobotConfig
 from robot.diagnosis.findings import Finding, bad, failed, look, ok
 from robot.drivers.links.analogue_inputs import STUCK_AFTER, AnalogueInputs
@@ -109,13 +110,22 @@ def check_inputs(
 
 
 def check_accelerometer(
-    config: RobotConfig, recording: Recording[tuple[float, float, float]]
+    config: RobotConfig, recording: Recording[tuple[float, float, float]], *, file: str
 ) -> tuple[Finding, tuple[float, float] | None]:
-    """Returns what was observed, and the tilt (left/right, forward/back; rad) if it is credible."""
+    """Examines the accelerometer.
+
+    Args:
+        config: Configuration of the robot.
+        recording: The sensor's samples.
+        file: Name of the configuration's file, for the command that is advised.
+
+    Returns:
+        What was observed, and the tilt (left/right, forward/back; rad) if it is credible.
+    """
     subject = "accelerometer"
     if recording.failure is not None:
         return failed(subject, recording.failure), None
-    command = "; then: robotd calibrate --only accelerometer" if config.axes else "."
+    command = f"; then: {calibration_command(file, subject)}" if config.axes else "."
     axes = [spread(axis) for axis in zip(*recording.samples, strict=True)]
     x, y, z = (axis.mean for axis in axes)
     length = math.hypot(x, y, z)
@@ -152,8 +162,8 @@ def check_accelerometer(
     return ok(subject, text), tilt
 
 
-def check_touch(point: TouchPoint, recording: Recording[float | bool]) -> Finding:
-    """Examines one touch sensor."""
+def check_touch(point: TouchPoint, recording: Recording[float | bool], *, file: str) -> Finding:
+    """Examines one touch sensor; ``file`` is named in the command that is advised."""
     subject = f"touch {point.name}"
     if recording.failure is not None:
         return failed(subject, recording.failure)
@@ -165,7 +175,7 @@ def check_touch(point: TouchPoint, recording: Recording[float | bool]) -> Findin
         return ok(subject, text)
     command = ""
     if isinstance(point.driver, StrainGauge):
-        command = f" robotd calibrate --only {point.name}"
+        command = f" {calibration_command(file, point.name)}"
     force = spread(recording.samples)
     text = (
         f"{recording.name}: {force.mean:+.3f} N, noise {force.deviation:.3f} N; touches above "
@@ -190,8 +200,13 @@ def check_distance(
     finder: DistanceSensor,
     tilt: tuple[float, float] | None,
     clock: Clock,
+    *,
+    file: str,
 ) -> Finding:
-    """Examines the distance sensor, also against the tilt (rad) where that is known."""
+    """Examines the distance sensor, also against the tilt (rad) where that is known.
+
+    ``file`` is named in the command that is advised.
+    """
     subject = "distance"
     start = clock.now()
     try:
@@ -218,7 +233,7 @@ def check_distance(
         return bad(
             subject,
             f"{text}: the ground would be inside the belly.",
-            "Look that nothing covers the sensor; then: robotd calibrate --only distance",
+            f"Look that nothing covers the sensor; then: {calibration_command(file, subject)}",
         )
     if tilt is not None:
         try:

@@ -9,6 +9,7 @@ from typing import Final
 
 from protocol.errors import HOLD
 from robot.calibration.joints import Mover
+from robot.configuration.calibration_file import calibration_command
 from robot.configuration.joint_calibration import USUAL_SPAN, DrivenJoint, middle
 from robot.control.joint_watch import LIMITED, OFF, JointWatch, cut_short, told
 from robot.diagnosis.findings import Finding, bad, failed, look, ok
@@ -79,12 +80,15 @@ def check_board(
 
 
 def check_joints(
-    joints: Sequence[DrivenJoint], counts: Mapping[int, int], servos: ServoBus
+    joints: Sequence[DrivenJoint], counts: Mapping[int, int], servos: ServoBus, *, file: str
 ) -> Iterator[Finding]:
-    """Checks each joint's count against calibration and limits, and what its servo reports."""
+    """Checks each joint's count against calibration and limits, and what its servo reports.
+
+    ``file`` is named in the command that is advised.
+    """
     answers = answering(servos)
     for joint in joints:
-        finding = _check_joint(joint, counts[joint.output])
+        finding = _check_joint(joint, counts[joint.output], file)
         if answers is not None:
             try:
                 state = answers.read_states([joint.output])[joint.output]
@@ -114,7 +118,7 @@ def _with_state(finding: Finding, joint: DrivenJoint, count: int, state: ServoSt
     return replace(finding, text=text)
 
 
-def _check_joint(joint: DrivenJoint, count: int) -> Finding:
+def _check_joint(joint: DrivenJoint, count: int, file: str) -> Finding:
     subject = f"joint {joint.name}"
     low, high = (math.degrees(angle) for angle in joint.reachable)
     size = math.degrees(joint.scale.resolution)
@@ -132,14 +136,14 @@ def _check_joint(joint: DrivenJoint, count: int) -> Finding:
         return bad(
             subject,
             f"{text}. That is outside its limits, {limits[0]:.1f}° to {limits[1]:.1f}°.",
-            f"Look where it really stands, then: robotd calibrate --only {joint.name}",
+            f"Look where it really stands, then: {calibration_command(file, joint.name)}",
         )
     usual_size = USUAL_SPAN / (len(joint.scale.counts) - 1)
     if not _SIZES[0] <= size / usual_size <= _SIZES[1]:
         return look(
             subject,
             f"{text}. A servo usually turns by {usual_size:.2g}° a count.",
-            f"If its range is not as it should be: robotd calibrate --only {joint.name}",
+            f"If its range is not as it should be: {calibration_command(file, joint.name)}",
         )
     return ok(subject, text)
 

@@ -75,11 +75,13 @@ def test_the_configuration_says_how_old_its_calibration_is(tmp_path: Path) -> No
 def test_a_calibration_that_is_yet_to_be_made_hinders_no_examination(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    file = robot_toml(tmp_path)
+    folder = tmp_path / "my robot"
+    folder.mkdir()
+    file = robot_toml(folder)
     assert main(["doctor", "--config", str(file)]) == 1  # no hardware, but it does examine
     output = capsys.readouterr().out
-    assert f"{tmp_path / 'calibration.toml'} does not exist yet" in output
-    assert f"robotd calibrate --config {file}" in output
+    assert f"{folder / 'calibration.toml'} does not exist yet" in output
+    assert f"robotd calibrate --config '{file}'" in output
     assert "no-adapter" in output
 
 

@@ -15,6 +15,7 @@ from tests.robot.clocks import InstantClock
 class Clinic:
     robot: StillRobot
     clock: InstantClock
+    file: str = "robot.toml"
 
     @property
     def config(self) -> RobotConfig:
@@ -22,7 +23,7 @@ class Clinic:
 
     def examine(self, *, move: bool = False) -> list[Finding]:
         buses = replace(self.robot.buses, clock=self.clock)
-        return list(Doctor(self.config, buses, move=move).examine())
+        return list(Doctor(self.config, buses, move=move, file=self.file).examine())
 
     def bad(self, *, move: bool = False) -> dict[str, Finding]:
         """What is bad, by subject; each with advice."""

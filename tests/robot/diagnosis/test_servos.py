@@ -15,7 +15,7 @@ from tests.robot.diagnosis.clinic import Clinic
 
 
 def joint(clinic: Clinic, count: int) -> Finding:
-    (finding,) = check_joints(clinic.config.joints[:1], {1: count}, Board())
+    (finding,) = check_joints(clinic.config.joints[:1], {1: count}, Board(), file="robot.toml")
     return finding
 
 
@@ -32,14 +32,14 @@ def test_a_limp_joint_is_no_fault(clinic: Clinic) -> None:
 
 def test_a_joint_outside_its_limits_is_one(clinic: Clinic) -> None:
     narrow = replace(clinic.config.joints[0], upper_limit=0.1)
-    (finding,) = check_joints([narrow], {1: 200}, Board())
+    (finding,) = check_joints([narrow], {1: 200}, Board(), file="robot.toml")
     assert finding.verdict is Severity.BAD
-    assert "--only hip_left" in finding.advice
+    assert "robotd calibrate --config robot.toml --only hip_left" in finding.advice
 
 
 def test_an_unusual_scale_is_mentioned(clinic: Clinic) -> None:
     flat = replace(clinic.config.joints[0], scale=JointScale(((1, -0.5), (255, 0.5)), COUNTS))
-    (finding,) = check_joints([flat], {1: 128}, Board())
+    (finding,) = check_joints([flat], {1: 128}, Board(), file="robot.toml")
     assert finding.verdict is Severity.LOOK
 
 
