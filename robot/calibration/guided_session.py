@@ -12,7 +12,7 @@ from functools import partial
 from typing import Any, Final, Protocol
 
 from robot.calibration.joints import HELP, Mover, calibrate_joint, measure_oscillators
-from robot.calibration.questions import Questions, Terminal
+from robot.calibration.questions import Questions
 from robot.calibration.sensors import AccelerometerSession, DistanceSession, GaugeSession
 from robot.configuration.calibration_file import (
     AxesCalibration,
@@ -85,7 +85,7 @@ class GuidedSession:
         config: Configuration of the robot, with its calibration so far.
         devices: Drivers of the robot's devices.
         clock: The robot clock.
-        terminal: Terminal of the session.
+        dialogue: Dialogue with the person.
         only: Names out of ``parts``; empty for all of them.
 
     Raises:
@@ -98,7 +98,7 @@ class GuidedSession:
         devices: CalibratedDevices,
         *,
         clock: Clock,
-        terminal: Terminal,
+        dialogue: Questions,
         only: Collection[str] = (),
     ):
         part_names = parts(config)
@@ -108,7 +108,7 @@ class GuidedSession:
         self._config = config
         self._devices = devices
         self._clock = clock
-        self._dialogue = Questions(terminal, reconnect=devices.servos.reopen)
+        self._dialogue = dialogue
         self._parts = set(only or part_names)
 
     def run(self, before: Calibration, save: Callable[[str, Calibration], None]) -> None:

@@ -6,16 +6,17 @@ import argparse
 from collections.abc import Collection
 from dataclasses import replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 
-from robot.calibration.guided_session import CalibratedDevices, GuidedSession
+from robot.calibration.guided_session import GuidedSession
 from robot.calibration.questions import Console, Questions, Terminal
 from robot.configuration.calibration_file import Calibration, save_calibration
 from robot.configuration.robot_config import RobotConfig, read_config, with_calibration
 from robot.drivers.buses import Buses
 from robot.errors import AbandonedError, ConfigError
 from robot.host.clock import Clock, WallClock
-from robot.service.devices import open_devices
+from robot.service.devices import Devices, open_devices, revive
 
 HELP = "measure joints and sensors with a person's help, and write the calibration file"
 
@@ -64,7 +65,7 @@ def run(options: argparse.Namespace) -> int:
 def calibrate(
     config: RobotConfig,
     before: Calibration,
-    devices: CalibratedDevices,
+    devices: Devices,
     *,
     clock: Clock,
     terminal: Terminal,
@@ -86,7 +87,8 @@ def calibrate(
         AbandonedError: Somebody left, or nothing was measured; what was measured is in the file,
             and the robot holds.
     """
-    session = GuidedSession(config, devices, clock=clock, terminal=terminal, only=only)
+    dialogue = Questions(terminal, reconnect=partial(revive, config, devices))
+    session = GuidedSession(config, devices, clock=clock, dialogue=dialogue, only=only)
     made_at = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
     written: list[str] = []
     backups: list[str] = []
@@ -94,7 +96,7 @@ def calibrate(
     def save(name: str, calibration: Calibration) -> None:
         calibration = replace(calibration, revision=before.revision + 1, made=made_at)
         # A full disk is no reason to measure everything again.
-        backup = Questions(terminal).attempt(
+        backup = dialogue.attempt(
             lambda: save_calibration(file, calibration, keep=not written)  # one revision a session
         )
         written.append(name)

@@ -6,13 +6,14 @@ import logging
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 from bench.still_robot import StillRobot, still_robot
 from robot.calibration.guided_session import GuidedSession, parts
-from robot.calibration.questions import Terminal
+from robot.calibration.questions import Questions, Terminal
 from robot.cli.calibrate import calibrate
 from robot.configuration.calibration_file import (
     Calibration,
@@ -23,7 +24,7 @@ from robot.configuration.calibration_file import (
 from robot.drivers.sensors.vl6180x import VL6180X
 from robot.drivers.servos.sv203 import COUNTS, SV203
 from robot.errors import AbandonedError, CommandError
-from robot.service.devices import Devices
+from robot.service.devices import Devices, revive
 from tests.robot.calibration.desk import Answer, Script
 from tests.robot.clocks import InstantClock
 
@@ -37,9 +38,9 @@ class Desk:
     devices: Devices
 
     def session(self, terminal: Terminal, *only: str) -> GuidedSession:
-        return GuidedSession(
-            self.robot.config, self.devices, clock=self.clock, terminal=terminal, only=only
-        )
+        config = self.robot.config
+        dialogue = Questions(terminal, reconnect=partial(revive, config, self.devices))
+        return GuidedSession(config, self.devices, clock=self.clock, dialogue=dialogue, only=only)
 
     def measured(self, before: Calibration, script: Script, *only: str) -> Calibration:
         """What a session that is not left comes to."""
@@ -203,7 +204,7 @@ def test_an_interrupt_in_mid_motion_leaves_the_joint_where_it_is(desk: Desk) -> 
         desk.robot.config,
         desk.devices,
         clock=clock,
-        terminal=Script("", "u 20", "u 20", "u 20"),
+        dialogue=Questions(Script("", "u 20", "u 20", "u 20")),
         only=["hip_left"],
     )
     with pytest.raises(AbandonedError):

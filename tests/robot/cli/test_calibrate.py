@@ -84,3 +84,32 @@ def test_a_disk_that_stays_full_leaves_the_file_as_it_was(
 def test_without_a_file_to_write_nothing_is_touched(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["calibrate", "--config", str(EXAMPLE)]) == 1
     assert "[calibration]" in capsys.readouterr().err
+
+
+def test_an_adapter_that_was_plugged_in_again_goes_on_with_the_part(tmp_path: Path) -> None:
+    file, clock = tmp_path / "calibration.toml", InstantClock()
+    with still_robot(clock, housekeeping=None, log=logging.getLogger("test")) as robot:
+
+        def unplug() -> None:
+            robot.bus.inject("unplugged")
+
+        def raise_plate() -> None:
+            robot.world.distance_mm = 108.0
+
+        robot.world.distance_mm = 8.0
+        script = Script(
+            "", "", (unplug, ""), "", (robot.bus.mend, ""), "", "done",
+            "98", (raise_plate, ""), "", "", "done", "yes",
+        )  # fmt: skip
+        calibrate(
+            robot.config,
+            Calibration(robot="quadruped"),
+            robot.devices,
+            clock=clock,
+            terminal=script,
+            file=file,
+            only=["distance"],
+        )
+    assert script.heard("Plug it in again")
+    assert script.left == 0
+    assert read_calibration(file, COUNTS).distance is not None
