@@ -172,7 +172,9 @@ def _calibration(root: Section, counts: range) -> Calibration:
     schema = root.integer("schema", 1, 2**31)
     if schema != SCHEMA:
         raise root.refuse(
-            "schema", f"is {schema}, and this robotd reads {SCHEMA}: calibrate anew, or update it."
+            "schema",
+            f"is {schema}, and this robotd reads {SCHEMA}: move this file away and calibrate anew, "
+            "or update robotd.",
         )
     root.table("end").done()  # missing where the file was cut off
     if root.has("counts"):
@@ -182,7 +184,8 @@ def _calibration(root: Section, counts: range) -> Calibration:
                 "counts",
                 f"says that it was made for counts {made_for[0]:g} to {made_for[1]:g}, and the "
                 f"servos have {counts[0]} to {counts[-1]} now: with another driver or update rate "
-                "a count is another angle. Calibrate anew, or change [servos] back.",
+                "a count is another angle. Change [servos] back, or remove counts and every "
+                "[[joint]] here, then calibrate the joints anew.",
             )
     calibration = Calibration(
         robot=root.text("robot"),

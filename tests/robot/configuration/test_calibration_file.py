@@ -219,7 +219,7 @@ def same(read: Uncertainty, written: Uncertainty) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("schema = 1", "schema = 2", ["schema", "is 2", "reads 1"]),
+        ("schema = 1", "schema = 2", ["schema", "is 2", "reads 1", "move this file away"]),
         ("schema = 1", "", ["schema", "missing"]),
         ('robot = "quadruped"', 'robot = "hexapod"', ["robot", "hexapod", "quadruped"]),
         ("[end]", "", ["end", "missing"]),
@@ -269,8 +269,15 @@ def test_a_file_made_for_other_counts_is_refused(tmp_path: Path) -> None:
     joint = replace(HIP, scale=JointScale(((120, -1.4), (500, 1.4)), range(103, 513)))
     path.write_text(to_toml(replace(WHOLE, joints={"hip_left": joint})), encoding="utf-8")
     assert read_calibration(path, range(103, 513)).has("hip_left")
-    with pytest.raises(ConfigError, match=r"counts: says .* counts 103 to 512, and .* 85 to 427"):
+    with pytest.raises(
+        ConfigError, match=r"counts: says .* counts 103 to 512, and .* 85 to 427"
+    ) as refusal:
         read_calibration(path, range(85, 428))
+    assert "remove counts and every [[joint]] here" in str(refusal.value)
+    lines = to_toml(replace(WHOLE, joints={})).splitlines()
+    assert not any(line.startswith("counts") for line in lines)
+    path.write_text("\n".join(lines), encoding="utf-8")
+    assert read_calibration(path, range(85, 428)).gauges
 
 
 def test_a_truncated_file_is_refused_wherever_it_was_cut(tmp_path: Path) -> None:
