@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from estimator.body.arrays import Integers
 from estimator.body.morphology import BASE, Array
-from estimator.problem.problem import Problem
+from estimator.problem.attachment_tables import AttachmentTables
+from estimator.problem.sections import PartRule
 
 Indices: TypeAlias = NDArray[np.intp]
 
@@ -48,6 +49,11 @@ class Gene:
     def is_choice(self) -> bool:
         """Whether the gene chooses among several values, and a sensor may show which."""
         return self.choices > 1 and self.observable
+
+    @property
+    def can_be_found(self) -> bool:
+        """Whether the gene has more than one value, and a sensor may show which."""
+        return self.choices != 1 and self.observable
 
 
 class Traits(NamedTuple):
@@ -90,9 +96,11 @@ class GeneColumns:
     on_part: Integers
 
     @classmethod
-    def of(cls, problem: Problem, genes: Sequence[Gene]) -> GeneColumns:
-        """The columns of a problem's genomes."""
-        rules, attached = problem.parts, problem.tables.attached
+    def of(
+        cls, rules: Sequence[PartRule], tables: AttachmentTables, genes: Sequence[Gene]
+    ) -> GeneColumns:
+        """The columns of the genomes of a problem with these parts."""
+        attached = tables.attached
         places: dict[tuple[str, int], int] = {
             (gene.trait, gene.part): column for column, gene in enumerate(genes)
         }
@@ -132,9 +140,14 @@ class GeneColumns:
         )
 
 
-def genes_of(problem: Problem, index: int) -> list[Gene]:
-    """The genes of one part of a problem."""
-    rule, tables = problem.parts[index], problem.tables
+def genes_of(rules: Sequence[PartRule], tables: AttachmentTables) -> tuple[Gene, ...]:
+    """The genes of a problem with these parts."""
+    return tuple(
+        gene for index, rule in enumerate(rules) for gene in _genes_of_part(index, rule, tables)
+    )
+
+
+def _genes_of_part(index: int, rule: PartRule, tables: AttachmentTables) -> list[Gene]:
     mounts = max(tables.base_choices, tables.part_choices)
     if rule.parent is not None or index == 0:
         mounts = tables.part_choices if rule.parent not in (None, BASE) else tables.base_choices

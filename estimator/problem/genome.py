@@ -46,9 +46,7 @@ class Genome:
             )
         self._problem = problem
         self._base = base
-        self.genes: tuple[Gene, ...] = tuple(
-            gene for index in range(len(problem.parts)) for gene in genes_of(problem, index)
-        )
+        self.genes: tuple[Gene, ...] = genes_of(problem.parts, problem.tables)
 
     @property
     def size(self) -> int:
@@ -189,7 +187,7 @@ class Genome:
 
     @cached_property
     def _columns(self) -> GeneColumns:
-        return GeneColumns.of(self._problem, self.genes)
+        return GeneColumns.of(self._problem.parts, self._problem.tables, self.genes)
 
     @cached_property
     def _any_body(self) -> Bodies:

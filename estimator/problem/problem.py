@@ -25,6 +25,7 @@ from estimator.parameters.rows import table_of
 from estimator.parameters.table import Parameter
 from estimator.physics.base import WorldSettings
 from estimator.problem.attachment_tables import AttachmentTables
+from estimator.problem.genes import genes_of
 from estimator.problem.sections import (
     HingeRule,
     Motors,
@@ -200,13 +201,11 @@ class Problem(Strict):
             raise ValueError(
                 "touch: say where the sensors are either here or with the parts, not both"
             )
-        if not any(
-            part.length_unknown or None in (part.parent, part.mount, part.hinge)
-            for part in self.parts
-        ):
+        if not any(gene.can_be_found for gene in genes_of(self.parts, self.tables)):
             raise ValueError(
-                "parts: there is nothing to be found: give some length a range (what is uncertain "
-                "is found along with a body, not alone)"
+                "parts: there is nothing to be found: give some length a range (a single choice is "
+                "none, the hinge of a part without a motor never shows, and what is uncertain is "
+                "found along with a body, not alone)"
             )
         self._check_uncertain()
         return self

@@ -1,6 +1,7 @@
 """Problem files: what ships, and how wrong ones are refused."""
 
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -153,6 +154,23 @@ def test_an_editors_byte_order_mark_is_no_part_of_a_file(tmp_path: Path) -> None
 def test_a_problem_must_leave_something_to_be_found() -> None:
     with pytest.raises(ProblemError, match="nothing to be found"):
         Problem.parse(TEXT.replace("[0.01, 0.20]", "0.1"), "known.toml")
+
+
+def test_what_no_reading_can_show_is_nothing_to_be_found() -> None:
+    known = TEXT.replace("[0.01, 0.20]", "0.1")
+
+    def with_unknown(part: str, trait: str) -> str:
+        rows = rf'(name = "{part}"\n(?:.*\n)*?{trait} = ).*'
+        return re.sub(rows, r'\1"unknown"', known, count=1)
+
+    for text in (
+        with_unknown("left lower", "hinge"),  # no motor moves it
+        with_unknown("left upper", "parent"),  # it can sit on the main body alone
+    ):
+        with pytest.raises(ProblemError, match="nothing to be found"):
+            Problem.parse(text, "hidden.toml")
+    for text in (with_unknown("left upper", "hinge"), with_unknown("left lower", "parent")):
+        assert Problem.parse(text, "open.toml").parts
 
 
 def test_random_programs_move_only_driven_joints_within_range_and_limits() -> None:
