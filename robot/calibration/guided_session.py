@@ -70,11 +70,17 @@ def parts(config: RobotConfig) -> list[str]:
 
     Other accelerometers and touch sensors give g and newtons by themselves.
     """
+    return uncalibrated_parts(config, Calibration(robot=config.name))
+
+
+def uncalibrated_parts(config: RobotConfig, calibration: Calibration) -> list[str]:
+    """The names of those parts that a calibration lacks; a joint and a gauge may share a name."""
+    joints, gauges = calibration.joints, calibration.gauges
     return [
-        *(joint.name for joint in config.joints),
-        *(["accelerometer"] if config.axes else []),
-        *config.gauges,
-        *(["distance"] if config.distance else []),
+        *(joint.name for joint in config.joints if joint.name not in joints),
+        *(["accelerometer"] if config.axes and calibration.accelerometer is None else []),
+        *(name for name in config.gauges if name not in gauges),
+        *(["distance"] if config.distance and calibration.distance is None else []),
     ]
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from protocol.system.files import may_exist
-from robot.calibration.guided_session import parts
+from robot.calibration.guided_session import uncalibrated_parts
 from robot.configuration.calibration_file import calibration_command, read_calibration
 from robot.configuration.robot_config import RobotConfig, load_config, read_config
 from robot.diagnosis.doctor import Doctor
@@ -51,8 +51,7 @@ def describe_config(config: RobotConfig, path: Path) -> Finding:
         )
     calibration = read_calibration(file, config.servos.counts)
     text += f"; {file.name} revision {calibration.revision} of {calibration.made}"
-    remaining = [name for name in parts(config) if not calibration.has(name)]
-    if remaining:
+    if remaining := uncalibrated_parts(config, calibration):
         return look("configuration", f"{text}; not calibrated yet: {', '.join(remaining)}", advice)
     return ok("configuration", text)
 

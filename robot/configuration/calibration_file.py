@@ -109,15 +109,6 @@ class Calibration:
     gauges: Mapping[str, GaugeCalibration] = field(default_factory=dict)
     distance: DistanceCalibration | None = None
 
-    def has(self, name: str) -> bool:
-        """Whether a part was calibrated: a joint or a gauge, ``accelerometer``, ``distance``."""
-        return (
-            name in self.joints
-            or name in self.gauges
-            or (name == "accelerometer" and self.accelerometer is not None)
-            or (name == "distance" and self.distance is not None)
-        )
-
     def with_part(self, name: str, part: Part) -> Calibration:
         """A copy with another calibration of one part; ``name`` is a joint's or a gauge's."""
         match part:

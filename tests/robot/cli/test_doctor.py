@@ -72,6 +72,21 @@ def test_the_configuration_says_how_old_its_calibration_is(tmp_path: Path) -> No
     assert describe_config(load_config(file), file).verdict is Severity.OK
 
 
+def test_a_gauge_is_not_calibrated_because_a_joint_of_its_name_is(tmp_path: Path) -> None:
+    file = robot_toml(tmp_path)
+    text = file.read_text(encoding="utf-8")
+    file.write_text(text.replace('"lower_left"', '"hip_left"'), encoding="utf-8")
+    joint = load_config(file, uncalibrated=True).joints[0]
+    measured = JointCalibration(
+        lower_limit=joint.lower_limit, upper_limit=joint.upper_limit, scale=joint.scale
+    )
+    calibration = Calibration(robot="quadruped", revision=1, joints={"hip_left": measured})
+    save_calibration(tmp_path / "calibration.toml", calibration)
+    remaining = describe_config(load_config(file), file).text.split("not calibrated yet: ")[1]
+    assert remaining.startswith("hip_front")
+    assert "accelerometer, hip_left, lower_front" in remaining
+
+
 def test_a_calibration_that_is_yet_to_be_made_hinders_no_examination(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
