@@ -24,7 +24,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final, Protocol
 
-from estimator.errors import EstimatorError, ReadingsError, RunDirectoryError
+from estimator.errors import EstimatorError, InteractionError, ReadingsError, RunDirectoryError
 from estimator.readings.modalities import MODALITIES, ROUNDING
 from estimator.readings.observation import Observation, Program, by_joint_name
 from estimator.readings.plausibility import AnswerChecks, implausible_body, impossible_reading
@@ -310,6 +310,9 @@ class WireLink:
 
         If the daemon restarted between two requests nothing is lost, so a new session is opened
         without an error.
+
+        Raises:
+            InteractionError: Another robot answers there since.
         """
         try:
             self._client.acquire()
@@ -317,6 +320,11 @@ class WireLink:
             self._client.hello()
             self._checks = AnswerChecks(self.capabilities)  # with the daemon its clock began anew
             self._client.acquire()
+        if lasting_properties(self._client.capabilities) != lasting_properties(self.capabilities):
+            raise InteractionError(
+                f"The robot at {self._uri} restarted, and has other joints, sensors or another "
+                "main body now: start a new run with it."
+            )
         return Ticket(request_id=self._client.reserve_id(), session=self._client.session)
 
     def perform(
@@ -377,6 +385,17 @@ class WireLink:
             advice="Check its sensors, servos and their calibration, then try again.",
             retryable=True,
         )
+
+
+def lasting_properties(capabilities: Capabilities) -> tuple[object, ...]:
+    """Properties that must not change during a run; noise, software and addresses may."""
+    return (
+        [joint.name for joint in capabilities.joints],
+        [(sensor.modality, sensor.count, sensor.upper) for sensor in capabilities.sensors],
+        capabilities.base_size,
+        capabilities.base_radius,
+        capabilities.base_mass,
+    )
 
 
 def is_record(uri: str) -> bool:

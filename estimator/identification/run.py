@@ -22,7 +22,7 @@ from estimator.identification.paper.method import PaperMethod
 from estimator.identification.paper.objectives import OBJECTIVES
 from estimator.identification.paper.search import SEARCHES
 from estimator.identification.posterior_method import PosteriorMethod
-from estimator.identification.robot_link import RobotLink, open_robot
+from estimator.identification.robot_link import RobotLink, lasting_properties, open_robot
 from estimator.parameters.rows import packages
 from estimator.physics.backends import BACKENDS, REFERENCE, Executors
 from estimator.problem.problem import Problem
@@ -169,7 +169,7 @@ def open_same_robot(
         uri, driven=_driven(problem), client_id=client_id, first_id=first_id, keys=keys
     )
     now = link.capabilities
-    if _body(was) != _body(now):
+    if lasting_properties(was) != lasting_properties(now):
         link.close()
         raise InteractionError(
             f"The robot at {uri} ({now.robot}) has other joints, sensors or another main body "
@@ -182,17 +182,6 @@ def open_same_robot(
 
 def _driven(problem: Problem) -> Callable[[Capabilities], Collection[int]]:
     return lambda capabilities: problem.for_robot(capabilities).motors.driven
-
-
-def _body(capabilities: Capabilities) -> tuple[object, ...]:
-    """Properties that must not change during a run; noise, software and addresses may."""
-    return (
-        [joint.name for joint in capabilities.joints],
-        [(sensor.modality, sensor.count, sensor.upper) for sensor in capabilities.sensors],
-        capabilities.base_size,
-        capabilities.base_radius,
-        capabilities.base_mass,
-    )
 
 
 def _packages(physics: str, search: str, objective: str, explore: str) -> dict[str, str]:

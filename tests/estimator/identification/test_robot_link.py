@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from estimator.errors import EstimatorError
+from estimator.errors import EstimatorError, InteractionError
 from estimator.identification.robot_link import WireLink, open_robot
 from estimator.readings.observation import Program
 from estimator.storage.records import Ticket
@@ -87,6 +87,19 @@ def test_a_restart_between_two_requests_is_no_reason_to_stop() -> None:
         link.perform(0, PROGRAM, link.ticket(), ignore)
         link.close()
     assert len(robot.motions) == 2
+
+
+def test_another_robot_is_not_taken_for_the_one_that_restarted() -> None:
+    robot, other = ModelRobot(), ModelRobot()
+    other.capabilities = replace(other.capabilities, base_mass=0.4)
+    with serving(robot) as uri:
+        link = connect(uri)
+        link.perform(0, PROGRAM, link.ticket(), ignore)
+    with serving(other, bind=uri), closing(link):
+        for _ in range(2):
+            with pytest.raises(InteractionError, match="restarted, and has other joints, sensors"):
+                link.ticket()
+    assert not other.motions
 
 
 def test_a_second_controller_is_refused() -> None:
