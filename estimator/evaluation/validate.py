@@ -25,7 +25,7 @@ from estimator.posterior.fitted import FittedPosterior
 from estimator.posterior.model.unknowns import Unknowns, simulated
 from estimator.randomness import Stream, generator
 from estimator.readings.modalities import MODALITIES
-from estimator.readings.observation import Observation, PredictedReadings, Program
+from estimator.readings.observation import Observation, PredictedReadings, Program, same_program
 from estimator.storage.records import Prediction
 from estimator.storage.store import RunStore
 
@@ -33,7 +33,6 @@ BEST: Final = "best_model"
 POPULATION: Final = "population_median"
 RANDOM: Final = "random_models"
 RANDOM_MODELS: Final = 50
-_SAME_ANGLE: Final = math.radians(0.1)
 _AS_PREDICTED: Final = {"touch": 0.5, "tilt_deg": 1.5, "clearance_mm": 5.0}
 """Largest errors that noise explains; beyond them the body landed elsewhere, or is another."""
 
@@ -156,7 +155,9 @@ def _programs(store: RunStore, link: RobotLink, count: int, number: int) -> list
         return [tuple(program.tolist()) for program in drawn]
     fitted = [item.program for item in store.interactions()]
     fresh = [
-        program for program in link.recorded if not any(_equal(program, one) for one in fitted)
+        program
+        for program in link.recorded
+        if not any(same_program(program, one) for one in fitted)
     ]
     if count > len(fresh):
         fitted_count = len(link.recorded) - len(fresh)
@@ -166,11 +167,6 @@ def _programs(store: RunStore, link: RobotLink, count: int, number: int) -> list
             + ("ask for fewer --programs" if fresh else "take a record of others")
         )
     return fresh[:count]
-
-
-def _equal(one: Program, other: Program) -> bool:
-    """Whether two motor programs are the same, whatever was rounded when one was written down."""
-    return bool(np.allclose(one, other, rtol=0.0, atol=_SAME_ANGLE))
 
 
 def _row(link: RobotLink, program: Program, index: int) -> int:

@@ -26,7 +26,7 @@ from typing import Any, Final, Protocol
 
 from estimator.errors import EstimatorError, InteractionError, ReadingsError, RunDirectoryError
 from estimator.readings.modalities import MODALITIES, ROUNDING
-from estimator.readings.observation import Observation, Program, by_joint_name
+from estimator.readings.observation import Observation, Program, by_joint_name, same_program
 from estimator.readings.plausibility import AnswerChecks, implausible_body, impossible_reading
 from estimator.readings.readings_csv import ANGLE, Table, read
 from estimator.storage.records import Ticket
@@ -77,6 +77,7 @@ class RobotLink(Protocol):
                 needed to try again.
             RobotRestartedError: The daemon restarted, and the outcome of the motion is unknown.
             RobotUnreachableError: Nothing answers any more.
+            InteractionError: A record does not hold the program under this number.
         """
 
     def outcome(
@@ -109,6 +110,7 @@ class Record:
     ):
         self.capabilities = capabilities
         self.recorded: tuple[Program, ...] | None = programs
+        self._programs = programs
         self._observations = observations
 
     def ticket(self) -> Ticket | None:
@@ -118,7 +120,17 @@ class Record:
     def perform(
         self, number: int, program: Program, ticket: Ticket | None, on_progress: OnProgress
     ) -> Observation:
-        """Returns the observation that was recorded under this number."""
+        """Returns the observation that was recorded under this number.
+
+        Raises:
+            InteractionError: The record holds none, or that of another motor program.
+        """
+        programs = self._programs
+        if number >= len(programs) or not same_program(program, programs[number]):
+            raise InteractionError(
+                f"interaction {number + 1}: the record does not hold the motor program that the "
+                "run had planned: go on with the robot, or start a new run with the record."
+            )
         return self._observations[number]
 
     def outcome(

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from itertools import zip_longest
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from protocol.wire.capabilities import Capabilities
 Reading = Annotated[float, Field(allow_inf_nan=False)]
 Program = tuple[Reading, ...]
 """A motor program: one target angle per joint, rad, in motor order."""
+_SAME_ANGLE: Final = math.radians(0.1)
 
 
 class Observation(BaseModel):
@@ -169,6 +171,11 @@ class PredictedReadings:
 def in_motor_order(angles: Mapping[str, float], capabilities: Capabilities) -> Program:
     """Angles by joint name as a motor program."""
     return tuple(angles[joint.name] for joint in capabilities.joints)
+
+
+def same_program(one: Program, other: Program) -> bool:
+    """Whether two motor programs are the same, whatever was rounded when one was written down."""
+    return bool(np.allclose(one, other, rtol=0.0, atol=_SAME_ANGLE))
 
 
 def by_joint_name(program: Program, capabilities: Capabilities) -> dict[str, float]:

@@ -133,17 +133,15 @@ class PlannedRun:
         if not holds_run(self.directory(root)):
             return 0.0
         try:
-            store = RunStore.open(self.directory(root), to_write=False)
+            with RunStore.open(self.directory(root), to_write=False) as store:
+                settings, generations = store.settings, store.generations()
+                predicted = [item for validation in store.validations.all() for item in validation]
         except RunDirectoryError:
             return 0.0
-        with store:
-            length = store.settings.generations + 1
-            searched = sum(
-                item.iteration + 1 if item.number % length else 1 for item in store.generations()
-            )
-            predicted = [item for validation in store.validations.all() for item in validation]
-            performed = sum(item.observation is not None for item in predicted)
-            return store.settings.population * (searched + (len(predicted) + performed) / 2)
+        length = settings.generations + 1
+        searched = sum(item.iteration + 1 if item.number % length else 1 for item in generations)
+        performed = sum(item.observation is not None for item in predicted)
+        return settings.population * (searched + (len(predicted) + performed) / 2)
 
     def directory(self, root: Path) -> Path:
         """Directory of the run."""

@@ -55,6 +55,15 @@ _NAMES: Final = [re.split(r"[ (]+", table)[2] for table in _TABLES]
 _DAMAGE: Final = (ValueError, LookupError, TypeError, AttributeError, ArithmeticError)
 """Errors that stored values raise which are not what was written."""
 
+_UNREADABLE_NOW: Final = (
+    sqlite3.SQLITE_BUSY,
+    sqlite3.SQLITE_READONLY,
+    sqlite3.SQLITE_CANTOPEN,
+    sqlite3.SQLITE_IOERR,
+    sqlite3.SQLITE_FULL,
+)
+"""SQLite's codes for what has nothing to do with what is stored."""
+
 
 def file_status(directory: Path) -> os.stat_result | None:
     """The status of the database's file; ``None`` where there is no such file.
@@ -155,7 +164,7 @@ def check_tables(database: sqlite3.Connection, names: Collection[str] = ()) -> N
 
 @contextmanager
 def reading(directory: Path) -> Iterator[None]:
-    """Turns errors that a damaged database causes into one that says so.
+    """Turns errors of a database that is damaged, or cannot be read now, into one that says so.
 
     Raises:
         RunDirectoryError: What is there cannot be read, or is not what this program wrote.
@@ -165,6 +174,10 @@ def reading(directory: Path) -> Iterator[None]:
     except RunDirectoryError:
         raise
     except (sqlite3.Error, *_DAMAGE) as error:
+        if getattr(error, "sqlite_errorcode", 0) & 0xFF in _UNREADABLE_NOW:  # without its details
+            raise RunDirectoryError(
+                f"{directory / DATABASE} cannot be read now: {error}."
+            ) from error
         reason = _first_reason(error)
         raise RunDirectoryError(
             f"{directory / DATABASE} is not a run: {reason}. If it was one, it is damaged: take "

@@ -84,7 +84,7 @@ def test_the_table_of_a_run_is_read_as_it_was_felt(tmp_path: Path) -> None:
     write(table, [joint.name for joint in robot.joints], felt)
     link = opened(tmp_path, table.read_text(), robot.to_map())
     for number, wanted in enumerate(felt):
-        got = link.perform(number, (), None, lambda phase, fraction: None)
+        got = link.perform(number, wanted.angles, None, lambda phase, fraction: None)
         assert got.taken == pytest.approx(wanted.taken, abs=1e-5)
         assert got.angles == pytest.approx(wanted.angles, abs=1e-5)
         assert got.clearance == wanted.clearance

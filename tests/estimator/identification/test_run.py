@@ -16,6 +16,7 @@ from rich.console import Console
 from estimator.errors import EstimatorError, InteractionError, ProblemError, RunDirectoryError
 from estimator.executors import ThisProcess
 from estimator.identification.method import Listener
+from estimator.identification.robot_link import open_robot
 from estimator.identification.run import identify, resume
 from estimator.physics.backends import IN_THIS_PROCESS as HERE
 from estimator.physics.backends import REFERENCE, Executors, in_this_process, on_this_computer
@@ -371,3 +372,36 @@ def test_another_robot_cannot_take_a_run_over(tmp_path: Path) -> None:
     ):
         resume(tmp_path / "run", HERE, Witness(), report=without_plots, robot=uri)
     assert not other.motions
+
+
+@pytest.mark.parametrize("interactions", [1, 2])
+def test_a_record_does_not_answer_for_a_movement_that_it_never_made(
+    tmp_path: Path, uninterrupted: tuple[Result, Path], interactions: int
+) -> None:
+    robot = ModelRobot()
+    replay = changed(make_order(tmp_path, f"replay:{uninterrupted[1]}"), interactions=interactions)
+    identify(tmp_path / "record", replay, HERE, Witness(), report=without_plots)
+    with serving(robot) as uri:
+        order = make_order(tmp_path, uri, seed=4)
+        with pytest.raises(KeyboardInterrupt):
+            identify(tmp_path / "run", order, HERE, Witness(1), report=without_plots)
+        robot.refusals.append(RobotError("fault", "A servo fell off."))
+        with pytest.raises(InteractionError, match="A servo fell off"):
+            resume(tmp_path / "run", HERE, Witness(), report=without_plots)
+    record = f"replay:{tmp_path / 'record'}"
+    with pytest.raises(InteractionError, match="interaction 2: the record does not hold the motor"):
+        resume(tmp_path / "run", HERE, Witness(), report=without_plots, robot=record)
+
+
+def test_a_table_answers_for_the_programs_that_it_states_rounded(
+    tmp_path: Path, uninterrupted: tuple[Result, Path]
+) -> None:
+    _, directory = uninterrupted
+    with RunStore.open(directory, to_write=False) as store:
+        planned = [item.program for item in store.interactions()]
+    table = f"file:{directory}/readings.csv"
+    link = open_robot(table, driven=lambda _: (0,), client_id="me", first_id=1)
+    for number, program in enumerate(planned):
+        assert program not in (link.recorded or ())
+        felt = link.perform(number, program, None, lambda *_: None)
+        assert felt.angles == pytest.approx(program, abs=1e-4)
