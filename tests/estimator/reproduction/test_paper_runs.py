@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import sqlite3
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -142,6 +143,15 @@ def test_how_far_a_run_is(topological: PlannedRun, root: Path) -> None:
         topological.do(root, breaking)
     assert holds_run(topological.directory(root))
     assert topological.work_done(root) == breaking.work == 4
+
+
+def test_of_a_run_that_cannot_be_read_nothing_is_done(topological: PlannedRun, root: Path) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        topological.do(root, Breaking(after=1))
+    file = topological.directory(root) / DATABASE
+    with closing(sqlite3.connect(file, isolation_level=None)) as database:
+        database.execute("UPDATE generations SET errors = '['")
+    assert topological.work_done(root) == 0
 
 
 def test_a_database_that_was_never_filled_is_no_beginning(

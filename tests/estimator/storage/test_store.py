@@ -19,7 +19,7 @@ import pytest
 from estimator.errors import ProblemError, RunDirectoryError
 from estimator.posterior.fitted import FittedPosterior
 from estimator.readings.observation import Observation
-from estimator.storage.database import DATABASE, is_locked
+from estimator.storage.database import DATABASE, is_locked, reading
 from estimator.storage.records import (
     Counters,
     Finish,
@@ -339,6 +339,26 @@ def test_a_damaged_run_is_a_sentence(directory: Path, table: str, column: str, v
         database.execute(f"UPDATE {table} SET {column} = ?", (value,))
     with pytest.raises(RunDirectoryError, match=r"run.sqlite is not a run: .* copy of it"):
         read_all(directory)
+
+
+def test_a_sound_run_on_a_disk_that_fails_now_is_not_called_damaged(directory: Path) -> None:
+    journal = directory / f"{DATABASE}-journal"
+    journal.mkdir()
+    with pytest.raises(RunDirectoryError, match=r"run.sqlite cannot be read now: disk I/O error"):
+        RunStore.open(directory, to_write=False)
+    journal.rmdir()
+    read_all(directory)
+
+
+def test_a_run_that_another_program_keeps_locked_is_not_called_damaged(directory: Path) -> None:
+    with (
+        closing(sqlite3.connect(directory / DATABASE, isolation_level=None)) as other,
+        closing(sqlite3.connect(directory / DATABASE, timeout=0.0)) as database,
+    ):
+        other.execute("BEGIN EXCLUSIVE")
+        sentence = r"run.sqlite cannot be read now: database is locked\.$"
+        with pytest.raises(RunDirectoryError, match=sentence), reading(directory):
+            database.execute("SELECT * FROM meta")
 
 
 def test_a_run_of_the_posterior_can_be_read(tmp_path: Path) -> None:
