@@ -29,7 +29,7 @@ COMMANDS: Final = {
     ),
     "show": (
         "show:show",
-        "Show how far a run has come; writes the files of one that is not finished, if it can.",
+        "Show how far a run has come; writes the files of one that was broken off, if it can.",
     ),
     "score": (
         "evaluate:score",

@@ -16,7 +16,8 @@ from estimator.cli.options import Directory
 from estimator.report.formats import FORMATS
 from estimator.report.outcome import print_result
 from estimator.report.result import Result
-from estimator.storage.store import RunStore
+from estimator.storage.database import is_locked
+from estimator.storage.store import LOCK, RunStore
 from protocol.text import printable
 
 
@@ -34,14 +35,15 @@ def show(
         bool, typer.Option("--details", help="Probabilities, rivals, each movement, costs.")
     ] = False,
 ) -> None:
-    """Show how far a run has come; writes the files of one that is not finished, if it can."""
+    """Show how far a run has come; writes the files of one that was broken off, if it can."""
     with errors_as_sentences(None), RunStore.open(directory, to_write=False) as store:
         write = None if form is None else FORMATS.load(form)
+        is_worked_on = is_locked(directory, LOCK)  # asked first, since the writer may end meanwhile
         finished_result = Result.of_finished(store)
         result = _summarised(store) if finished_result is None else finished_result
         if write is None:
             print_result(out, result, directory, details=details)
-        if finished_result is None:
+        if finished_result is None and not is_worked_on:
             with unless_unwritable(directory):
                 _write_files(store, result)
         if write is None:

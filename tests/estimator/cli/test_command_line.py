@@ -18,6 +18,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from estimator.cli.command_line import COMMANDS, app
+from estimator.report import result, summarise
 from estimator.report.evaluations import read_true_body
 from estimator.storage.store import RunStore
 from tests.estimator.evaluation.test_score import make_ended_run, make_run, write_truth
@@ -280,6 +281,27 @@ def test_a_run_that_another_process_works_on_is_left_alone(run: Path) -> None:
         assert ended.exit_code == 1
         assert "Another process works on" in ended.stderr
         assert estimator("show", run).exit_code == 0
+
+
+def test_show_leaves_the_files_of_a_run_to_the_process_that_works_on_it(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Which may end just when ``show`` has read the run, and then has written what is final."""
+    copy = tmp_path / "copy"
+    shutil.copytree(run, copy)
+    final = (copy / "result.json").read_bytes()
+    (copy / "result.json").unlink()
+    writer, summary = RunStore.open(copy), summarise.summarise
+
+    def summarised_while_the_writer_ends(store: RunStore) -> result.Result:
+        found = summary(store)
+        (copy / "result.json").write_bytes(final)
+        writer.close()
+        return found.model_copy(update={"complete": False})
+
+    monkeypatch.setattr(summarise, "summarise", summarised_while_the_writer_ends)
+    assert estimator("show", copy).exit_code == 0
+    assert (copy / "result.json").read_bytes() == final
 
 
 def test_help_lists_the_commands() -> None:
