@@ -141,8 +141,11 @@ class Cluster(Executor):
             return question()
         except TimeoutError:
             raise
-        except (OSError, self._dask.CancelledError) as error:
-            raise self._lost() from error
+        except Exception as error:  # a client that has closed raises whatever its state makes of it
+            is_lost = isinstance(error, OSError | self._dask.CancelledError)
+            if is_lost or self._client.status != "running":
+                raise self._lost() from error
+            raise
 
     def _lost(self) -> ClusterError:
         return ClusterError(f"The connection to the Dask scheduler at {self._address} was lost.")

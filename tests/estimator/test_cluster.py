@@ -295,3 +295,18 @@ def test_a_scheduler_that_dies_is_a_sentence(
         physics = PhysicsPool(partial(HeldPhysics, address, SETTINGS), connected)
         with pytest.raises(ClusterError, match=r"connection to the Dask scheduler at .* was lost"):
             physics.read(pairs)
+
+
+def test_a_scheduler_that_died_while_nothing_was_asked_of_it_is_a_sentence(tmp_path: Path) -> None:
+    lost = r"connection to the Dask scheduler at .* was lost"
+    with dask(tmp_path) as cluster:
+        cluster.have_workers(1)
+        with Cluster(cluster.address) as connection:
+            cluster.kill_scheduler()
+            deadline = time.monotonic() + 60
+            while connection._client.status != "closed" and time.monotonic() < deadline:
+                time.sleep(0.1)
+            with pytest.raises(ClusterError, match=lost):
+                connection.submit(len, [1])
+            with pytest.raises(ClusterError, match=lost):
+                _ = connection.workers
