@@ -143,7 +143,8 @@ def carry_out(
         while True:
             try:
                 ticket = link.ticket()
-                commit(ticket)
+                if ticket is not None:
+                    commit(ticket)
                 moving = partial(listener.moving, number)
                 return link.perform(number, planned.program, ticket, moving)
             except RobotError as error:

@@ -3,7 +3,7 @@ import pytest
 from estimator.errors import InteractionError
 from estimator.identification.loop import carry_out
 from estimator.identification.method import Listener
-from estimator.identification.robot_link import OnProgress
+from estimator.identification.robot_link import OnProgress, Record
 from estimator.readings.observation import Observation, Program
 from estimator.storage.records import InteractionRecord, Ticket
 from protocol.errors import RobotError, RobotRestartedError, RobotUnreachableError
@@ -148,3 +148,13 @@ def test_without_an_outcome_the_program_is_performed_anew_and_that_is_said(
     assert run(link, OLD, person) == OBSERVATION
     assert link.log == [("asked again", 1), ("committed", 100), ("performed", 100)]
     assert said in person.heard[0]
+
+
+def test_a_record_that_lacks_a_movement_leaves_its_ticket() -> None:
+    """The robot may have made it: who goes on with the robot must be able to ask."""
+    record = Record(make_capabilities(), ((0.1,) * 4,), (Observation(angles=(0.1,) * 4),))
+    planned = InteractionRecord(program=(0.2,) * 4, ticket=OLD)
+    commits: list[Ticket | None] = []
+    with pytest.raises(InteractionError, match="the record does not hold"):
+        carry_out(record, 0, planned, commits.append, Listener())
+    assert commits == []
