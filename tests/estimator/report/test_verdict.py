@@ -25,6 +25,7 @@ from tests.estimator.model_robot import TRUE_LENGTHS
 from tests.estimator.posterior_run import make_posterior_run
 
 UP = 2.5 / 6
+ENDED = {"complete": True, "robot_uri": "tcp://robot:5750"}
 HEAVY = Cause(
     name="mass of back",
     probability=0.55,
@@ -96,7 +97,7 @@ def test_what_is_named_is_to_be_measured(tmp_path: Path, hinge: float | None, sa
         (stored, cost) = run.posteriors()[-1]
         known = stored.model_copy(update={"probability_within_problem": 1.0})
         run.save_posterior(0, known, cost, None)
-        result = summarise(run).model_copy(update={"complete": True})
+        result = summarise(run).model_copy(update=ENDED)
     text = io.StringIO()
     print_result(Console(file=text, width=200), result, tmp_path)
     assert said in text.getvalue()
@@ -107,7 +108,7 @@ def test_what_is_named_is_to_be_measured(tmp_path: Path, hinge: float | None, sa
 
 def test_a_robot_as_stated_that_may_have_something_else_is_to_move_more(tmp_path: Path) -> None:
     with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3, misspecified=0.2) as run:
-        result = summarise(run).model_copy(update={"complete": True})
+        result = summarise(run).model_copy(update=ENDED)
     text = io.StringIO()
     print_result(Console(file=text, width=200), result, tmp_path)
     assert text.getvalue().startswith("4 legs, probably to ± 0 mm: 80.0 % probable.")
