@@ -51,9 +51,8 @@ class Servos(FaultSwitch):
         super().__init__()
         self._count = count
         self._last_driven: tuple[int, ...] = ()
-        self._stuck: dict[
-            tuple[str, int], int
-        ] = {}  # count when the fault began, by fault and number
+        # count when the fault began, by fault and number
+        self._stuck: dict[tuple[str, int], int] = {}
 
     def numbers(self, fault: str) -> Sequence[int]:
         """Numbers of servos, from 1; the last has no neighbour to exchange plugs with."""
