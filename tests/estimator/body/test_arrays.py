@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from estimator.body.arrays import Bodies
-from estimator.body.morphology import BASE, Base, Morphology, Part
+from estimator.body.morphology import BASE, Array, Base, Morphology, Part
 from estimator.errors import MorphologyError, SearchStateError
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
@@ -104,22 +104,19 @@ def test_bodies_chosen_from_chosen_ones_are_those_of_the_first() -> None:
     assert not hasattr(chosen, "colour")
 
 
+def attachments(bodies: Bodies) -> tuple[Array, ...]:
+    """What the two parts of each body sit on and turn about, whatever the order of the tables."""
+    (first, second), hinges = bodies.mount.T, bodies.hinges[bodies.hinge]
+    return bodies.base_mounts[first], bodies.part_mounts[second], hinges[:, 0], hinges[:, 1]
+
+
 def test_joined_bodies_keep_their_own_mounts_and_hinges() -> None:
     mounts = tuple(replace(mount, yaw=mount.yaw + 0.3) for mount in BODY.mounts)
     askew = replace(SMALL, base=replace(BODY, mounts=mounts), hinges=SMALL.hinges[::-1])
     one, two = Bodies.of([SMALL]), Bodies.of([askew, askew])
     joined, meant = Bodies.joined([one, two, one]), Bodies.of([SMALL, askew, askew, SMALL])
     assert joined.parent.tolist() == meant.parent.tolist()
-    for table, numbers, column in (
-        ("base_mounts", "mount", 0),
-        ("part_mounts", "mount", 1),
-        ("hinges", "hinge", 0),
-        ("hinges", "hinge", 1),
-    ):
-        own, other = (
-            getattr(bodies, table)[getattr(bodies, numbers)[:, column]]
-            for bodies in (joined, meant)
-        )
+    for own, other in zip(attachments(joined), attachments(meant), strict=True):
         assert own.tolist() == other.tolist()
 
 
@@ -142,16 +139,8 @@ def test_bodies_become_the_objects_that_they_were_made_of(base: Base) -> None:
         if item.name not in ("mount", "hinge", "base_mounts", "part_mounts", "hinges"):
             first, second = getattr(bodies, item.name), getattr(again, item.name)
             assert second == pytest.approx(first), item.name
-    for table, numbers, column in (
-        ("base_mounts", "mount", 0),
-        ("part_mounts", "mount", 1),
-        ("hinges", "hinge", 0),
-        ("hinges", "hinge", 1),
-    ):
-        first, second = (
-            getattr(some, table)[getattr(some, numbers)[:, column]] for some in (bodies, again)
-        )
-        assert second == pytest.approx(first), (table, column)
+    for first, second in zip(attachments(bodies), attachments(again), strict=True):
+        assert second == pytest.approx(first)
 
 
 @pytest.mark.parametrize(
