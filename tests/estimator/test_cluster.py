@@ -44,6 +44,7 @@ from tests.estimator.model_robot import ModelRobot, make_order, serving
 from tests.estimator.physics.test_pool import assert_same
 from tests.estimator.two_unknown_rows import NOISE, QUICK, draw, make_sampler, programs
 from tests.free_ports import free_address
+from tests.waiting import until
 
 MakeBody = Callable[[np.random.Generator], Morphology]
 SETTINGS = WorldSettings(steps=60)
@@ -303,9 +304,7 @@ def test_a_scheduler_that_died_while_nothing_was_asked_of_it_is_a_sentence(tmp_p
         cluster.have_workers(1)
         with Cluster(cluster.address) as connection:
             cluster.kill_scheduler()
-            deadline = time.monotonic() + 60
-            while connection._client.status != "closed" and time.monotonic() < deadline:
-                time.sleep(0.1)
+            assert until(lambda: connection._client.status == "closed")
             with pytest.raises(ClusterError, match=lost):
                 connection.submit(len, [1])
             with pytest.raises(ClusterError, match=lost):

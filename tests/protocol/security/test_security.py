@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import threading
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,22 +16,13 @@ from protocol.sockets.zmq_sockets import Endpoint
 from protocol.transport.client import RobotClient
 from protocol.transport.server import Server
 from protocol.transport.telemetry import TelemetrySubscriber
+from tests.waiting import until
 
 if TYPE_CHECKING:
     from tests.protocol.conftest import FakeRobot, Keyring, Serve
 
 TARGETS = {"a": 0.1, "b": -0.1}
 SHORT = 0.4  # s after which a client in these tests takes silence for an answer
-
-
-def until(condition: Callable[[], bool], seconds: float = 120.0) -> bool:
-    """Looks again and again; whether it came true."""
-    end = time.monotonic() + seconds
-    while not condition():
-        if time.monotonic() > end:
-            return False
-        threading.Event().wait(0.01)
-    return True
 
 
 def refusal(action: Callable[[], object]) -> str:

@@ -20,7 +20,7 @@ from protocol.sockets.zmq_sockets import Endpoint
 from protocol.transport.client import RobotClient
 from protocol.transport.telemetry import MAX_SUBSCRIBED, TelemetrySubscriber
 from protocol.wire.codec import MAX_FRAME, MAX_MESSAGE, decode, encode
-from tests.protocol.transport.test_replays_and_floods import until
+from tests.waiting import until
 
 if TYPE_CHECKING:
     from tests.protocol.conftest import FakeRobot, Keyring, Serve

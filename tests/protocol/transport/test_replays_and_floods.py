@@ -9,7 +9,6 @@ import secrets
 import socket
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
@@ -23,21 +22,12 @@ from protocol.sockets.zmq_sockets import Endpoint
 from protocol.transport.client import RobotClient
 from protocol.wire.codec import encode
 from tests.protocol.transport.tap import Tap
+from tests.waiting import until
 
 if TYPE_CHECKING:
     from tests.protocol.conftest import FakeRobot, Keyring, Serve
 
 TARGETS = {"a": 0.1, "b": -0.1}
-
-
-def until(condition: Callable[[], bool], seconds: float = 120.0) -> bool:
-    """Looks again and again; whether it came true."""
-    end = time.monotonic() + seconds
-    while not condition():
-        if time.monotonic() > end:
-            return False
-        threading.Event().wait(0.01)
-    return True
 
 
 # --- replays --------------------------------------------------------------------------------------

@@ -17,7 +17,7 @@ from protocol.transport.server import Server
 from protocol.transport.telemetry import TelemetrySubscriber
 from protocol.wire.messages import ObservationReply
 from tests.protocol.background import in_background, links
-from tests.protocol.transport.test_replays_and_floods import until
+from tests.waiting import until
 
 if TYPE_CHECKING:
     from tests.protocol.conftest import FakeRobot, Serve
