@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from estimator.identification.robot_link import is_record
+from estimator.identification.record_link import is_record
 from estimator.report.posterior_report import PosteriorReport
 from estimator.report.result import MAIN_BODY, LegResult, ModelResult, PartResult, Result
 from estimator.report.tables import (

@@ -6,7 +6,8 @@ import pytest
 from estimator.errors import EstimatorError, InteractionError
 from estimator.evaluation.validate import BEST, POPULATION, RANDOM, Validation, compare, validate
 from estimator.identification.method import Listener
-from estimator.identification.robot_link import Record, WireLink
+from estimator.identification.record_link import Record
+from estimator.identification.robot_link import WireLink
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.readings.observation import Observation
 from estimator.storage.records import Prediction

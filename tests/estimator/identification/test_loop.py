@@ -3,7 +3,8 @@ import pytest
 from estimator.errors import InteractionError
 from estimator.identification.loop import carry_out
 from estimator.identification.method import Listener
-from estimator.identification.robot_link import OnProgress, Record
+from estimator.identification.record_link import Record
+from estimator.identification.robot_link import OnProgress
 from estimator.readings.observation import Observation, Program
 from estimator.storage.records import InteractionRecord, Ticket
 from protocol.errors import RobotError, RobotRestartedError, RobotUnreachableError
