@@ -32,6 +32,13 @@ STATUS: Final = "python -m protocol URI status"
 """How a person asks what a robot does, and who controls it."""
 
 
+def with_address(advice: str, robot: str) -> str:
+    """``advice``, whose commands name the address ``robot`` instead of ``URI``."""
+    for command in (CLEAR, HOLD, STATUS):
+        advice = advice.replace(command, command.replace("URI", robot))
+    return advice
+
+
 class BodyschemaError(Exception):
     """Base of every error that this project raises on purpose."""
 

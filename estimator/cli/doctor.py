@@ -18,7 +18,14 @@ from estimator.cli.console import errors_as_sentences, out
 from estimator.cli.findings import ExaminedItem, Fitness
 from estimator.cli.options import Keys
 from estimator.readings.modalities import MODALITIES, check_modalities
-from protocol.errors import CLEAR, HOLD, BodyschemaError, RobotError, RobotUnreachableError
+from protocol.errors import (
+    CLEAR,
+    HOLD,
+    BodyschemaError,
+    RobotError,
+    RobotUnreachableError,
+    with_address,
+)
 from protocol.rules.control import HEARTBEAT
 from protocol.security.keys import KeyDirectory
 from protocol.transport.client import RobotClient
@@ -125,7 +132,7 @@ def examine(uri: str, keys: Path | None = None) -> Iterator[ExaminedItem]:
             yield _latency(client)
             status = client.status()
             yield _control(status, client)
-            yield _state(status)
+            yield _state(status, uri)
             if status.state in _CALM_STATES:
                 yield from _freshness(client)
         except BodyschemaError as error:
@@ -204,7 +211,7 @@ def _control(status: Status, client: RobotClient) -> ExaminedItem:
     )
 
 
-def _state(status: Status) -> ExaminedItem:
+def _state(status: Status, uri: str) -> ExaminedItem:
     reason = f" ({status.reason})" if status.reason else ""
     sentence = f"The robot is {status.state}{reason}."
     if status.state in _CALM_STATES:
@@ -214,7 +221,7 @@ def _state(status: Status) -> ExaminedItem:
         "fault": f"Mend the cause, then: {CLEAR}",
         "relaxed": f"Hold it first: {HOLD}",
     }.get(status.state, "Wait for the end of its motion.")
-    return ExaminedItem("state", Fitness.BAD, f"{sentence} {advice}")
+    return ExaminedItem("state", Fitness.BAD, f"{sentence} {with_address(advice, uri)}")
 
 
 def _freshness(client: RobotClient) -> Iterator[ExaminedItem]:

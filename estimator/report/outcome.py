@@ -195,28 +195,27 @@ def next_steps(result: Result, directory: Path | None) -> list[str]:
         return []
     if not result.complete:
         return ["Next:", f"  estimator resume {directory}    goes on"]
-    robot, interactions = result.robot_uri, result.interactions + 3
-    movements = [
-        (f"validate {directory} --robot {robot}", "predicts fresh movements, then makes them"),
-        (f"pose {directory} --robot {robot} --highest", "a pose by what it knows"),
-    ]
-    files = [
-        (f"export {directory} --format urdf", "the body as a file for simulators"),
-        (f"show {directory} --details", "probabilities, rivals, each movement"),
-    ]
-    lines, posterior = ["Next:"], result.posterior
+    robot, posterior = result.robot_uri, result.posterior
+    lines, movements = ["Next:"], []
     if posterior is not None and _may_have_something_else(posterior):
         lines += [
             "  Measure what the robot seems to have otherwise, say it in the problem (its value,",
             "  or under [uncertain]), and identify it anew: more movements make this no surer.",
         ]
-        del movements[0]
     elif posterior is not None and not (
         (posterior.probability or 0.0) >= _SURE and posterior.knows_cause(_SURE)
     ):
-        problem = result.problem_asked or result.problem
+        problem, interactions = result.problem_asked or result.problem, result.interactions + 3
         command = f"identify --robot {robot} --problem {problem} --interactions {interactions}"
-        movements[0] = (command, "more movements make it surer")
+        movements.append((command, "more movements make it surer"))
+    else:
+        command = f"validate {directory} --robot {robot}"
+        movements.append((command, "predicts fresh movements, then makes them"))
+    movements.append((f"pose {directory} --robot {robot} --highest", "a pose by what it knows"))
+    files = [
+        (f"export {directory} --format urdf", "the body as a file for simulators"),
+        (f"show {directory} --details", "probabilities, rivals, each movement"),
+    ]
     steps = files if is_record(robot) else [*movements, *files]
     return [*lines, *_commands(steps)]
 

@@ -14,12 +14,10 @@ from functools import partial
 from typing import Any, ClassVar, Final, cast
 
 from protocol.errors import (
-    CLEAR,
-    HOLD,
-    STATUS,
     LocalProtocolError,
     RemoteProtocolError,
     RobotError,
+    with_address,
 )
 from protocol.wire import field_checks
 from protocol.wire.capabilities import Capabilities
@@ -298,9 +296,7 @@ class ErrorReply(Message):
 
     def to_error(self, robot: str) -> RobotError:
         """The error that the reply carries; a command in its advice names the robot's address."""
-        advice = self.advice
-        for command in (CLEAR, HOLD, STATUS):
-            advice = advice.replace(command, command.replace("URI", robot))
+        advice = with_address(self.advice, robot)
         return RobotError(self.code, self.message, advice=advice, retryable=self.retryable)
 
 

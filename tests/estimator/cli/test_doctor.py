@@ -211,7 +211,8 @@ def test_stopped() -> None:
         subject, sentence = the_trouble(uri)
         assert other.status().state == "stopped"
     assert subject == "state"
-    assert sentence.startswith("The robot is stopped. Make sure that it is safe, then: ")
+    advice = f"Make sure that it is safe, then: python -m protocol {uri} clear"
+    assert sentence == f"The robot is stopped. {advice}"
 
 
 def test_another_software_is_worth_a_note() -> None:
