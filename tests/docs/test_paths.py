@@ -11,7 +11,8 @@ import pytest
 from tests.docs.pages import ROOT, section
 
 PAGES = [*sorted(ROOT.glob("*.md")), ROOT / "protocol" / "SPEC.md", *sorted(ROOT.glob("docs/*.md"))]
-OURS = re.compile(r"`((?:protocol|robot|sim_robot|estimator|tests|bench|docs)/[\w./-]+)")
+PACKAGES = ("protocol", "robot", "sim_robot", "estimator", "tests", "bench")
+OURS = re.compile(rf"`((?:{'|'.join(PACKAGES)}|docs)/[\w./-]+)")
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
@@ -24,6 +25,16 @@ def test_the_paths_and_links_of_a_page_lead_somewhere(page: Path) -> None:
         if "://" not in link
     }
     assert not sorted(str(path) for path in named | linked if not path.exists())
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_the_modules_of_a_page_are_there_also_where_their_package_goes_without_saying(
+    page: Path,
+) -> None:
+    text = page.read_text(encoding="utf-8")
+    modules = [path for package in PACKAGES for path in (ROOT / package).rglob("*.py")]
+    named = set(re.findall(r"`(\w+(?:/\w+)+\.py)`", text))
+    assert not {name for name in named if not any(path.match(name) for path in modules)}
 
 
 def test_the_subpackages_of_the_architecture_are_those_that_there_are() -> None:
