@@ -206,7 +206,8 @@ class FittedPosterior:
         if self.best is None or self.summary is None:
             return self.best
         posterior, identified = self.posterior, Unknowns(self.genome, self.unknowns.table)
-        deviations = identified.mean_deviations(posterior.values, posterior.modes[0].point)
+        mode = posterior.modes[0].point
+        deviations = identified.mean_deviations(posterior.values, mode, posterior.weights)
         best: Array = identified.with_deviations(self.best[None], deviations)[0]
         if posterior.changed is None:
             return best

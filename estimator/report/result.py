@@ -38,9 +38,8 @@ class PartResult(_Record):
         hinge: Hinge of the part: how a positive angle moves it.
         length_m: Length of the part from its joint's axis to its outermost tip, m.
         joint: Name of the joint that turns the part; ``None`` where it is locked.
-        agreement: Share of the posterior's samples that attach the part in the same way: parent,
-            mount, hinge. ``None`` without a posterior: a population that has converged agrees
-            anyway.
+        agreement: Share of the posterior that attaches the part in the same way: parent, mount,
+            hinge. ``None`` without a posterior: a population that has converged agrees anyway.
     """
 
     name: str

@@ -41,10 +41,13 @@ def summarise(store: RunStore) -> Result:
     counters = Counters() if latest is None else latest.counters
     if posteriors:
         counters = posteriors[-1][1]
-    fitted, bodies, errors = FittedPosterior.of(store), [], []
+    fitted, bodies, errors, samples = FittedPosterior.of(store), [], [], []
     if fitted is not None:
         bodies = fitted.bodies_at(fitted.model_points[fitted.ranked])
         errors = _errors(fitted)
+        if posteriors:
+            drawn = fitted.bodies_at(fitted.points)
+            samples = list(zip(drawn, fitted.weights.tolist(), strict=True))
     end = store.search_end.finish()
     if end is not None:
         counters = counters.including(end, len(observations))
@@ -90,7 +93,7 @@ def summarise(store: RunStore) -> Result:
                 model_errors,
                 problem,
                 capabilities,
-                bodies if posteriors else [],
+                samples,
             )
             for body, model_errors in list(zip(bodies, errors, strict=True))[:_BEST_MODELS]
         ),
@@ -162,7 +165,7 @@ def _model(
     errors: tuple[float | None, float | None],
     problem: Problem,
     capabilities: Capabilities,
-    samples: Sequence[Morphology],
+    samples: Sequence[tuple[Morphology, float]],
 ) -> ModelResult:
     names = [rule.name for rule in problem.parts]
     return ModelResult(
@@ -189,10 +192,12 @@ def _known(error: float) -> float | None:
     return float(error) if math.isfinite(error) else None
 
 
-def _agreement(row: int, part: Part, samples: Sequence[Morphology]) -> float:
-    sampled = (sample.parts[row] for sample in samples)
+def _agreement(row: int, part: Part, samples: Sequence[tuple[Morphology, float]]) -> float:
+    """Weight of the samples, each with its own, that attach a part in the same way."""
     attached = part.parent, part.mount, part.hinge
-    return float(np.mean([(one.parent, one.mount, one.hinge) == attached for one in sampled]))
+    parts = ((sample.parts[row], weight) for sample, weight in samples)
+    weights = [weight for one, weight in parts if (one.parent, one.mount, one.hinge) == attached]
+    return min(1.0, math.fsum(weights))
 
 
 def _joint(motor: int | None, capabilities: Capabilities) -> str | None:

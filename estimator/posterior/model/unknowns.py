@@ -156,13 +156,13 @@ class Unknowns:
         narrow = [row.narrow > 0 for row in self.table]
         return np.where([True] * self.genes_size + narrow, values, 0.0)
 
-    def mean_deviations(self, values: Array, best: Array) -> Array:
+    def mean_deviations(self, values: Array, best: Array, weights: Array | None = None) -> Array:
         """Mean deviations of n points, shape (rows,); without a narrow component, the best point's.
 
         Means of these would suit no body: a jammed servo is at opposite angles on opposite hinges.
         """
-        narrow = [row.narrow > 0 for row in self.table]
-        return np.where(narrow, values[:, self.genes_size :].mean(axis=0), best[self.genes_size :])
+        mean = np.average(values[:, self.genes_size :], axis=0, weights=weights)
+        return np.where([row.narrow > 0 for row in self.table], mean, best[self.genes_size :])
 
     def points(self, genes: Array, amounts: Mapping[str, Array]) -> Array:
         """Points of n genomes, shape (n, size), of robots with amounts by the names of the table.

@@ -1,6 +1,7 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from estimator.readings.observation import Observation
@@ -45,6 +46,27 @@ def test_what_belongs_to_the_other_method_is_not_told_of_a_posterior(tmp_path: P
     assert (result.search, result.objective) == (None, None)
     assert (result.population, result.generations) == (None, None)
     assert (result.simulations_invalid, result.simulations_undecided) == (None, None)
+
+
+def test_a_part_is_as_sure_as_the_weights_of_the_samples_that_attach_it_alike(
+    tmp_path: Path,
+) -> None:
+    folder = made_run(tmp_path / "run", "topological", "posterior", complete=False)
+    with RunStore.open(folder) as run:
+        latest, counters = run.posteriors()[-1]
+        other = tuple(np.mod(np.array(latest.best) + 0.5, 1.0).tolist())  # every choice another
+        stored = latest.model_copy(
+            update={
+                "genes": (latest.best, other, other),
+                "scales": latest.scales[:3],
+                "weights": (0.7, 0.2, 0.1),
+            }
+        )
+        run.plan(3, (0.0,) * 8, reason="tells all apart", bits=1.0)
+        run.observe(3, run.observations()[-1])
+        run.save_posterior(3, stored, counters, None)
+        parts = summarise(run).best_models[0].parts
+    assert [part.agreement for part in parts if part.mount != "end"] == pytest.approx([0.7] * 4)
 
 
 def test_a_leg_that_never_touched_is_warned_about(tmp_path: Path) -> None:

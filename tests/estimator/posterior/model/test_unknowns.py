@@ -46,6 +46,8 @@ def test_large_deviations_are_those_of_the_best_body_and_small_ones_means() -> N
     assert mean[[zero, jammed, dead]] == pytest.approx([0.025, -0.2, 1.0])
     assert np.count_nonzero(mean) == 3
     assert not np.any(unknowns.mean_deviations(values, values[0])[dead])
+    weighed = unknowns.mean_deviations(values, values[2], np.array([0.7, 0.1, 0.1, 0.1]))
+    assert weighed[[zero, jammed, dead]] == pytest.approx([0.016, -0.2, 1.0])
 
 
 def test_bodies_differ_by_their_attachments_or_by_lengths_that_samples_have_not() -> None:
