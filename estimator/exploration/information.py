@@ -262,21 +262,18 @@ class Chooser:
         unknowns = self._predictor.unknowns
         if learn == "all":
             return samples, None
-        columns = {
-            "lengths": unknowns.continuous.tolist(),
-            "mass": [
-                unknowns.genes_size + row
-                for row, parameter in enumerate(unknowns.table)
-                if parameter.group in _MASSES
-            ],
-        }[learn]
         keys = unknowns.keys(samples.values)
         ((first, count),) = Counter(keys).most_common(1)
         same = np.array([key == first for key in keys])
-        amounts = samples.values[same][:, columns]
+        values = samples.values[same]
+        if learn == "lengths":
+            amounts = unknowns.bodies(values).length
+        else:
+            masses = np.array([row.group in _MASSES for row in unknowns.table], dtype=bool)
+            amounts = values[:, unknowns.genes_size :][:, masses]
         if count < _CONVERGED * len(keys) or not np.ptp(amounts, axis=0).any():
             return samples, None
-        return replace(samples, values=samples.values[same], scales=samples.scales[same]), amounts
+        return replace(samples, values=values, scales=samples.scales[same]), amounts
 
     def _models(self, samples: Posterior, asked: Array | None) -> _Hypotheses:
         _, group = np.unique(samples.values, axis=0, return_inverse=True)

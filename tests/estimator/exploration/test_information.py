@@ -210,6 +210,24 @@ def test_a_movement_for_masses_leaves_them_narrower_than_one_for_lengths() -> No
     assert one < 0.95 * other
 
 
+def test_lengths_are_narrowed_in_metres_whatever_the_range_of_each() -> None:
+    lengths = np.random.default_rng(1).normal(TRUE_LENGTHS, (0.001, 0.01, 0.01, 0.01), (200, 4))
+    of_range = {}
+    for half in (0.1, 0.01):  # of the first leg's range, m
+        own = f"length = [{TRUE_LENGTHS[0] - half}, {TRUE_LENGTHS[0] + half}]"
+        problem = Problem.parse(PROBLEM.replace("length = [0.05, 0.25]", own, 1), "legs")
+        genome = Genome(problem, problem.base(make_capabilities()))
+        predictor = Predictor(Unknowns(genome), StaticsPhysics())
+        genes = (lengths - 0.05) / 0.2
+        genes[:, 0] = (lengths[:, 0] - TRUE_LENGTHS[0] + half) / (2 * half)
+        of_range[half] = chooser(predictor).choose(
+            Posterior.equally_likely(genes), 4, np.random.default_rng(1), learn="lengths"
+        )
+    one, other = of_range.values()
+    assert one.narrowed == pytest.approx(other.narrowed, abs=1e-6)
+    assert one.program == pytest.approx(other.program)
+
+
 def test_what_is_asked_waits_until_attachments_are_settled(predictor: Predictor) -> None:
     points = np.tile(POINT, (40, 1))
     points[::2, 5] = 0.1  # hinge of the second leg: yaw instead of up
