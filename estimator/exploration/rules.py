@@ -86,7 +86,7 @@ class Choice:
         reason: Why, for people, as the rest of a sentence; empty where no reason is given.
         bits: Expected information about the body, bits; ``None``: the rule does not know it.
         bits_about_causes: Expected information about which of the competing causes it is, were
-            these nearly even, bits.
+            these nearly even, bits; 0: no movement was asked for that tells it.
     """
 
     program: Program

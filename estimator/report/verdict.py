@@ -117,7 +117,7 @@ def _otherwise(summary: PosteriorSummary) -> str:
 
 def _what_tells(summary: PosteriorSummary, joints: Sequence[str]) -> str:
     movement = summary.next_movement
-    if movement is None or summary.knows_cause(SURE):
+    if movement is None or not movement.bits_about_causes or summary.knows_cause(SURE):
         return ""
     if movement.bits_about_causes < _MIN_CAUSE_BITS:
         return " No movement was found that tells them apart."

@@ -155,7 +155,7 @@ class NextMovement(_Record):
         reason: Which bodies it discriminates between, in words.
         bits: Information that it is expected to give, bits.
         bits_about_causes: Expected information about which of the competing causes it is, were
-            these nearly equally probable, bits.
+            these nearly equally probable, bits; 0: no movement was asked for that tells it.
     """
 
     program: Program

@@ -165,6 +165,10 @@ def test_causes_that_compete_come_with_the_movement_that_tells_them_apart(
     assert verdict_on_posterior(
         result.posterior.model_copy(update={"next_movement": alike}), joints=["a", "b", "c", "d"]
     ).endswith("No movement was found that tells them apart.")
+    not_asked = MOVEMENT.model_copy(update={"bits_about_causes": 0.0})
+    assert "movement" not in verdict_on_posterior(
+        result.posterior.model_copy(update={"next_movement": not_asked}), joints=["a", "b"]
+    )
 
 
 @pytest.mark.parametrize(("probability", "named"), [(0.04, False), (0.96, True)])
