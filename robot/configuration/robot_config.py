@@ -97,9 +97,8 @@ class RobotConfig:
         _all_different("joint", joints, "output", [joint.output for joint in self.joints])
         _all_different("touch", points, "name", points)
         self._check_claims()
+        self._check_inputs()
         channels = [channel for driver in self.sensors for channel in driver.channels]
-        if channels and self.daq is None:
-            raise ConfigError("is missing: sensors are connected to its inputs.", key="daq")
         for number, point in enumerate(self.touch, 1):
             key = numbered("touch", number, point.name)
             for channel in point.driver.channels:
@@ -115,18 +114,23 @@ class RobotConfig:
                     key=f"{key}.debounce",
                 )
 
+    def _check_inputs(self) -> None:
+        """Checks that the board has the inputs that sensors are connected to."""
+        for table, driver in self._sensor_tables.items():
+            key = f"{table}.channel{'s' if driver.channels[1:] else ''}"
+            for channel in driver.channels:
+                if self.daq is None:
+                    raise ConfigError("is missing: sensors are connected to its inputs.", key="daq")
+                if channel not in self.daq.inputs:
+                    raise ConfigError(
+                        f"names input {channel}, and the board ({self.daq.name}: {self.daq}) has "
+                        f"inputs {self.daq.inputs[0]} to {self.daq.inputs[-1]}.",
+                        key=key,
+                    )
+
     def _check_claims(self) -> None:
         """Checks that no two devices have the same address."""
-        tables: dict[str, object] = {
-            "servos": self.servos,
-            "daq": self.daq,
-            "accelerometer": self.accelerometer,
-        }
-        tables |= {
-            numbered("touch", number, point.name): point.driver
-            for number, point in enumerate(self.touch, 1)
-        }
-        tables["distance"] = self.distance and self.distance.driver
+        tables = {"servos": self.servos, "daq": self.daq, **self._sensor_tables}
         owners: dict[str, str] = {}
         for table, settings in tables.items():
             for place in getattr(settings, "claims", ()):
@@ -141,9 +145,20 @@ class RobotConfig:
     @property
     def sensors(self) -> tuple[SensorSettings, ...]:
         """The drivers of all sensors: accelerometer, touch sensors, distance sensor."""
-        distance = self.distance.driver if self.distance is not None else None
-        drivers = (self.accelerometer, *(point.driver for point in self.touch), distance)
-        return tuple(driver for driver in drivers if driver is not None)
+        return tuple(self._sensor_tables.values())
+
+    @property
+    def _sensor_tables(self) -> Mapping[str, SensorSettings]:
+        """The drivers of all sensors, by the names of their tables for messages."""
+        tables = {
+            "accelerometer": self.accelerometer,
+            **{
+                numbered("touch", n, point.name): point.driver
+                for n, point in enumerate(self.touch, 1)
+            },
+            "distance": self.distance.driver if self.distance is not None else None,
+        }
+        return {table: driver for table, driver in tables.items() if driver is not None}
 
     @property
     def axes(self) -> CalibratedAxes | None:

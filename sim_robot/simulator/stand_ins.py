@@ -48,6 +48,7 @@ class StandInBoard:
     def __init__(self, settings: BoardSettings, volts: Callable[[int], float]):
         self.name = f"stand-in for {settings.name}"
         self.dithers = settings.dithers
+        self.inputs = settings.inputs
         self.rails = settings.rails
         self._volts = volts
 

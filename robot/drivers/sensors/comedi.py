@@ -17,8 +17,8 @@ from typing import Any, ClassVar, Final
 
 from robot.drivers.buses import Buses
 from robot.drivers.links.device_files import group_of
-from robot.drivers.sensors.dmm32 import RANGES
-from robot.errors import CommandError, DeviceError, DeviceMissingError, DeviceTimeoutError
+from robot.drivers.sensors.dmm32 import CHANNELS, RANGES
+from robot.errors import DeviceError, DeviceMissingError, DeviceTimeoutError
 from robot.toml_sections import Section
 
 LIBRARY: Final = "libcomedi.so.0"
@@ -75,6 +75,7 @@ class ComediSettings:
 
     name: ClassVar = "comedi board"
     dithers: ClassVar = True
+    inputs: ClassVar = CHANNELS  # at most; the board says how many it has when it is probed
     device: str
     input_range: str
 
@@ -175,16 +176,17 @@ class ComediInput:
             Volts of each channel, in order.
 
         Raises:
-            CommandError: There are no such channels.
-            DeviceError: The board is gone, hangs, or is not open.
+            DeviceError: The board is gone, hangs, is not open, or has no such channels.
         """
         if self._device is None:  # comedilib would follow the null pointer
             raise DeviceMissingError(
                 f"The board {self._name} is not open.", "Find out why it could not be opened."
             )
         if not 0 <= low <= high < self._channels:
-            raise CommandError(
-                f"channels run upwards within 0 to {self._channels - 1}, not {low} to {high}"
+            raise DeviceMissingError(
+                f"The board {self._name} has channels 0 to {self._channels - 1}, not {low} to "
+                f"{high}.",
+                "Name only these in the configuration.",
             )
         return [self._convert(channel) for channel in range(low, high + 1)]
 

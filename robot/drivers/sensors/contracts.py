@@ -146,6 +146,10 @@ class BoardSettings(Protocol):
     dithers: ClassVar[bool]
 
     @property
+    def inputs(self) -> range:
+        """Numbers of the inputs, consecutive; a board that is asked for them may have fewer."""
+
+    @property
     def rails(self) -> tuple[float, float]:
         """The volts at the ends of the input range."""
 

@@ -102,6 +102,7 @@ class DMM32Settings:
 
     name: ClassVar = "DMM-32"
     dithers: ClassVar = True
+    inputs: ClassVar = CHANNELS
     base: int
     input_range: str
 

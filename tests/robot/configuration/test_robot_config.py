@@ -11,6 +11,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from robot.cli.new import robot_toml
 from robot.configuration.robot_config import load_config
 from robot.errors import ConfigError
 from robot.sensing.samples import RestDetector
@@ -209,6 +210,33 @@ def test_whether_the_zero_pose_is_flat(tmp_path: Path) -> None:
     assert load_config(EXAMPLE).body.lies_flat
     file.write_text(text.replace("# zero_pose", "zero_pose"), encoding="utf-8")
     assert not load_config(file).body.lies_flat
+
+
+@pytest.mark.parametrize(
+    ("pins", "key"),
+    [
+        ("[[touch]]", "touch 1 (lower_left).channel: names input 4"),
+        ("[accelerometer]", "accelerometer.channels: names input 5"),
+    ],
+)
+def test_an_input_that_the_board_lacks_is_refused(tmp_path: Path, pins: str, key: str) -> None:
+    text = robot_toml("pi", name="mine", joints=8, touch=4)
+    if pins == "[[touch]]":
+        text = text.replace("channel = 0", "channel = 4", 1)
+    else:
+        axes = (
+            'driver = "analogue"\nchannels = [5, 6, 7]\nzero_v = [1.5, 1.5, 1.5]\n'
+            "volts_per_g = [1, 1, 1]\n"
+        )
+        table = text[text.index(pins) : text.index("\n\n", text.index(pins))]
+        text = text.replace(table, f"{pins}\n{axes}")
+    sentence = refused(tmp_path, text)
+    assert key in sentence
+    assert "ADS1115" in sentence
+    assert "inputs 0 to 3" in sentence
+    two_chips = text.replace("address = 0x48", "address = [0x48, 0x49]", 1)
+    (tmp_path / "two.toml").write_text(two_chips, encoding="utf-8")
+    load_config(tmp_path / "two.toml", uncalibrated=True)
 
 
 def test_a_round_body(tmp_path: Path) -> None:

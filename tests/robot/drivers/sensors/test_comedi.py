@@ -18,7 +18,7 @@ from robot.configuration.device_tables import read_board
 from robot.drivers.buses import Buses
 from robot.drivers.sensors.comedi import ComediInput, ComediRange, load_library
 from robot.drivers.sensors.contracts import attach_board
-from robot.errors import CommandError, DeviceMissingError, DeviceTimeoutError
+from robot.errors import DeviceMissingError, DeviceTimeoutError
 from robot.host.clock import WallClock
 from robot.toml_sections import toml_section
 
@@ -140,7 +140,7 @@ def test_a_range_that_the_board_lacks_is_refused_with_those_it_has(fake: FakeCom
 
 @pytest.mark.parametrize(("low", "high"), [(-1, 3), (5, 4), (0, 32)])
 def test_channels_that_the_board_lacks_are_refused(fake: FakeComedi, low: int, high: int) -> None:
-    with pytest.raises(CommandError, match="0 to 31"):
+    with pytest.raises(DeviceMissingError, match="has channels 0 to 31, not"):
         opened(fake).scan(low, high)
 
 
