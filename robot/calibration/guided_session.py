@@ -141,7 +141,7 @@ class GuidedSession:
 
     def _confirmed(self, name: str, before: Calibration, after: Calibration) -> bool:
         try:
-            check_calibration(after, self._config.servos.counts)
+            check_calibration(after, self._config.servos.known_counts)
         except ConfigError as error:
             self._dialogue.say(f"{name} is not taken and keeps what it had: {error}")
             return False

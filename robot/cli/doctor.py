@@ -49,7 +49,7 @@ def describe_config(config: RobotConfig, path: Path) -> Finding:
         return look(
             "configuration", f"{text}; not calibrated, the values of {path} stand{missing}", advice
         )
-    calibration = read_calibration(file, config.servos.counts)
+    calibration = read_calibration(file, config.servos.known_counts)
     text += f"; {file.name} revision {calibration.revision} of {calibration.made}"
     if remaining := uncalibrated_parts(config, calibration):
         return look("configuration", f"{text}; not calibrated yet: {', '.join(remaining)}", advice)

@@ -70,7 +70,7 @@ def read_joint(section: Section, servos: ServoSettings) -> DrivenJoint:
         lower_limit=lower,
         upper_limit=upper,
         part_radius=section.number("part_radius_mm", 1, 200) / 1000,
-        scale=read_scale(section, servos.counts),
+        scale=replace(read_scale(section, servos.known_counts), counts=servos.counts),
         uncertainty=Uncertainty.read(section, *JOINT_SIGMAS),
     )
     try:
@@ -96,13 +96,16 @@ def read_limits(section: Section) -> tuple[float, float]:
 
 
 def read_scale(section: Section, counts: range) -> JointScale:
-    """Reads ``calibration``, pairs of count and degrees; ``counts`` are the servo driver's."""
+    """Reads ``calibration``, pairs of degrees and a count out of ``counts``."""
     pairs = section.pairs("calibration")
     least_slope, most_slope = slopes(counts)
     try:
         scale = JointScale(tuple((count, math.radians(angle)) for count, angle in pairs), counts)
     except ValueError as error:
         raise section.refuse("calibration", f"{error}.") from error
+    first, last = scale.points[0][0], scale.points[-1][0]
+    if first < counts[0] or last > counts[-1]:
+        raise section.refuse("calibration", f"counts must lie in {counts[0]} to {counts[-1]}.")
     for (count, angle), (next_count, next_angle) in pairwise(sorted(pairs)):
         slope = abs((next_angle - angle) / (next_count - count))
         if not least_slope <= slope <= most_slope:

@@ -40,11 +40,10 @@ class JointScale:
 
     Attributes:
         points: Counts and their angles, rad, at least two; sorted by count.
-        counts: Counts that the servo driver can command.
+        counts: Counts that can be commanded; a point may be another.
 
     Raises:
-        ValueError: Fewer than two points, counts that the driver does not have, or a table that is
-            not strictly monotone in both columns.
+        ValueError: Fewer than two points, or a table that is not strictly monotone in both columns.
     """
 
     points: tuple[tuple[float, float], ...]
@@ -56,8 +55,6 @@ class JointScale:
         steps = [b - a for (_, a), (_, b) in pairwise(ordered)]
         if len(ordered) < 2:
             raise ValueError("needs at least two points [count, degrees]")
-        if counts[0] < self.counts[0] or counts[-1] > self.counts[-1]:
-            raise ValueError(f"counts must lie in {self.counts[0]} to {self.counts[-1]}")
         if len(set(counts)) < len(counts):
             raise ValueError("gives one count twice")
         if not (all(step > 0 for step in steps) or all(step < 0 for step in steps)):

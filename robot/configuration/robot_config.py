@@ -263,7 +263,7 @@ def with_calibration(config: RobotConfig, file: Path | None) -> tuple[RobotConfi
     """
     if file is None or not may_exist(file):
         return config, Calibration(robot=config.name)
-    calibration = read_calibration(file, config.servos.counts)
+    calibration = read_calibration(file, config.servos.known_counts)
     return apply_calibration(config, calibration, file=str(file)), calibration
 
 

@@ -141,7 +141,7 @@ def emulation(
         config = boards.configure(levels)
         truth = config if wrong is None else miscalibrated(config, wrong)
         if calibration is not None:
-            calibrated = read_calibration(calibration, config.servos.counts)
+            calibrated = read_calibration(calibration, config.servos.known_counts)
             config = apply_calibration(config, calibrated, file=str(calibration))
         wiring = Wiring(truth, world, noise)
 

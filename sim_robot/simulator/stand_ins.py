@@ -24,6 +24,7 @@ class StandInServos:
         self.name = f"stand-in for {settings.name}"
         self.outputs = settings.outputs
         self.counts = settings.counts
+        self.known_counts = settings.known_counts
         self.per_update = settings.per_update
         self.reads_back = True
         self.driver = NullServos(dict.fromkeys(settings.outputs, 0))

@@ -36,6 +36,7 @@ class AnsweringServoSettings:
 
     name: ClassVar[str]
     counts: ClassVar[range]
+    known_counts: ClassVar[range]
     outputs: ClassVar[range]
     bauds: ClassVar[Sequence[int]]
     usual_baud: ClassVar[int]

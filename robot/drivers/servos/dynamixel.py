@@ -336,7 +336,7 @@ class DynamixelSettings(AnsweringServoSettings):
     """The serial line to the servos; their outputs are their IDs."""
 
     name = NAME
-    counts = COUNTS
+    counts = known_counts = COUNTS
     outputs = OUTPUTS
     bauds = BAUDS
     usual_baud = 57600

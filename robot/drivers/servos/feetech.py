@@ -258,7 +258,7 @@ class FeetechSettings(AnsweringServoSettings):
     """The serial line to the servos; their outputs are their IDs."""
 
     name = NAME
-    counts = COUNTS
+    counts = known_counts = COUNTS
     outputs = OUTPUTS
     bauds = BAUDS
     usual_baud = BAUDS[0]

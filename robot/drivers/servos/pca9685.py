@@ -27,6 +27,7 @@ so that without the line, or without a daemon, their pulses go on.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -139,6 +140,15 @@ class PCA9685Settings:
         low, high = self.widths_us
         ticks = self.ticks_us
         return range(-int(-low / min(ticks) // 1), int(high / max(ticks)) + 1)
+
+    @property
+    def known_counts(self) -> range:
+        """The counts of all pulses that servos know, whatever the oscillator: by the prescale."""
+        low, high = (
+            width * mhz / (self.prescale + 1)
+            for width, mhz in zip(WIDTHS_US, OSCILLATORS_MHZ, strict=True)
+        )
+        return range(math.ceil(low), math.floor(high) + 1)
 
     @property
     def per_update(self) -> int:

@@ -173,6 +173,13 @@ class ServoSettings(Protocol):
         """Counts that can be commanded, consecutive, from 1 or above: range and resolution."""
 
     @property
+    def known_counts(self) -> range:
+        """Counts that a calibration may have: ``counts`` under the widest limits there can be.
+
+        Where they are the same, the servos turn as far per count.
+        """
+
+    @property
     def per_update(self) -> int:
         """Number of outputs that one transmission commands, and that are verified at once."""
 

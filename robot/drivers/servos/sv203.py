@@ -57,6 +57,7 @@ class SV203Settings:
 
     name: ClassVar = "SV203"
     counts: ClassVar = COUNTS
+    known_counts: ClassVar = COUNTS
     per_update: ClassVar = _SERVOS_PER_LINE
     reads_back: ClassVar = True
     port: str = field(repr=False)  # a re-plugged adapter may have another name

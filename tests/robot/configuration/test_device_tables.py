@@ -57,6 +57,11 @@ def test_a_distance_sensor_reads_true_unless_said_otherwise(tmp_path: Path) -> N
             "calibration = [[1, 5], [1, 6]]",
             "one count twice",
         ),
+        (
+            partial(device_tables.read_scale, counts=COUNTS),
+            "calibration = [[0, 5], [9, 9]]",
+            "counts must lie in 1 to 255",
+        ),
     ],
 )
 def test_what_cannot_be_is_refused_by_key(

@@ -239,6 +239,21 @@ def test_an_input_that_the_board_lacks_is_refused(tmp_path: Path, pins: str, key
     load_config(tmp_path / "two.toml", uncalibrated=True)
 
 
+@pytest.mark.parametrize(
+    "servos",
+    [f"oscillator_mhz = {mhz}" for mhz in (22, 23.49, 27, 28)] + ["pulse_us = [1000, 2000]"],
+)
+def test_a_table_of_counts_stands_whatever_limits_the_pulses(tmp_path: Path, servos: str) -> None:
+    file, text = tmp_path / "robot.toml", robot_toml("pi", name="mine", joints=8, touch=4)
+    file.write_text(text.replace("pulse_us =", f"{servos}\n# ="), encoding="utf-8")
+    config = load_config(file, uncalibrated=True)
+    (hip, *_), counts = config.joints, config.servos.counts
+    assert hip.scale.points == ((123, math.radians(-90)), (492, math.radians(90)))
+    assert {hip.quantise(angle) in counts for angle in (hip.lower_limit, hip.upper_limit)} == {True}
+    of_another_driver = text.replace("[[123, -90], [492, 90]]", "[[3, -96], [253, 74]]")
+    assert "calibration: counts must lie in 91 to 573" in refused(tmp_path, of_another_driver)
+
+
 def test_a_round_body(tmp_path: Path) -> None:
     file, text = tmp_path / "robot.toml", EXAMPLE.read_text(encoding="utf-8")
     file.write_text(text.replace(SIZE, "radius_mm = 70\nheight_mm = 3"), encoding="utf-8")
