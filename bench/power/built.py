@@ -32,7 +32,7 @@ from robot.configuration.calibration_file import (
     to_toml,
 )
 from sim_robot.simulator.electronics_set import RECESS
-from sim_robot.simulator.pc104_set import VOLTS_PER_G, ZERO_VOLTS
+from sim_robot.simulator.pc104_set import AXES_INPUTS, VOLTS_PER_G, ZERO_VOLTS
 from sim_robot.world.body import DEFAULT
 
 BUILT: Final = "built"
@@ -230,7 +230,9 @@ def _believed(seed: int) -> str:
         joints=servos_calibrated(
             [partial(_commanded, *servo) for servo in zip(draw.zeros, draw.travel, strict=True)]
         ),
-        accelerometer=AxesCalibration(unit="V", zero=(*zero, ZERO_VOLTS), per_g=gains),
+        accelerometer=AxesCalibration(
+            wiring={"channels": AXES_INPUTS}, unit="V", zero=(*zero, ZERO_VOLTS), per_g=gains
+        ),
         distance=DistanceCalibration(zero=RECESS - draw.distance, scale=draw.ruler),
     )
     return to_toml(calibration)

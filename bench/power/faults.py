@@ -38,7 +38,13 @@ from robot.configuration.calibration_file import (
 )
 from robot.configuration.joint_calibration import JointScale
 from sim_robot.simulator.electronics_set import RECESS, TARE_VOLTS, VOLTS_PER_NEWTON
-from sim_robot.simulator.pc104_set import VOLTS_PER_G, ZERO_VOLTS, configure
+from sim_robot.simulator.pc104_set import (
+    AXES_INPUTS,
+    FIRST_FOOT,
+    VOLTS_PER_G,
+    ZERO_VOLTS,
+    configure,
+)
 from sim_robot.world.body import DEFAULT, body_path, load_body
 from sim_robot.world.sensor_noise import NoiseLevels
 
@@ -115,7 +121,9 @@ def _along_the_diagonal(urdf: str) -> str:
 
 def measured_with(volts_per_g: Sequence[float]) -> Calibration:
     """Calibration by which an accelerometer's axes give so many volts per g."""
-    axes = AxesCalibration(unit="V", zero=(ZERO_VOLTS,) * 3, per_g=tuple(volts_per_g))
+    axes = AxesCalibration(
+        wiring={"channels": AXES_INPUTS}, unit="V", zero=(ZERO_VOLTS,) * 3, per_g=tuple(volts_per_g)
+    )
     return Calibration(robot=DEFAULT, revision=1, accelerometer=axes)
 
 
@@ -142,6 +150,7 @@ def servos_calibrated(
     joints = configure(body, port="/dev/null", levels=NoiseLevels()).joints
     return {
         joint.name: JointCalibration(
+            output=joint.output,
             lower_limit=joint.lower_limit,
             upper_limit=joint.upper_limit,
             scale=JointScale(
@@ -155,7 +164,7 @@ def servos_calibrated(
 
 _DULL: Final = {
     "lower_left": GaugeCalibration(
-        tare=TARE_VOLTS, volts_per_newton=VOLTS_PER_NEWTON, on=40.0, off=30.0
+        channel=FIRST_FOOT, tare=TARE_VOLTS, volts_per_newton=VOLTS_PER_NEWTON, on=40.0, off=30.0
     )
 }
 _THREE_LEGS: Final = Robot(body=shipped("three_legs"))
@@ -293,6 +302,7 @@ def _off_zero(degrees: tuple[float, ...]) -> Robot:
 
 def _always_on() -> Robot:
     gauge = GaugeCalibration(
+        channel=FIRST_FOOT,
         tare=TARE_VOLTS - 2 * VOLTS_PER_NEWTON,
         volts_per_newton=VOLTS_PER_NEWTON,
         on=0.5,

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterator
+from dataclasses import replace
 from functools import partial
 from typing import Any, Final, Protocol
 
@@ -173,7 +174,8 @@ class GuidedSession:
             mover = self._dialogue.attempt(make)
             measured = calibrate_joint(joint, mover, self._dialogue)
             if measured is not None:
-                yield joint.name, measured
+                scale = replace(measured.scale, counts=self._config.servos.known_counts)
+                yield joint.name, replace(measured, scale=scale)
 
     def _accelerometer(self) -> AxesCalibration | None:
         axes, driver = self._config.axes, self._devices.accelerometer

@@ -248,6 +248,7 @@ class _Measuring:
             )
             return None
         return JointCalibration(
+            output=joint.output,
             lower_limit=joint.lower_limit,
             upper_limit=joint.upper_limit,
             scale=scale,

@@ -128,6 +128,7 @@ class AccelerometerSession:
             position = self._leaning_position(seen, zero, gains)
             if position is None:
                 return AxesCalibration(
+                    wiring=self._sensor.wiring,
                     unit=self._sensor.unit,
                     zero=zero,
                     per_g=gains,
@@ -187,6 +188,7 @@ class AccelerometerSession:
             )
             return None
         return AxesCalibration(
+            wiring=self._sensor.wiring,
             unit=self._sensor.unit,
             zero=zero,
             per_g=gains,
@@ -308,7 +310,9 @@ class GaugeSession:
                 f"instead of {self._point.on:g} N."
             )
         share = self._point.off / self._point.on if self._point.on else 0.5
-        return GaugeCalibration(tare=free.mean, volts_per_newton=gain, on=on, off=on * share)
+        return GaugeCalibration(
+            channel=self._channel, tare=free.mean, volts_per_newton=gain, on=on, off=on * share
+        )
 
     def _load(self) -> float:
         prompt = f"{self._point.name} with a known load: newtons, or grams as in '100 g'"

@@ -1,7 +1,8 @@
 """``calibration.toml``: what ``robotd calibrate`` found out, in a file of its own.
 
-Its keys are those of ``robot.toml``, which names the file and whose values give way to it. What was
-not calibrated is left out. The last table tells a whole file from one that was cut off. A file is
+Its keys are those of ``robot.toml``, which names the file and whose values give way to it; beside
+them stands how each part was connected, which must be so still. What was not calibrated is left
+out. The last table tells a whole file from one that was cut off. A file is
 replaced in one step, and the previous one is kept under a number.
 """
 
@@ -27,16 +28,17 @@ from robot.configuration.device_tables import (
 )
 from robot.configuration.joint_calibration import JointScale
 from robot.drivers.sensors.analogue import read_bridge
-from robot.drivers.sensors.contracts import AXIS_KEYS, read_axes
+from robot.drivers.sensors.contracts import AXIS_KEYS, MOUNTING_KEYS, read_axes
 from robot.errors import ConfigError
 from robot.toml_sections import Section, read_toml, toml_section
 from robot.uncertainty import Uncertainty
 
-SCHEMA: Final = 1
+SCHEMA: Final = 2
 _DECIMALS: Final = 5  # behind the point: 0.00001° and 10 µV are beyond any sensor here
 _HEAD: Final = """\
 # Written by robotd calibrate, which keeps the file before it under a number. robot.toml names this
-# file, and its keys mean the same there; what stands here takes their place.
+# file, and its keys mean the same there; what stands here takes their place, save output, counts,
+# channel, channels, forward, left and up: they say how a part was connected when it was calibrated.
 """
 _FOOT: Final = """
 
@@ -46,8 +48,12 @@ _FOOT: Final = """
 
 @dataclass(frozen=True, kw_only=True)
 class JointCalibration:
-    """Mechanical limits of a joint, rad, the scale of its counts, and how well these are known."""
+    """Mechanical limits of a joint, rad, the scale of its counts, and how well these are known.
 
+    It holds for one output, and for a driver that knows the counts of ``scale``.
+    """
+
+    output: int
     lower_limit: float
     upper_limit: float
     scale: JointScale
@@ -56,8 +62,12 @@ class JointCalibration:
 
 @dataclass(frozen=True, kw_only=True)
 class AxesCalibration:
-    """What the accelerometer's axes x, y, z read at 0 g and per g, in their unit, V or g."""
+    """What the accelerometer's axes x, y, z read at 0 g and per g, in their unit, V or g.
 
+    It holds for one ``CalibratedAxes.wiring``.
+    """
+
+    wiring: Mapping[str, str | tuple[int, ...]]
     unit: str
     zero: tuple[float, ...]
     per_g: tuple[float, ...]
@@ -66,8 +76,12 @@ class AxesCalibration:
 
 @dataclass(frozen=True, kw_only=True)
 class GaugeCalibration:
-    """Volts of the unloaded gauge, volts per newton, loads that switch touch on and off, N."""
+    """Volts of the unloaded gauge, volts per newton, loads that switch touch on and off, N.
 
+    It holds for one analogue input, ``channel``.
+    """
+
+    channel: int
     tare: float
     volts_per_newton: float
     on: float
@@ -138,7 +152,7 @@ def read_calibration(path: Path, counts: range) -> Calibration:
 
     Args:
         path: The file.
-        counts: Counts that the robot's servo driver can command.
+        counts: Counts that the robot's servo driver knows.
 
     Raises:
         ConfigError: Names file, key and reason.
@@ -151,7 +165,7 @@ def check_calibration(calibration: Calibration, counts: range) -> None:
 
     Args:
         calibration: The calibration.
-        counts: Counts that the robot's servo driver can command.
+        counts: Counts that the robot's servo driver knows.
 
     Raises:
         ConfigError: It holds what no robot has; names key and reason.
@@ -164,20 +178,11 @@ def _calibration(root: Section, counts: range) -> Calibration:
     if schema != SCHEMA:
         raise root.refuse(
             "schema",
-            f"is {schema}, and this robotd reads {SCHEMA}: move this file away and calibrate anew, "
-            "or update robotd.",
+            f"is {schema}, and this robotd reads {SCHEMA}: "
+            + ("update robotd" if schema > SCHEMA else "add how each part is wired")
+            + " (docs/your-robot.md), or move this file away and calibrate anew.",
         )
     root.table("end").done()  # missing where the file was cut off
-    if root.has("counts"):
-        made_for = root.numbers("counts", 2, 1, 2**31)
-        if made_for != (counts[0], counts[-1]):
-            raise root.refuse(
-                "counts",
-                f"says that it was made for counts {made_for[0]:g} to {made_for[1]:g}, and the "
-                f"servos have {counts[0]} to {counts[-1]} now: with another driver or update rate "
-                "a count is another angle. Change [servos] back, or remove counts and every "
-                "[[joint]] here, then calibrate the joints anew.",
-            )
     calibration = Calibration(
         robot=root.text("robot"),
         revision=root.integer("revision", 1, 2**31),
@@ -202,12 +207,22 @@ def _named(root: Section, key: str) -> Iterator[Section]:
 
 
 def _joint(section: Section, counts: range) -> tuple[str, JointCalibration]:
+    first, last = section.numbers("counts", 2, 1, 2**31)
+    if (first, last) != (counts[0], counts[-1]):
+        raise section.refuse(
+            "counts",
+            f"are {first:g} to {last:g}, and the servos have {counts[0]} to "
+            f"{counts[-1]} now: with another driver or update rate a count is another angle. "
+            "Change [servos] back, or remove this table, and each like it, and calibrate these "
+            "joints anew.",
+        )
     lower, upper = read_limits(section)
     scale = read_scale(section, counts)
     uncertainty = Uncertainty.read(section, *JOINT_SIGMAS)
+    output = section.integer("output", 0, 10_000)
     section.done()
     return section.text("name"), JointCalibration(
-        lower_limit=lower, upper_limit=upper, scale=scale, uncertainty=uncertainty
+        output=output, lower_limit=lower, upper_limit=upper, scale=scale, uncertainty=uncertainty
     )
 
 
@@ -215,15 +230,25 @@ def _axes(section: Section) -> AxesCalibration:
     unit = "g" if section.has(AXIS_KEYS["g"][0]) else "V"
     zero, gains = read_axes(section, unit)
     uncertainty = Uncertainty.read(section, *AXES_SIGMAS)
+    wiring: dict[str, str | tuple[int, ...]] = {
+        key: section.text(key) for key in MOUNTING_KEYS if section.has(key)
+    }
+    if section.has("channels"):
+        wiring["channels"] = section.integers("channels", 0, 31, ())
     section.done()
-    return AxesCalibration(unit=unit, zero=zero, per_g=gains, uncertainty=uncertainty)
+    return AxesCalibration(
+        wiring=wiring, unit=unit, zero=zero, per_g=gains, uncertainty=uncertainty
+    )
 
 
 def _gauge(section: Section) -> tuple[str, GaugeCalibration]:
     tare, gain = read_bridge(section)
     on, off = read_thresholds(section)
+    channel = section.integer("channel", 0, 31)
     section.done()
-    return section.text("name"), GaugeCalibration(tare=tare, volts_per_newton=gain, on=on, off=off)
+    return section.text("name"), GaugeCalibration(
+        channel=channel, tare=tare, volts_per_newton=gain, on=on, off=off
+    )
 
 
 def _distance(section: Section) -> DistanceCalibration:
@@ -241,12 +266,11 @@ def to_toml(calibration: Calibration) -> str:
         f"robot = {_text(calibration.robot)}",
         f"made = {_text(calibration.made)}",
     ]
-    scales = [joint.scale.counts for joint in calibration.joints.values()]
-    lines += [f"counts = [{counts[0]}, {counts[-1]}]" for counts in scales[:1]]
     if (axes := calibration.accelerometer) is not None:
         zero, gain = AXIS_KEYS[axes.unit]
         lines += [
             "\n[accelerometer]",
+            *(f"{key} = {json.dumps(value)}" for key, value in axes.wiring.items()),
             f"{zero} = {_numbers(axes.zero)}",
             f"{gain} = {_numbers(axes.per_g)}",
             *_sigmas(axes.uncertainty, AXES_SIGMAS),
@@ -264,6 +288,8 @@ def to_toml(calibration: Calibration) -> str:
         lines += [
             "\n[[joint]]",
             f"name = {_text(name)}",
+            f"output = {joint.output}",
+            f"counts = [{joint.scale.counts[0]}, {joint.scale.counts[-1]}]",
             f"limits_deg = {_numbers(limits)}",
             f"calibration = [{', '.join(points)}]",
             *_sigmas(joint.uncertainty, JOINT_SIGMAS),
@@ -272,6 +298,7 @@ def to_toml(calibration: Calibration) -> str:
         lines += [
             "\n[[touch]]",
             f"name = {_text(name)}",
+            f"channel = {gauge.channel}",
             f"tare_v = {_number(gauge.tare)}",
             f"volts_per_newton = {_number(gauge.volts_per_newton)}",
             f"on_n = {_number(gauge.on)}",

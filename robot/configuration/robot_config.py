@@ -7,6 +7,7 @@ in the file, because a person writes it; radians and metres in the objects.
 from __future__ import annotations
 
 import hashlib
+import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -282,7 +283,7 @@ def apply_calibration(config: RobotConfig, calibration: Calibration, *, file: st
     _check_known("joint", calibration.joints, (joint.name for joint in config.joints), file)
     _check_known("touch", calibration.gauges, config.gauges, file)
     joints = tuple(_calibrated(joint, calibration, file) for joint in config.joints)
-    touch = tuple(_calibrated_touch(point, calibration) for point in config.touch)
+    touch = tuple(_calibrated_touch(point, calibration, file) for point in config.touch)
     accelerometer, distance = config.accelerometer, config.distance
     if calibration.accelerometer is not None:
         measured = calibration.accelerometer
@@ -294,6 +295,7 @@ def apply_calibration(config: RobotConfig, calibration: Calibration, *, file: st
                 file=file,
                 key="accelerometer",
             )
+        _check_wiring("accelerometer", "", measured.wiring, config.axes.wiring, file)
         calibrated = replace(
             config.axes,
             zero=measured.zero,
@@ -314,12 +316,31 @@ def apply_calibration(config: RobotConfig, calibration: Calibration, *, file: st
     )
 
 
-def _calibrated_touch(point: TouchPoint, calibration: Calibration) -> TouchPoint:
+def _calibrated_touch(point: TouchPoint, calibration: Calibration, file: str) -> TouchPoint:
     gauge = calibration.gauges.get(point.name)
     if gauge is None or not isinstance(point.driver, StrainGauge):
         return point
+    was, now = {"channel": gauge.channel}, {"channel": point.driver.channel}
+    _check_wiring("touch", point.name, was, now, file)
     driver = replace(point.driver, tare=gauge.tare, volts_per_newton=gauge.volts_per_newton)
     return replace(point, driver=driver, on=gauge.on, off=gauge.off)
+
+
+def _check_wiring(
+    table: str, name: str, was: Mapping[str, object], now: Mapping[str, object], file: str
+) -> None:
+    if was != now:
+        raise ConfigError(
+            f"was calibrated with {_wiring_text(was)}, and robot.toml has {_wiring_text(now)}: "
+            "what was measured does not hold there. Change robot.toml back, or remove this table "
+            f"and calibrate it anew: robotd calibrate with --only {name or table}.",
+            file=file,
+            key=f"{table} ({name})" if name else table,
+        )
+
+
+def _wiring_text(wiring: Mapping[str, object]) -> str:
+    return ", ".join(f"{key} = {json.dumps(value)}" for key, value in wiring.items()) or "no wiring"
 
 
 def _check_known(key: str, names: Iterable[str], known: Iterable[str], file: str) -> None:
@@ -335,7 +356,10 @@ def _check_known(key: str, names: Iterable[str], known: Iterable[str], file: str
 def _calibrated(joint: DrivenJoint, calibration: Calibration, file: str) -> DrivenJoint:
     if joint.name not in calibration.joints:
         return joint
-    calibrated = replace(joint, **vars(calibration.joints[joint.name]))
+    measured = calibration.joints[joint.name]
+    _check_wiring("joint", joint.name, {"output": measured.output}, {"output": joint.output}, file)
+    scale = replace(measured.scale, counts=joint.scale.counts)
+    calibrated = replace(joint, **vars(replace(measured, scale=scale)))
     try:
         calibrated.check_zero()
     except ValueError as error:

@@ -26,6 +26,8 @@ from sim_robot.world.sensor_noise import NoiseLevels
 
 ZERO_VOLTS: Final = 2.5  # an ADXL203-like part on 5 V
 VOLTS_PER_G: Final = 1.0
+AXES_INPUTS: Final = (0, 1, 2)
+FIRST_FOOT: Final = 3
 FULL_LOAD_VOLTS: Final = 4.0  # of an input range of 5 V
 
 
@@ -48,9 +50,9 @@ def configure(body: Body, *, port: str, levels: NoiseLevels) -> RobotConfig:
         servos=SV203Settings(port=port, baud=9600, boards=servo_boards(body), line_gap=0.003),
         daq=DMM32Settings(base=0x300, input_range="±5V"),
         accelerometer=AnalogueAxes(
-            channels=(0, 1, 2), zero=(ZERO_VOLTS,) * 3, per_g=(VOLTS_PER_G,) * 3
+            channels=AXES_INPUTS, zero=(ZERO_VOLTS,) * 3, per_g=(VOLTS_PER_G,) * 3
         ),
-        first_foot=3,
+        first_foot=FIRST_FOOT,
         full_load=FULL_LOAD_VOLTS,
     )
 

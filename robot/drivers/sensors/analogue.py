@@ -8,6 +8,7 @@ off, which is then noticed.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
@@ -64,6 +65,11 @@ class AnalogueAxes(CalibratedAxes):
     def axis(self, index: int) -> str:
         """Name of the input of an axis, for a sentence."""
         return f"channel {self.channels[index]}"
+
+    @property
+    def wiring(self) -> Mapping[str, tuple[int, ...]]:
+        """The inputs."""
+        return {"channels": self.channels}
 
     @property
     def key(self) -> str:

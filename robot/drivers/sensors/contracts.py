@@ -6,7 +6,7 @@ What is peculiar to a technique (volts, rails, registers) stays within its drive
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any, ClassVar, Final, Protocol
@@ -194,6 +194,9 @@ def attach_board(buses: Buses, settings: BoardSettings) -> Buses:
 AXIS_KEYS: Final = MappingProxyType({"V": ("zero_v", "volts_per_g"), "g": ("zero_g", "g_per_g")})
 """Keys of an axis's reading at 0 g, and of its increase from there to 1 g, by unit."""
 
+MOUNTING_KEYS: Final = ("forward", "left", "up")
+"""Keys that say which of a chip's axes points forward, left and up."""
+
 # Limits by unit, beyond which somebody erred: of an axis's reading at 0 g (±), and of its increase
 # from there to 1 g (least, most).
 _ZEROS: Final = MappingProxyType({"V": 10.0, "g": 0.5})
@@ -225,6 +228,14 @@ class CalibratedAxes(ABC):
     @abstractmethod
     def axis(self, index: int) -> str:
         """Source of the axis x, y or z, by its index, for a sentence."""
+
+    @property
+    def wiring(self) -> Mapping[str, str | tuple[int, ...]]:
+        """What ``robot.toml`` has of ``channels``, ``forward``, ``left``, ``up``.
+
+        A calibration holds for these values only.
+        """
+        return {}
 
     @property
     @abstractmethod

@@ -16,13 +16,14 @@ of related chips from Linux' driver ``inv_mpu6050``.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import ClassVar, Final
 
 from robot.drivers.buses import Buses
 from robot.drivers.links.i2c import I2CBus, I2CLink, I2CRegisters
-from robot.drivers.sensors.contracts import AXIS_KEYS, CalibratedAxes, read_axes
+from robot.drivers.sensors.contracts import AXIS_KEYS, MOUNTING_KEYS, CalibratedAxes, read_axes
 from robot.errors import DeviceDataError, DeviceMissingError
 from robot.host.clock import Clock
 from robot.toml_sections import Section
@@ -96,7 +97,7 @@ class MPU6050Settings(CalibratedAxes):
     @classmethod
     def read(cls, table: Section) -> MPU6050Settings:
         """Reads ``bus``, ``address``, ``forward``, ``left``, ``up``, ``zero_g``, ``g_per_g``."""
-        defaults = zip(("forward", "left", "up"), DIRECTIONS, strict=False)
+        defaults = zip(MOUNTING_KEYS, DIRECTIONS, strict=False)
         mounting = tuple(table.choice(key, DIRECTIONS, axis) for key, axis in defaults)
         if not _right_handed(mounting):
             raise table.refuse(
@@ -123,6 +124,11 @@ class MPU6050Settings(CalibratedAxes):
     def axis(self, index: int) -> str:
         """The chip's axis that serves as x, y or z, for a sentence."""
         return f"the chip's {self.mounting[index].strip('-')}"
+
+    @property
+    def wiring(self) -> Mapping[str, str]:
+        """How the chip is mounted."""
+        return dict(zip(MOUNTING_KEYS, self.mounting, strict=True))
 
     @property
     def key(self) -> str:

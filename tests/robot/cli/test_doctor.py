@@ -57,14 +57,21 @@ def test_the_configuration_says_how_old_its_calibration_is(tmp_path: Path) -> No
         revision=8,
         joints={
             joint.name: JointCalibration(
-                lower_limit=joint.lower_limit, upper_limit=joint.upper_limit, scale=joint.scale
+                output=joint.output,
+                lower_limit=joint.lower_limit,
+                upper_limit=joint.upper_limit,
+                scale=joint.scale,
             )
             for joint in config.joints
         },
-        accelerometer=AxesCalibration(unit="V", zero=(2.5,) * 3, per_g=(1.0,) * 3),
+        accelerometer=AxesCalibration(
+            wiring={"channels": (0, 1, 2)}, unit="V", zero=(2.5,) * 3, per_g=(1.0,) * 3
+        ),
         gauges={
-            name: GaugeCalibration(tare=0.2, volts_per_newton=0.2, on=0.1, off=0.05)
-            for name in config.gauges
+            name: GaugeCalibration(
+                channel=gauge.channel, tare=0.2, volts_per_newton=0.2, on=0.1, off=0.05
+            )
+            for name, gauge in config.gauges.items()
         },
         distance=DistanceCalibration(zero=0.01, scale=1.0),
     )
@@ -78,7 +85,10 @@ def test_a_gauge_is_not_calibrated_because_a_joint_of_its_name_is(tmp_path: Path
     file.write_text(text.replace('"lower_left"', '"hip_left"'), encoding="utf-8")
     joint = load_config(file, uncalibrated=True).joints[0]
     measured = JointCalibration(
-        lower_limit=joint.lower_limit, upper_limit=joint.upper_limit, scale=joint.scale
+        output=joint.output,
+        lower_limit=joint.lower_limit,
+        upper_limit=joint.upper_limit,
+        scale=joint.scale,
     )
     calibration = Calibration(robot="quadruped", revision=1, joints={"hip_left": measured})
     save_calibration(tmp_path / "calibration.toml", calibration)

@@ -14,6 +14,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from robot.cli.new import robot_toml
 from robot.configuration.calibration_file import (
     AxesCalibration,
     Calibration,
@@ -33,6 +34,7 @@ from robot.uncertainty import Uncertainty
 
 EXAMPLE = Path(str(resources.files("robot") / "robot.toml"))
 HIP = JointCalibration(
+    output=1,
     lower_limit=math.radians(-90),
     upper_limit=math.radians(70),
     scale=JointScale(((10, math.radians(72)), (131, 0.0), (250, math.radians(-85))), COUNTS),
@@ -44,13 +46,16 @@ WHOLE = Calibration(
     made="2026-11-20T03:57:20Z",
     joints={"hip_left": HIP},
     accelerometer=AxesCalibration(
+        wiring={"channels": (0, 1, 2)},
         unit="V",
         zero=(2.4, 2.5, 2.6),
         per_g=(-1.0, 1.1, 0.9),
         uncertainty=Uncertainty(zero=math.radians(0.1)),
     ),
     gauges={
-        "lower_left": GaugeCalibration(tare=-0.1, volts_per_newton=-0.3, on=0.12, off=0.06),
+        "lower_left": GaugeCalibration(
+            channel=3, tare=-0.1, volts_per_newton=-0.3, on=0.12, off=0.06
+        ),
     },
     distance=DistanceCalibration(
         zero=0.0125, scale=0.98, uncertainty=Uncertainty(zero=0.0005, gain=0.006)
@@ -148,6 +153,7 @@ calibrations = st.builds(
         names,
         st.builds(
             JointCalibration,
+            output=st.integers(0, 300),
             lower_limit=st.just(math.radians(-60)),
             upper_limit=st.just(math.radians(60)),
             scale=scales(),
@@ -158,6 +164,9 @@ calibrations = st.builds(
     accelerometer=st.none()
     | st.builds(
         AxesCalibration,
+        wiring=st.just({"channels": (7, 3, 5)})
+        | st.just({"forward": "-y", "left": "x", "up": "z"})
+        | st.just({}),
         unit=st.just("V"),
         zero=st.tuples(numbers, numbers, numbers),
         per_g=st.tuples(gains, gains, gains),
@@ -166,7 +175,12 @@ calibrations = st.builds(
     gauges=st.dictionaries(
         names,
         st.builds(
-            GaugeCalibration, tare=numbers, volts_per_newton=positive, on=st.just(9.5), off=positive
+            GaugeCalibration,
+            channel=st.integers(0, 31),
+            tare=numbers,
+            volts_per_newton=positive,
+            on=st.just(9.5),
+            off=positive,
         ),
         max_size=3,
     ),
@@ -194,10 +208,12 @@ def test_what_is_written_comes_back(tmp_path: Path, calibration: Calibration) ->
     if (axes := calibration.accelerometer) is not None:
         assert read.accelerometer is not None
         assert (read.accelerometer.zero, read.accelerometer.per_g) == (axes.zero, axes.per_g)
+        assert read.accelerometer.wiring == axes.wiring
         same(read.accelerometer.uncertainty, axes.uncertainty)
     assert read.gauges == calibration.gauges
     assert read.joints.keys() == calibration.joints.keys()
     for name, joint in calibration.joints.items():
+        assert read.joints[name].output == joint.output
         for count in (1, 100, 255):
             assert read.joints[name].scale.angle(count) == pytest.approx(
                 joint.scale.angle(count), abs=1e-4
@@ -219,13 +235,14 @@ def same(read: Uncertainty, written: Uncertainty) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("schema = 1", "schema = 2", ["schema", "is 2", "reads 1", "move this file away"]),
-        ("schema = 1", "", ["schema", "missing"]),
+        ("schema = 2", "schema = 3", ["schema", "is 3", "reads 2", "update robotd"]),
+        ("schema = 2", "schema = 1", ["schema", "is 1", "wired", "docs/your-robot.md"]),
+        ("schema = 2", "", ["schema", "missing"]),
         ('robot = "quadruped"', 'robot = "hexapod"', ["robot", "hexapod", "quadruped"]),
         ("[end]", "", ["end", "missing"]),
         (
             "[[touch]]",
-            '[[joint]]\nname = "hip_left"\nlimits_deg = [-60, 60]\n'
+            '[[joint]]\nname = "hip_left"\noutput = 1\ncounts = [1, 255]\nlimits_deg = [-60, 60]\n'
             "calibration = [[1, -9], [200, 9]]\n\n[[touch]]",
             ["joint 2 (hip_left).name", "twice"],
         ),
@@ -266,18 +283,59 @@ def test_a_wrong_value_is_named(tmp_path: Path, old: str, new: str, words: list[
 def test_a_file_made_for_other_counts_is_refused(tmp_path: Path) -> None:
     """The joints of a PCA9685 turn further per count at another update rate."""
     path = tmp_path / "calibration.toml"
-    joint = replace(HIP, scale=JointScale(((120, -1.4), (500, 1.4)), range(103, 513)))
+    joint = replace(HIP, scale=JointScale(((120, -1.4), (500, 1.4)), range(91, 574)))
     path.write_text(to_toml(replace(WHOLE, joints={"hip_left": joint})), encoding="utf-8")
-    assert "hip_left" in read_calibration(path, range(103, 513)).joints
+    assert "hip_left" in read_calibration(path, range(91, 574)).joints
     with pytest.raises(
-        ConfigError, match=r"counts: says .* counts 103 to 512, and .* 85 to 427"
-    ) as refusal:
-        read_calibration(path, range(85, 428))
-    assert "remove counts and every [[joint]] here" in str(refusal.value)
-    lines = to_toml(replace(WHOLE, joints={})).splitlines()
-    assert not any(line.startswith("counts") for line in lines)
-    path.write_text("\n".join(lines), encoding="utf-8")
-    assert read_calibration(path, range(85, 428)).gauges
+        ConfigError,
+        match=r"joint 1 \(hip_left\)\.counts: are 91 to 573, .* 108 to 686 .* remove this table",
+    ):
+        read_calibration(path, range(108, 687))
+    path.write_text(to_toml(replace(WHOLE, joints={})), encoding="utf-8")
+    assert read_calibration(path, range(108, 687)).gauges
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("output = 1", "output = 9", ["joint (hip_left)", "with output = 1,", "has output = 9"]),
+        ("channel = 3", "channel = 9", ["touch (lower_left)", "with channel = 3,", "channel = 9"]),
+        ("[0, 1, 2]", "[1, 0, 2]", ["accelerometer", "[0, 1, 2],", "has channels = [1, 0, 2]"]),
+    ],
+)
+def test_what_was_wired_otherwise_since_is_refused(
+    tmp_path: Path, old: str, new: str, words: list[str]
+) -> None:
+    file = written(tmp_path, to_toml(WHOLE))
+    load_config(file)
+    robot = file.read_text(encoding="utf-8").replace("board = 1 ", "board = [1, 2] ")
+    assert old in robot
+    file.write_text(robot.replace(old, new, 1), encoding="utf-8")
+    with pytest.raises(ConfigError) as caught:
+        load_config(file)
+    sentence = str(caught.value)
+    assert str(tmp_path / "calibration.toml") in sentence
+    assert all(word in sentence for word in [*words, "--only"]), sentence
+
+
+def test_a_chip_that_is_mounted_otherwise_since_is_refused(tmp_path: Path) -> None:
+    robot = tmp_path / "robot.toml"
+    text = robot_toml("pi", name="quadruped", joints=8, touch=4)
+    robot.write_text(text, encoding="utf-8")
+    config = load_config(robot, uncalibrated=True)
+    assert config.axes is not None
+    axes = AxesCalibration(
+        wiring=config.axes.wiring, unit="g", zero=(0.0,) * 3, per_g=(-0.972, -1.0, 1.0)
+    )
+    calibration = Calibration(robot="quadruped", revision=1, accelerometer=axes)
+    save_calibration(tmp_path / "calibration.toml", calibration)
+    load_config(robot)
+    text = text.replace('forward = "x"', 'forward = "-x"').replace('left = "y"', 'left = "-y"')
+    robot.write_text(text, encoding="utf-8")
+    with pytest.raises(
+        ConfigError, match=r'accelerometer: .* forward = "x", left = "y", up.* forward = "-x", left'
+    ):
+        load_config(robot)
 
 
 def test_a_truncated_file_is_refused_wherever_it_was_cut(tmp_path: Path) -> None:

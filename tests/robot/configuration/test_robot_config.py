@@ -248,8 +248,8 @@ def test_a_table_of_counts_stands_whatever_limits_the_pulses(tmp_path: Path, ser
     file.write_text(text.replace("pulse_us =", f"{servos}\n# ="), encoding="utf-8")
     config = load_config(file, uncalibrated=True)
     (hip, *_), counts = config.joints, config.servos.counts
-    assert hip.scale.points == ((123, math.radians(-90)), (492, math.radians(90)))
-    assert {hip.quantise(angle) in counts for angle in (hip.lower_limit, hip.upper_limit)} == {True}
+    assert [count for count, _ in hip.scale.points] == [123, 492]
+    assert all(hip.quantise(angle) in counts for angle in (hip.lower_limit, hip.upper_limit))
     of_another_driver = text.replace("[[123, -90], [492, 90]]", "[[3, -96], [253, 74]]")
     assert "calibration: counts must lie in 91 to 573" in refused(tmp_path, of_another_driver)
 

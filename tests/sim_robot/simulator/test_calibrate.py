@@ -144,7 +144,7 @@ def test_a_wrong_calibration_is_put_right(
     before = errors(believed, truth)
     assert before.joint > 10  # degrees: there is something to put right
     file = calibrated(seed, electronics)
-    read = read_calibration(file, believed.servos.counts)
+    read = read_calibration(file, believed.servos.known_counts)
     after = errors(apply_calibration(believed, read, file=str(file)), truth)
     assert after.joint < 1
     assert after.tilt < 1

@@ -12,9 +12,10 @@ from pathlib import Path
 import pytest
 
 from robot.configuration.calibration_file import read_calibration
+from robot.configuration.robot_config import with_calibration
 from robot.drivers.servos.pca9685 import PCA9685Settings
 from robot.drivers.servos.sv203 import COUNTS
-from robot.errors import CommandError
+from robot.errors import CommandError, ConfigError
 from sim_robot.simulator.daemon import Emulation, emulation
 from sim_robot.simulator.person import PROTRACTOR, UNEVEN, RehearsalConsole, SimulatedPerson
 from sim_robot.simulator.pi_set import PiSet
@@ -152,12 +153,21 @@ def test_what_the_hands_do_not_know_is_for_the_person_alone(
 def test_a_simulated_person_has_no_instrument_for_an_oscillator(tmp_path: Path) -> None:
     own = PiSet(BODY).configure(NoiseLevels())
     assert isinstance(own.servos, PCA9685Settings)
-    own = replace(own, servos=replace(own.servos, oscillators_mhz=None))
+    servos = replace(own.servos, oscillators_mhz=None)
+    own = replace(own, servos=servos)
     file = tmp_path / "calibration.toml"
     with emulation(BODY, seed=0, levels=NoiseLevels(), real_time=False, log=LOG, own=own) as parts:
         person = SimulatedPerson(parts, seed=1, echo=lambda text: None)
         person.calibrate(parts.devices, file, ["hip_left"])
-        assert list(read_calibration(file, parts.config.servos.counts).joints) == ["hip_left"]
+        calibration = read_calibration(file, own.servos.known_counts)
+        assert list(calibration.joints) == ["hip_left"]
+    measured = replace(servos, oscillators_mhz=(26.9,), widths_us=(600.0, 2400.0))
+    assert measured.counts != servos.counts
+    later, _ = with_calibration(replace(own, servos=measured), file)
+    assert later.joints[0].scale.points == calibration.joints["hip_left"].scale.points
+    faster = replace(own, servos=replace(servos, prescale=101))
+    with pytest.raises(ConfigError, match=r"\(hip_left\)\.counts: .* 91 to 573.* 108 to 686"):
+        with_calibration(faster, file)
 
 
 def test_a_lost_connection_costs_one_part_at_most(tmp_path: Path) -> None:
