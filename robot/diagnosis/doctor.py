@@ -17,7 +17,7 @@ from robot.diagnosis.sensors import (
     check_touch,
     record,
 )
-from robot.diagnosis.servos import check_board, check_joints, move_joints
+from robot.diagnosis.servos import check_board, check_joints, failing_alone, move_joints
 from robot.drivers.buses import Buses
 from robot.drivers.guard import open_driver
 from robot.drivers.sensors.contracts import SensorSettings, attach_board
@@ -66,11 +66,15 @@ class Doctor:
             yield from self._sensors(stack)
 
     def _servos(self, servos: ServoBus) -> Iterator[Finding]:
-        joints = self._config.joints
+        failing = failing_alone(servos, [joint.output for joint in self._config.joints])
+        joints = [joint for joint in self._config.joints if joint.output not in failing]
         findings, counts = check_board(
             servos, self._config.servos, [joint.output for joint in joints], self._clock
         )
         yield from findings
+        for joint in self._config.joints:
+            if joint.output in failing:
+                yield failed(f"joint {joint.name}", failing[joint.output])
         if counts:
             yield from check_joints(joints, counts, servos, file=self._file)
             if self._move and any(finding.verdict is Severity.BAD for finding in findings):

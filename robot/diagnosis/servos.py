@@ -25,6 +25,20 @@ _MARGIN: Final = math.radians(1)  # a joint may stand this far outside its limit
 _SIZES: Final = (0.43, 2.14)  # times the usual size of a count: 0.3° to 1.5° where there are 255
 
 
+def failing_alone(servos: ServoBus, outputs: Sequence[int]) -> dict[int, DeviceError]:
+    """Errors of those servos that fail while others on their line answer, by output.
+
+    What every servo reports is the line's, or the board's.
+    """
+    errors: dict[int, DeviceError] = {}
+    for output in outputs if answering(servos) is not None else ():
+        try:
+            servos.read_counts([output])
+        except DeviceError as error:
+            errors[output] = error
+    return errors if len(errors) < len(outputs) else {}
+
+
 def check_board(
     servos: ServoBus, settings: ServoSettings, outputs: Sequence[int], clock: Clock
 ) -> tuple[list[Finding], dict[int, int]]:

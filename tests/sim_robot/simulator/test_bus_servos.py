@@ -234,6 +234,41 @@ def test_the_doctor_names_a_joint_that_does_not_move(fault: str | None, words: s
         assert findings["move hip_left"].verdict is Severity.OK
 
 
+@pytest.mark.parametrize(
+    ("electronics", "fault", "words"),
+    [
+        ("feetech", "silent", "does not answer"),
+        ("feetech", "hot", "reports overheat"),
+        ("dynamixel", "silent", "does not answer"),
+    ],
+)
+def test_the_doctor_names_the_joint_of_a_servo_that_fails_and_examines_the_others(
+    electronics: str, fault: str, words: str
+) -> None:
+    with emulation(
+        BODY, seed=0, levels=NO_NOISE, real_time=False, log=LOG, electronics=electronics
+    ) as parts:
+        switch_on(parts, LOG)
+        parts.panel.order(FaultSpec.parse(f"{electronics}.{fault}=3"))
+        findings = examined(parts, move=True)
+    bad = [subject for subject, one in findings.items() if one.verdict is Severity.BAD]
+    assert bad == ["joint hip_right"]
+    assert re.match(rf"Servo 3 \(\w+\) {words}", findings["joint hip_right"].text)
+    assert {f"joint {name}" for name in UP} < findings.keys()
+    assert {f"move {name}" for name in UP} - findings.keys() == {"move hip_right"}
+
+
+@pytest.mark.parametrize("electronics", ["feetech", "dynamixel"])
+def test_a_line_on_which_no_servo_answers_is_one_finding_of_the_doctor(electronics: str) -> None:
+    with emulation(
+        BODY, seed=0, levels=NO_NOISE, real_time=False, log=LOG, electronics=electronics
+    ) as parts:
+        parts.panel.order(FaultSpec.parse(f"{electronics}.lost=1"))
+        findings = examined(parts)
+    bad = [subject for subject, one in findings.items() if one.verdict is Severity.BAD]
+    assert bad == ["servo board"]
+
+
 def examined(parts: Emulation, *, move: bool = False) -> dict[str, Finding]:
     parts.devices.close()
     return {one.subject: one for one in Doctor(parts.config, parts.buses, move=move).examine()}
