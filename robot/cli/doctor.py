@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
 
 from protocol.system.files import may_exist
@@ -34,7 +35,8 @@ def run(options: argparse.Namespace) -> int:
     """Examines the robot that a configuration describes; 0 when all is well, else 1."""
     config = load_config(options.config, uncalibrated=True)
     buses = Buses(clock=WallClock())
-    findings = Doctor(config, buses, move=options.move, file=str(options.config)).examine()
+    command = partial(calibration_command, options.config)
+    findings = Doctor(config, buses, move=options.move, calibration_command=command).examine()
     print_findings([describe_config(config, options.config)], print)
     return print_findings(findings, print)
 

@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import Any, Final, Generic, TypeVar
 
-from robot.configuration.calibration_file import calibration_command
 from robot.configuration.robot_config import RobotConfig
 from robot.diagnosis.findings import Finding, bad, failed, look, ok
 from robot.drivers.links.analogue_inputs import STUCK_AFTER, AnalogueInputs
@@ -110,14 +109,17 @@ def check_inputs(
 
 
 def check_accelerometer(
-    config: RobotConfig, recording: Recording[tuple[float, float, float]], *, file: str
+    config: RobotConfig,
+    recording: Recording[tuple[float, float, float]],
+    *,
+    calibration_command: Callable[[str], str],
 ) -> tuple[Finding, tuple[float, float] | None]:
     """Examines the accelerometer.
 
     Args:
         config: Configuration of the robot.
         recording: The sensor's samples.
-        file: Name of the configuration's file, for the command that is advised.
+        calibration_command: Returns the command to advise, which calibrates a part.
 
     Returns:
         What was observed, and the tilt (left/right, forward/back; rad) if it is credible.
@@ -125,7 +127,7 @@ def check_accelerometer(
     subject = "accelerometer"
     if recording.failure is not None:
         return failed(subject, recording.failure), None
-    command = f"; then: {calibration_command(file, subject)}" if config.axes else "."
+    command = f"; then: {calibration_command(subject)}" if config.axes else "."
     axes = [spread(axis) for axis in zip(*recording.samples, strict=True)]
     x, y, z = (axis.mean for axis in axes)
     length = math.hypot(x, y, z)
@@ -162,8 +164,13 @@ def check_accelerometer(
     return ok(subject, text), tilt
 
 
-def check_touch(point: TouchPoint, recording: Recording[float | bool], *, file: str) -> Finding:
-    """Examines one touch sensor; ``file`` is named in the command that is advised."""
+def check_touch(
+    point: TouchPoint,
+    recording: Recording[float | bool],
+    *,
+    calibration_command: Callable[[str], str],
+) -> Finding:
+    """Examines one touch sensor; ``calibration_command`` returns the command to advise."""
     subject = f"touch {point.name}"
     if recording.failure is not None:
         return failed(subject, recording.failure)
@@ -175,7 +182,7 @@ def check_touch(point: TouchPoint, recording: Recording[float | bool], *, file: 
         return ok(subject, text)
     command = ""
     if isinstance(point.driver, StrainGauge):
-        command = f" {calibration_command(file, point.name)}"
+        command = f" {calibration_command(point.name)}"
     force = spread(recording.samples)
     text = (
         f"{recording.name}: {force.mean:+.3f} N, noise {force.deviation:.3f} N; touches above "
@@ -201,11 +208,11 @@ def check_distance(
     tilt: tuple[float, float] | None,
     clock: Clock,
     *,
-    file: str,
+    calibration_command: Callable[[str], str],
 ) -> Finding:
     """Examines the distance sensor, also against the tilt (rad) where that is known.
 
-    ``file`` is named in the command that is advised.
+    ``calibration_command`` returns the command to advise.
     """
     subject = "distance"
     start = clock.now()
@@ -233,7 +240,7 @@ def check_distance(
         return bad(
             subject,
             f"{text}: the ground would be inside the belly.",
-            f"Look that nothing covers the sensor; then: {calibration_command(file, subject)}",
+            f"Look that nothing covers the sensor; then: {calibration_command(subject)}",
         )
     if tilt is not None:
         try:

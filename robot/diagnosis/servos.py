@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
 from protocol.errors import HOLD
 from robot.calibration.joints import Mover
-from robot.configuration.calibration_file import calibration_command
 from robot.configuration.joint_calibration import USUAL_SPAN, DrivenJoint, middle
 from robot.control.joint_watch import LIMITED, OFF, JointWatch, cut_short, told
 from robot.diagnosis.findings import Finding, bad, failed, look, ok
@@ -94,15 +93,19 @@ def check_board(
 
 
 def check_joints(
-    joints: Sequence[DrivenJoint], counts: Mapping[int, int], servos: ServoBus, *, file: str
+    joints: Sequence[DrivenJoint],
+    counts: Mapping[int, int],
+    servos: ServoBus,
+    *,
+    calibration_command: Callable[[str], str],
 ) -> Iterator[Finding]:
     """Checks each joint's count against calibration and limits, and what its servo reports.
 
-    ``file`` is named in the command that is advised.
+    ``calibration_command`` returns the command to advise, which calibrates a part.
     """
     answers = answering(servos)
     for joint in joints:
-        finding = _check_joint(joint, counts[joint.output], file)
+        finding = _check_joint(joint, counts[joint.output], calibration_command)
         if answers is not None:
             try:
                 state = answers.read_states([joint.output])[joint.output]
@@ -132,7 +135,9 @@ def _with_state(finding: Finding, joint: DrivenJoint, count: int, state: ServoSt
     return replace(finding, text=text)
 
 
-def _check_joint(joint: DrivenJoint, count: int, file: str) -> Finding:
+def _check_joint(
+    joint: DrivenJoint, count: int, calibration_command: Callable[[str], str]
+) -> Finding:
     subject = f"joint {joint.name}"
     low, high = (math.degrees(angle) for angle in joint.reachable)
     size = math.degrees(joint.scale.resolution)
@@ -150,14 +155,14 @@ def _check_joint(joint: DrivenJoint, count: int, file: str) -> Finding:
         return bad(
             subject,
             f"{text}. That is outside its limits, {limits[0]:.1f}° to {limits[1]:.1f}°.",
-            f"Look where it really stands, then: {calibration_command(file, joint.name)}",
+            f"Look where it really stands, then: {calibration_command(joint.name)}",
         )
     usual_size = USUAL_SPAN / (len(joint.scale.counts) - 1)
     if not _SIZES[0] <= size / usual_size <= _SIZES[1]:
         return look(
             subject,
             f"{text}. A servo usually turns by {usual_size:.2g}° a count.",
-            f"If its range is not as it should be: {calibration_command(file, joint.name)}",
+            f"If its range is not as it should be: {calibration_command(joint.name)}",
         )
     return ok(subject, text)
 

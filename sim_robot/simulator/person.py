@@ -33,8 +33,9 @@ from sim_robot.simulator.daemon import Emulation
 
 HELP: Final = """\
   doctor [--move]      looks at each device, joint and sensor, as robotd doctor does
-  calibrate [NAME …]   the guided session, whole or by parts; the simulated hands help
-  try                  one joint by hand, every sensor live
+  calibrate [--only NAME …]
+                       the guided session, whole or by parts; the simulated hands help
+  try [--limp]         one joint by hand, every sensor live
   stand, ground        put the robot on a stand, or on its belly
   fault SPEC, mend     break something (sim-robotd --help lists what), and mend it all
   quit"""
@@ -320,13 +321,18 @@ class RehearsalConsole:
         parts, world = self._parts, self._parts.world
         match command, list(arguments):
             case "doctor", [] | ["--move"]:
-                doctor = Doctor(self._config(), parts.buses, move=bool(arguments))
+                doctor = Doctor(
+                    self._config(),
+                    parts.buses,
+                    move=bool(arguments),
+                    calibration_command=lambda part: shlex.join(["calibrate", "--only", part]),
+                )
                 print_findings(doctor.examine(), print)
-            case "calibrate", names:
-                self._calibrate(names)
-            case "try", []:
+            case "calibrate", [] | ["--only", _, *_]:
+                self._calibrate(arguments[1:])
+            case "try", [] | ["--limp"]:
                 with keyboard() as view:
-                    Trial(self._config(), parts.buses, view).run()
+                    Trial(self._config(), parts.buses, view, by_hand=bool(arguments)).run()
             case "stand", []:
                 world.hold(STAND, (0.0, 0.0, 1.0))
             case "ground", []:

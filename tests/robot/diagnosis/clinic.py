@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 from bench.still_robot import StillRobot
+from robot.configuration.calibration_file import calibration_command
 from robot.configuration.robot_config import RobotConfig
 from robot.diagnosis.doctor import Doctor
 from robot.diagnosis.findings import Finding, Severity
 from tests.robot.clocks import InstantClock
+
+COMMAND = partial(calibration_command, "robot.toml")
 
 
 @dataclass
@@ -22,8 +26,9 @@ class Clinic:
         return self.robot.config
 
     def examine(self, *, move: bool = False) -> list[Finding]:
+        command = partial(calibration_command, self.file)
         buses = replace(self.robot.buses, clock=self.clock)
-        return list(Doctor(self.config, buses, move=move, file=self.file).examine())
+        return list(Doctor(self.config, buses, move=move, calibration_command=command).examine())
 
     def bad(self, *, move: bool = False) -> dict[str, Finding]:
         """What is bad, by subject; each with advice."""

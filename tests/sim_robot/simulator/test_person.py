@@ -109,13 +109,15 @@ def test_a_doctor_a_session_and_a_doctor_again(
     file = tmp_path / "calibration.toml"
     typed(
         parts, file, monkeypatch,
-        "doctor", "calibrate accelerometer", "six", *[""] * 6, "yes",
+        "doctor", "calibrate --only accelerometer", "six", *[""] * 6, "yes",
         "fault distance.nak", "doctor", "mend", "stand", "doctor --move", "ground",
     )  # fmt: skip
     said = capsys.readouterr().out
     assert "(simulated: six)" in said
     assert "accelerometer is written" in said
     assert said.count("\nBAD   distance") == 1
+    assert " calibrate --only accelerometer\n" in said
+    assert "robotd calibrate" not in said
     assert "move knee_back" in said
     calibrated, truth = read_calibration(file, COUNTS).accelerometer, parts.truth.axes
     assert calibrated is not None
@@ -127,9 +129,12 @@ def test_a_doctor_a_session_and_a_doctor_again(
 def test_what_it_does_not_know_is_answered_with_what_it_does(
     parts: Emulation, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    typed(parts, None, monkeypatch, "dance", 'doctor "', "calibrate", "fault daq", "try", "quit")
+    typed(
+        parts, None, monkeypatch, "dance", 'doctor "', "calibrate --only", "calibrate",
+        "fault daq", "try", "quit",
+    )  # fmt: skip
     said = capsys.readouterr().out
-    assert said.count("doctor [--move]") == 2  # at the beginning, and after "dance"
+    assert said.count("doctor [--move]") == 3  # at the beginning, after "dance" and "--only"
     assert "No closing quotation" in said
     assert "--calibration FILE" in said
     assert "'daq' is no fault" in said
@@ -144,7 +149,7 @@ def test_what_the_hands_do_not_know_is_for_the_person_alone(
     ) as parts:
         typed(
             parts, tmp_path / "calibration.toml", monkeypatch,
-            "calibrate hip_left", "", "hold", "limp", "", "q",
+            "calibrate --only hip_left", "", "hold", "limp", "", "q",
         )  # fmt: skip
         assert not any(parts.electronics.pulses())
     assert "! You left the session" in capsys.readouterr().out
@@ -170,6 +175,20 @@ def test_a_simulated_person_has_no_instrument_for_an_oscillator(tmp_path: Path) 
         with_calibration(faster, file)
 
 
+def test_joints_are_tried_by_hand_where_servos_say_where_they_are() -> None:
+    window = TerminalWindow(
+        [sys.executable, "-m", "sim_robot", "--console", "--electronics", "feetech"]
+    )
+    try:
+        window.until("simulated robot > ")
+        window.press("try --limp\n")
+        window.until("g, and g again: lets the joint go")
+        window.press("q")
+        window.until("simulated robot > ")
+    finally:
+        window.close()
+
+
 def test_a_lost_connection_costs_one_part_at_most(tmp_path: Path) -> None:
     file = tmp_path / "calibration.toml"
     window = TerminalWindow([*COMMAND, str(file)])
@@ -179,7 +198,7 @@ def test_a_lost_connection_costs_one_part_at_most(tmp_path: Path) -> None:
         window.until("> hip_left")
         window.press("q")
         window.until("simulated robot > ")
-        window.press("calibrate hip_left hip_front\n")
+        window.press("calibrate --only hip_left hip_front\n")
         window.until("on the stand")
         window.press("\n")
         for answer in ("u 15", "done"):
