@@ -241,7 +241,7 @@ def _level_error(quarters: Sequence[Axes], gains: Axes) -> float:
 
 
 GRAVITY: Final = 9.81
-LOADS: Final = (0.05, 200.0)  # N: 5 g to 20 kg; beyond, somebody typed another unit
+LOADS: Final = (0.05, 50.0)  # N: 5 g to 5 kg; beyond, somebody typed another unit
 _CLEAR_OF_NOISE: Final = 10.0  # a load must exceed the noise this many times
 _ON_SIGMAS: Final = 6.0  # times the noise: with such a threshold, a free foot never seems to touch
 _MIN_CHANGE: Final = 2e-3  # V; six codes of 16 bits at ±10 V
@@ -323,7 +323,10 @@ class GaugeSession:
                 load = value * GRAVITY / 1000 if answer.endswith("g") else value
                 if LOADS[0] <= load <= LOADS[1]:
                     return load
-            self._dialogue.say(f"Answer a load from {LOADS[0]:g} to {LOADS[1]:g} N, or q to leave.")
+            self._dialogue.say(
+                f"Answer a load from {LOADS[0]:g} to {LOADS[1]:g} N, grams with their unit as in "
+                "'100 g', or q to leave."
+            )
 
     def _loaded(self) -> tuple[float, Spread]:
         return self._load(), self._sample()

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import Any, Final, Generic, TypeVar
 
+from robot.calibration.sensors import LOADS
 from robot.configuration.robot_config import RobotConfig
 from robot.diagnosis.findings import Finding, bad, failed, look, ok
 from robot.drivers.links.analogue_inputs import STUCK_AFTER, AnalogueInputs
@@ -23,7 +24,6 @@ FAST_SCANS: Final = 200  # enough to be timed; not tuned
 SAMPLES: Final = 5 * STUCK_AFTER  # so that a stuck input is noticed
 DISTANCES: Final = 20  # not tuned
 _FLICKER_SIGMAS: Final = 4.0  # a threshold below this many rms of noise is crossed by it
-_MOST_FORCE: Final = 50.0  # N; the robot weighs a few
 _MAX_LEAN: Final = math.radians(10)  # more than any floor
 _BELOW_GROUND: Final = -0.005  # m; beyond the error of a calibrated sensor
 _MAX_DISTANCE_NOISE: Final = 3e-3  # m rms; not tuned
@@ -188,7 +188,7 @@ def check_touch(
         f"{recording.name}: {force.mean:+.3f} N, noise {force.deviation:.3f} N; touches above "
         f"{point.on:g} N"
     )
-    if force.mean < -point.on or force.mean > _MOST_FORCE:
+    if force.mean < -point.on or force.mean > LOADS[1]:
         return bad(
             subject,
             f"{text}. The ground does not pull, nor does the robot weigh that much.",

@@ -239,12 +239,13 @@ def test_a_free_foot_whose_input_is_at_its_rail_is_measured_again() -> None:
     assert calibration.tare == pytest.approx(0.35, abs=1e-4)
 
 
-@pytest.mark.parametrize("load", ["0", "-1", "900", "heavy", "g", ""])
+@pytest.mark.parametrize("load", ["0", "-1", "100", "900", "6000 g", "heavy", "g", ""])
 def test_an_impossible_load_is_asked_for_again(load: str) -> None:
     foot = Foot(0.1)
     script = Script("", load, (lambda: foot.load(1), "1"))
     assert calibrate_gauge(foot, script) is not None
     assert len(script.prompts) == 3
+    assert script.heard("'100 g'")
 
 
 def test_a_gauge_can_be_skipped() -> None:
