@@ -16,7 +16,7 @@ from estimator.problem.problem import Problem
 from estimator.report.export.formats import in_words_of, urdf
 from protocol.wire.capabilities import Capabilities
 from robot.service.daemon import describe
-from sim_robot.simulator.pc104_set import configure
+from sim_robot.simulator.electronics_sets import pc104
 from sim_robot.world.body import DEFAULT, body_path, load_body
 from sim_robot.world.sensor_noise import NoiseLevels
 
@@ -42,7 +42,7 @@ def on_robot(name: str, body: str = DEFAULT) -> tuple[Problem, Genome, Capabilit
         name: Name of a problem that ships, or a problem file; or the text of one.
         body: Name or file of the robot's body.
     """
-    robot = describe(configure(load_body(body_path(body)), port="", levels=NoiseLevels()))
+    robot = describe(pc104(load_body(body_path(body)), NoiseLevels()))
     problem = Problem.parse(name, "the problem") if "\n" in name else Problem.load(name)
     problem = problem.for_robot(robot)
     return problem, Genome(problem, problem.base(robot)), robot

@@ -15,7 +15,7 @@ from statistics import median
 
 from bench.daemons import Sample, simulator
 from bench.soak_crowd import Crowd, InvariantBroken
-from sim_robot.simulator.daemon import DEFAULT_SET, SETS
+from sim_robot.simulator.electronics_sets import DEFAULT_SET, SETS
 
 DEATHS = 3  # controllers that are lost
 

@@ -7,7 +7,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping
-from contextlib import ExitStack, closing
+from contextlib import ExitStack
 
 from bench.daemons import Sample, Simulator, take_sample
 from bench.network_proxy import MessageProxy, TcpProxy, Weather
@@ -16,7 +16,7 @@ from protocol.transport.client import RobotClient
 from protocol.transport.telemetry import TelemetrySubscriber
 from protocol.wire.messages import ObservationReply
 from sim_robot.faults.control_socket import FaultClient
-from sim_robot.simulator.daemon import SETS
+from sim_robot.simulator.electronics_sets import SETS
 from sim_robot.world.body import default_body_path, load_body
 from sim_robot.world.sensor_noise import NoiseLevels
 
@@ -126,8 +126,8 @@ class Crowd:
         self.samples: list[Sample] = []
         self._robot = robot
         self._random = random.Random(seed)
-        with closing(SETS[electronics](load_body(default_body_path()))) as boards:
-            joints = boards.configure(NoiseLevels()).joints
+        body = load_body(default_body_path())
+        joints = SETS[electronics].configure(body, NoiseLevels()).joints
         self._breaks = FAULTS[electronics]
         self._scales = {joint.name: joint.scale for joint in joints}
         self._last: ObservationReply | None = None

@@ -20,7 +20,8 @@ from robot.service.daemon import serve
 from sim_robot.errors import BodyError, FaultError
 from sim_robot.faults.control_socket import FaultSocket
 from sim_robot.faults.fault_panel import KNOWN, FaultSpec
-from sim_robot.simulator.daemon import DEFAULT_SET, SETS, Emulation, emulation, robot_on
+from sim_robot.simulator.daemon import Emulation, emulation, robot_on
+from sim_robot.simulator.electronics_sets import DEFAULT_SET, SETS
 from sim_robot.simulator.person import RehearsalConsole, SimulatedPerson
 from sim_robot.world.body import body_path, default_body_path, examine, load_body, shipped_bodies
 from sim_robot.world.sensor_noise import load_noise
@@ -72,7 +73,7 @@ def run(options: argparse.Namespace) -> None:
                     parts.panel,
                     options.control,
                     report=lambda: {
-                        "pulses": list(parts.electronics.pulses())[: len(parts.config.joints)],
+                        "pulses": list(parts.electronics.pulses()),
                         "robot_time": parts.clock.now(),
                     },
                 )
@@ -169,7 +170,7 @@ def _parser() -> argparse.ArgumentParser:
         "--electronics",
         choices=SETS,
         help="which boards: "
-        + "; ".join(f"{name}: {kind.summary}" for name, kind in SETS.items())
+        + "; ".join(f"{name}: {one.summary}" for name, one in SETS.items())
         + f" (default {DEFAULT_SET})",
     )
     parser.add_argument(

@@ -31,8 +31,7 @@ from robot.configuration.calibration_file import (
     DistanceCalibration,
     to_toml,
 )
-from sim_robot.simulator.electronics_set import RECESS
-from sim_robot.simulator.pc104_set import AXES_INPUTS, VOLTS_PER_G, ZERO_VOLTS
+from sim_robot.simulator.electronics_sets import AXES_INPUTS, RECESS, VOLTS_PER_G, ZERO_VOLTS
 from sim_robot.world.body import DEFAULT
 
 BUILT: Final = "built"

@@ -37,13 +37,15 @@ from robot.configuration.calibration_file import (
     to_toml,
 )
 from robot.configuration.joint_calibration import JointScale
-from sim_robot.simulator.electronics_set import RECESS, TARE_VOLTS, VOLTS_PER_NEWTON
-from sim_robot.simulator.pc104_set import (
+from sim_robot.simulator.electronics_sets import (
     AXES_INPUTS,
     FIRST_FOOT,
+    RECESS,
+    TARE_VOLTS,
     VOLTS_PER_G,
+    VOLTS_PER_NEWTON,
     ZERO_VOLTS,
-    configure,
+    pc104,
 )
 from sim_robot.world.body import DEFAULT, body_path, load_body
 from sim_robot.world.sensor_noise import NoiseLevels
@@ -147,7 +149,7 @@ def servos_calibrated(
 ) -> dict[str, JointCalibration]:
     """Calibrations of the default robot's first servos, which map true angles to believed ones."""
     body = load_body(body_path(DEFAULT))
-    joints = configure(body, port="/dev/null", levels=NoiseLevels()).joints
+    joints = pc104(body, NoiseLevels()).joints
     return {
         joint.name: JointCalibration(
             output=joint.output,

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType
-from typing import Final
 
 from robot.configuration.calibration_file import read_calibration
 from robot.configuration.robot_config import RobotConfig, apply_calibration
@@ -19,23 +17,14 @@ from robot.service.devices import Devices, open_devices
 from sim_robot.electronics.clock import HostClock, RealTimeClock, VirtualClock
 from sim_robot.faults.damage import Damage
 from sim_robot.faults.fault_panel import FaultPanel
-from sim_robot.simulator.bus_servo_sets import DynamixelSet, FeetechSet
-from sim_robot.simulator.electronics_set import ElectronicsSet
-from sim_robot.simulator.own_set import OwnSet, fitted
-from sim_robot.simulator.pc104_set import PC104Set
-from sim_robot.simulator.pi_set import PiSet
+from sim_robot.simulator.electronics_sets import DEFAULT_SET, SETS
+from sim_robot.simulator.emulated_electronics import EmulatedElectronics
+from sim_robot.simulator.fitted_body import fitted
 from sim_robot.simulator.wiring import Wiring, miscalibrated
 from sim_robot.world.body import Body
 from sim_robot.world.damage import damaged
 from sim_robot.world.sensor_noise import Noise, NoiseLevels
 from sim_robot.world.simulation import DEFAULT_ENGINE, World, open_world
-
-SETS: Final[Mapping[str, type[ElectronicsSet]]] = MappingProxyType(
-    {"pc104": PC104Set, "pi": PiSet, "feetech": FeetechSet, "dynamixel": DynamixelSet}
-)
-"""Sets of electronics, by the names that ``sim-robotd --electronics`` takes."""
-
-DEFAULT_SET: Final = "pc104"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,7 +55,7 @@ class Emulation:
     body: Body
     panel: FaultPanel
     world: World
-    electronics: ElectronicsSet
+    electronics: EmulatedElectronics
 
 
 class SimulatedOperator:
@@ -128,17 +117,17 @@ def emulation(
         BodyError: The body does not fit the configuration ``own``.
     """
     with ExitStack() as stack:
-        if own is not None:
+        if own is None:
+            boards = EmulatedElectronics(SETS[electronics].configure(body, levels))
+        else:
             body, fit_notes = fitted(body, own)
-            boards: ElectronicsSet = OwnSet(body, own)
+            boards = EmulatedElectronics(own)
             for note in (*fit_notes, *boards.notes):
                 log.warning("%s", note)
-        else:
-            boards = SETS[electronics](body)
         stack.callback(boards.close)
         world = stack.enter_context(open_world(body, log=log, engine=engine))
         noise = Noise(levels, seed)
-        config = boards.configure(levels)
+        config = boards.config
         truth = config if wrong is None else miscalibrated(config, wrong)
         if calibration is not None:
             calibrated = read_calibration(calibration, config.servos.known_counts)

@@ -10,7 +10,7 @@ from robot.drivers.buses import Buses
 from robot.drivers.sensors.contracts import BoardSettings
 from robot.drivers.servos.servo_bus import ServoSettings
 from robot.service.dry_run import NullServos
-from sim_robot.simulator.electronics_set import REACH_MM
+from sim_robot.simulator.electronics_sets import REACH_MM
 
 
 class StandInServos:

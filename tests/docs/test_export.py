@@ -21,7 +21,7 @@ from estimator.problem.problem import Problem
 from estimator.report.export.description import Description
 from estimator.report.export.formats import in_words_of, mjcf, urdf
 from robot.service.daemon import describe
-from sim_robot.simulator.pc104_set import configure
+from sim_robot.simulator.electronics_sets import pc104
 from sim_robot.world.body import load_body, shipped_bodies
 from sim_robot.world.sensor_noise import NoiseLevels
 from tests.docs.pages import blocks, section
@@ -44,7 +44,7 @@ STILL = 1e-3  # m
 def exported(name: str) -> Description:
     """The true body of a robot that ships, as its problem says it."""
     path = shipped_bodies()[name]
-    robot = describe(configure(load_body(path), port="", levels=NoiseLevels()))
+    robot = describe(pc104(load_body(path), NoiseLevels()))
     problem = Problem.load(PROBLEMS.get(name, "topological")).for_robot(robot)
     genome = Genome(problem, problem.base(robot))
     any_body = genome.decode(genome.permitted(np.full((1, genome.size), 0.5))[0])

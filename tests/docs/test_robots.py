@@ -10,7 +10,8 @@ from estimator.problem.problem import Problem
 from protocol.wire.capabilities import MODALITIES
 from robot.configuration.robot_config import load_config
 from robot.service.daemon import describe
-from sim_robot.simulator.own_set import OwnSet, fitted
+from sim_robot.simulator.emulated_electronics import EmulatedElectronics
+from sim_robot.simulator.fitted_body import fitted
 from sim_robot.world.body import body_path, load_body
 
 ROBOTS = Path(__file__).parents[2] / "docs" / "robots"
@@ -22,9 +23,9 @@ def test_files_of_a_robot_agree(name: str) -> None:
     folder = ROBOTS / name
     body, problem = SHIPPED.get(name, (str(folder / "body.urdf"), str(folder / "problem.toml")))
     config = load_config(folder / "robot.toml")
-    fits, differences = fitted(load_body(body_path(body)), config)
+    _, differences = fitted(load_body(body_path(body)), config)
     assert differences == []
-    electronics = OwnSet(fits, config)
+    electronics = EmulatedElectronics(config)
     assert electronics.notes == ()
     electronics.close()
     robot = describe(config)

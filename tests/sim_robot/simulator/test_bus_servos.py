@@ -16,9 +16,8 @@ from robot.diagnosis.doctor import Doctor
 from robot.diagnosis.findings import Finding, Severity
 from robot.errors import CommandError, DeviceDataError
 from robot.trial.session import Trial
-from sim_robot.electronics.feetech import MIN_ANGLE
+from sim_robot.electronics.feetech import MIN_ANGLE, FeetechEmulator
 from sim_robot.faults.fault_panel import FaultSpec
-from sim_robot.simulator.bus_servo_sets import FeetechSet
 from sim_robot.simulator.daemon import Emulation, emulation, robot_on, switch_on
 from sim_robot.world.body import default_body_path, load_body
 from sim_robot.world.sensor_noise import NO_NOISE
@@ -209,8 +208,9 @@ def test_servos_that_are_limited_in_their_own_memory_are_refused() -> None:
     with emulation(
         BODY, seed=0, levels=NO_NOISE, real_time=False, log=LOG, electronics="feetech"
     ) as parts:
-        assert isinstance(parts.electronics, FeetechSet)
-        parts.electronics.servos.servos[2].set_word(MIN_ANGLE, 1500)
+        servos = parts.electronics.switches["feetech"]
+        assert isinstance(servos, FeetechEmulator)
+        servos.servos[2].set_word(MIN_ANGLE, 1500)
         parts.devices.servos.forget()
         with pytest.raises(DeviceDataError, match="The servo 3 of hip_right is limited to counts"):
             robot_on(parts, LOG, operator=True)

@@ -24,9 +24,8 @@ from robot.configuration.robot_config import RobotConfig, apply_calibration
 from robot.drivers.servos.sv203 import COUNTS
 from robot.sensing.sensors import tilt_at_rest
 from sim_robot.command_line import _parser
-from sim_robot.simulator import pc104_set, pi_set
-from sim_robot.simulator.bus_servo_sets import DynamixelSet, FeetechSet
-from sim_robot.simulator.daemon import SETS, emulation, robot_on
+from sim_robot.simulator.daemon import emulation, robot_on
+from sim_robot.simulator.electronics_sets import SETS
 from sim_robot.simulator.person import SimulatedPerson
 from sim_robot.simulator.wiring import miscalibrated
 from sim_robot.world.body import default_body_path, load_body
@@ -36,12 +35,7 @@ LOG = logging.getLogger("test")
 SEEDS = range(1000, 1010)
 AT_EACH_CHANGE = {"pc104": (1000,)}  # tests/processes calibrates a pi
 BODY = load_body(default_body_path())
-BELIEVED = {
-    "pc104": pc104_set.configure(BODY, port="nowhere", levels=NoiseLevels()),
-    "pi": pi_set.configure(BODY, NoiseLevels(), pi_set.pulse_boards(BODY)),
-    "feetech": FeetechSet.configuration(BODY, port="nowhere", levels=NoiseLevels()),
-    "dynamixel": DynamixelSet.configuration(BODY, port="nowhere", levels=NoiseLevels()),
-}
+BELIEVED = {name: one.configure(BODY, NoiseLevels()) for name, one in SETS.items()}
 
 
 @dataclass(frozen=True)
@@ -221,7 +215,6 @@ def test_the_robot_lies_flat_with_its_calibration_and_not_without(file: Path) ->
     assert misses[1] < 1
 
 
-def test_every_set_of_electronics_is_calibrated_and_can_be_chosen() -> None:
-    assert list(BELIEVED) == list(SETS)
+def test_every_set_of_electronics_can_be_chosen() -> None:
     for name in SETS:
         assert _parser().parse_args(["--electronics", name]).electronics == name

@@ -12,7 +12,8 @@ import pytest
 from bench.daemons import simulator
 from protocol import RobotClient
 from protocol.wire.messages import ErrorReply, ObservationReply
-from sim_robot.simulator.daemon import SETS, emulation, robot_on
+from sim_robot.simulator.daemon import emulation, robot_on
+from sim_robot.simulator.electronics_sets import SETS
 from sim_robot.world.body import default_body_path, load_body
 from sim_robot.world.sensor_noise import NoiseLevels
 from tests.sim_robot.simulator.requests import Requests

@@ -17,8 +17,8 @@ from robot.drivers.servos.pca9685 import PCA9685Settings
 from robot.drivers.servos.sv203 import COUNTS
 from robot.errors import CommandError, ConfigError
 from sim_robot.simulator.daemon import Emulation, emulation
+from sim_robot.simulator.electronics_sets import pi
 from sim_robot.simulator.person import PROTRACTOR, UNEVEN, RehearsalConsole, SimulatedPerson
-from sim_robot.simulator.pi_set import PiSet
 from sim_robot.world.body import default_body_path, load_body
 from sim_robot.world.sensor_noise import NoiseLevels
 from tests.terminal_window import TerminalWindow
@@ -156,7 +156,7 @@ def test_what_the_hands_do_not_know_is_for_the_person_alone(
 
 
 def test_a_simulated_person_has_no_instrument_for_an_oscillator(tmp_path: Path) -> None:
-    own = PiSet(BODY).configure(NoiseLevels())
+    own = pi(BODY, NoiseLevels())
     assert isinstance(own.servos, PCA9685Settings)
     servos = replace(own.servos, oscillators_mhz=None)
     own = replace(own, servos=servos)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from robot.errors import ConfigError
-from sim_robot.simulator.pc104_set import configure
+from sim_robot.simulator.electronics_sets import pc104
 from sim_robot.world.body import body_path, load_body
 from sim_robot.world.sensor_noise import NO_NOISE, Noise, NoiseLevels, load_noise
 
@@ -78,6 +78,6 @@ def test_what_no_parser_should_meet_is_a_sentence(tmp_path: Path, value: str) ->
 def test_a_robot_may_be_noisier_than_it_says() -> None:
     body = load_body(body_path("three_legs"))
     levels = NoiseLevels(tilt_deg=0.9, clearance_mm=3.0, announced=1 / 3)
-    announced = configure(body, port="", levels=levels).noise
+    announced = pc104(body, levels).noise
     assert np.degrees(announced.tilt) == pytest.approx(0.3)
     assert announced.clearance == pytest.approx(0.001)

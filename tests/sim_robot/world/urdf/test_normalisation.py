@@ -15,7 +15,7 @@ import pytest
 from estimator.evaluation.truth.urdf import read_urdf as read_truth
 from sim_robot.command_line import main
 from sim_robot.errors import BodyError
-from sim_robot.simulator.pc104_set import configure
+from sim_robot.simulator.electronics_sets import pc104
 from sim_robot.world.body import examine, load_body
 from sim_robot.world.sensor_noise import NoiseLevels
 from sim_robot.world.simulation import ENGINES, open_world
@@ -66,7 +66,7 @@ def test_a_limit_may_be_0(tmp_path: Path, lower: str, upper: str) -> None:
     body = taken(tmp_path, BASE, LEG, joint("revolute", "base", "leg", limit))
     assert (body.motors[0].lower, body.motors[0].upper) == (float(lower), float(upper))
     assert body.notes == ()
-    config = configure(body, port="nowhere", levels=NoiseLevels())
+    config = pc104(body, NoiseLevels())
     scale = config.joints[0].scale
     assert scale.angle(scale.count(0.0)) == pytest.approx(0.0, abs=1e-9)
 

@@ -1,7 +1,7 @@
-"""The electronics that somebody's own ``robot.toml`` names, emulated: a rehearsal of that file.
+"""The electronics that a configuration names, emulated: a set's, or somebody's own ``robot.toml``.
 
-Wiring, limits and calibration are the file's. A device that has an emulator is emulated, at the
-address, port or line that the file says. A driver without an emulator is not rehearsed: a stand-in
+Wiring, limits and calibration are the configuration's. A device that has an emulator is emulated,
+at the address, port or line that it says. A driver without an emulator is not rehearsed: a stand-in
 gives what its contract promises, straight from the simulated body, and a note says so.
 """
 
@@ -12,7 +12,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import count
-from typing import Any, ClassVar, Final, cast
+from typing import Any, Final, cast
 
 from protocol.text import brief
 from robot.configuration.robot_config import RobotConfig
@@ -30,12 +30,13 @@ from robot.drivers.sensors.vl6180x import VL6180XSettings
 from robot.drivers.servos.dynamixel import DynamixelSettings
 from robot.drivers.servos.feetech import FeetechSettings
 from robot.drivers.servos.pca9685 import PCA9685Settings
+from robot.drivers.servos.pca9685_board import TICKS
 from robot.drivers.servos.servo_bus import ServoBus, ServoSettings
 from robot.drivers.servos.sv203 import SV203Settings
 from robot.host.clock import Clock
-from robot.service.dry_run import NullServos
 from sim_robot.electronics.ads1115 import ADS1115Emulator
 from sim_robot.electronics.bus_servos import BusServos
+from sim_robot.electronics.clock import TICK
 from sim_robot.electronics.dmm32 import DMM32Emulator
 from sim_robot.electronics.dynamixel import DynamixelEmulator
 from sim_robot.electronics.fault_switch import FaultSwitch
@@ -48,71 +49,60 @@ from sim_robot.electronics.serial_device import Follower
 from sim_robot.electronics.servos import Felt
 from sim_robot.electronics.sv203 import SV203Emulator
 from sim_robot.electronics.vl6180x import VL6180XEmulator
-from sim_robot.errors import BodyError
-from sim_robot.simulator.bus_servo_sets import BusServoSet
-from sim_robot.simulator.electronics_set import REACH_MM, ElectronicsSet
-from sim_robot.simulator.pi_set import commanded
+from sim_robot.simulator.electronics_sets import REACH_MM
 from sim_robot.simulator.stand_ins import StandInBoard, StandInSensor, StandInServos
 from sim_robot.simulator.wiring import Wiring
-from sim_robot.world.body import Body, load_body, shipped_bodies
-from sim_robot.world.sensor_noise import NoiseLevels
 
-_SIZE_TOLERANCE: Final = 2e-3  # m by which a main body may differ from the file without a word
-_MASS_TOLERANCE: Final = 0.05  # kg by which its mass may differ without a word, or
-_MASS_SHARE: Final = 0.05  # this share of its mass
+_LAG_OF_BUS_SERVOS: Final = 0.05  # s; they have a top speed of their own
 
 
-class OwnSet(ElectronicsSet):
-    """Electronics that a configuration names.
+class EmulatedElectronics:
+    """What a robot's drivers find, connected to the world of its body.
 
     Args:
-        body: Body from ``fitted``.
-        config: The configuration.
+        config: The configuration, for a body whose joints and feet are in its order.
 
     Attributes:
+        config: The configuration, with stand-ins.
+        lag: Time until a servo drives to where it was last sent, in small steps, s.
         notes: What is not rehearsed, and why, a sentence each.
     """
 
-    summary: ClassVar[str] = "those of your robot.toml"
-
-    def __init__(self, body: Body, config: RobotConfig) -> None:
-        super().__init__(body)
+    def __init__(self, config: RobotConfig) -> None:
         self._stand_in_notes: list[str] = []
-        self._config = self._with_stand_ins(config)
+        self.config = self._with_stand_ins(config)
         self.notes = tuple(self._stand_in_notes)
+        self.lag = TICK
         self._switches: dict[str, FaultSwitch] = {}
         self._pwm: list[PCA9685Emulator] = []
         self._serial: SV203Emulator | BusServos[Any] | None = None
-        self._stand_in: NullServos | None = None
-        servos = self._config.servos
+        self._bus_servos: BusServos[Any] | None = None
+        servos = self.config.servos
+        outputs = [joint.output for joint in self.config.joints]
+        self._places = [servos.outputs.index(output) for output in outputs]  # used at each step
         if isinstance(servos, SV203Settings):
             self._serial = self._switches["servo_board"] = SV203Emulator(boards=servos.boards)
         elif isinstance(servos, FeetechSettings | DynamixelSettings):
             feetech = isinstance(servos, FeetechSettings)
             emulator = FeetechEmulator if feetech else DynamixelEmulator
-            ids = [joint.output for joint in self._config.joints]
-            self._serial = emulator(ids, baud=servos.baud)
+            self._serial = self._bus_servos = emulator(outputs, baud=servos.baud)
             self._switches["feetech" if feetech else "dynamixel"] = self._serial
-            self.lag = BusServoSet.lag
-        elif isinstance(servos, StandInServos):
-            self._stand_in = servos.driver
+            self.lag = _LAG_OF_BUS_SERVOS
 
     @property
     def switches(self) -> Mapping[str, FaultSwitch]:
-        """Emulators by name, of several of a kind the first."""
+        """What can fail, by its name at the fault panel; of several chips of a kind the first.
+
+        Complete after ``connect``.
+        """
         return self._switches
 
-    def configure(self, levels: NoiseLevels) -> RobotConfig:
-        """The file's configuration, with stand-ins; it announces the file's noise."""
-        del levels
-        return self._config
-
     def connect(self, wiring: Wiring, clock: Clock) -> None:
-        """Makes the emulators of all but a serial servo board."""
+        """Makes the emulators of all but servos on a serial line; ``clock`` is the world's."""
         self._wiring = wiring
-        config = self._config
-        if isinstance(self._serial, BusServos):
-            self._serial.connect(clock)
+        config = self.config
+        if self._bus_servos is not None:
+            self._bus_servos.connect(clock)
         devices: defaultdict[int, list[I2CDevice]] = defaultdict(list)
         if isinstance(config.servos, PCA9685Settings):
             self._pwm = [PCA9685Emulator(clock, address=one) for one in config.servos.boards]
@@ -148,10 +138,10 @@ class OwnSet(ElectronicsSet):
         self._connect_lines(clock)
 
     def buses(self, clock: Clock) -> Buses:
-        """Emulated I/O ports, I²C buses and GPIO chips; the serial line is a real one."""
+        """Buses that lead drivers to the emulators; ``clock`` is the robot's."""
 
         def port(path: str, baud: int) -> Any:
-            servos = self._config.servos
+            servos = self.config.servos
             emulator = self._serial if path == getattr(servos, "port", None) else None
             return open_serial(emulator.port if emulator is not None else path, baud)
 
@@ -164,24 +154,34 @@ class OwnSet(ElectronicsSet):
         )
 
     def pulses(self) -> Sequence[int]:
-        """The count of each joint, in the file's order."""
-        counts = self._counts_by_output()
-        return [counts[joint.output] for joint in self._config.joints]
+        """The count of each joint, 0 where there are no pulses."""
+        if self._bus_servos is not None:
+            return self._bus_servos.pulses()
+        servos = self.config.servos
+        counts: Sequence[int]  # at all outputs
+        if self._serial is not None:
+            counts = self._serial.pulses()
+        elif isinstance(servos, PCA9685Settings):
+            counts = commanded(servos, self._pwm)
+        else:
+            assert isinstance(servos, StandInServos)
+            counts = list(servos.driver.read_counts(servos.outputs).values())
+        return [counts[place] for place in self._places]
 
     def feel(self, find: Callable[[], Sequence[Felt]]) -> None:
-        """Tells servos that answer where the world has their joints."""
-        if isinstance(self._serial, BusServos):
-            self._serial.feel(find)
+        """Has servos that measure find what the world has, in the order of ``pulses``."""
+        if self._bus_servos is not None:
+            self._bus_servos.feel(find)
 
     def follow(self, servos: ServoBus) -> Callable[[], None]:
-        """Returns what waits for the thread that reads a serial line."""
+        """Returns what waits, when called, until a serial line has had all that the driver sent."""
         if self._serial is None:
             return lambda: None
         return Follower(self._serial, cast(Any, servos))
 
     def begin_interaction(self) -> None:
-        """Restarts the dither of an MPU-6050, which alone counts its samples."""
-        if isinstance(self._config.accelerometer, MPU6050Settings):
+        """Restarts the dither of an MPU-6050, so that a repeated observation reads the same."""
+        if isinstance(self.config.accelerometer, MPU6050Settings):
             self._imu.restart_dither()
 
     def close(self) -> None:
@@ -189,29 +189,16 @@ class OwnSet(ElectronicsSet):
         if self._serial is not None:
             self._serial.close()
 
-    def _counts_by_output(self) -> Mapping[int, int]:
-        """The count at each output."""
-        servos = self._config.servos
-        if self._stand_in is not None:
-            return self._stand_in.read_counts(servos.outputs)
-        if isinstance(self._serial, BusServos):
-            ids = (joint.output for joint in self._config.joints)
-            return dict(zip(ids, self._serial.pulses(), strict=True))
-        if self._serial is not None:
-            return dict(zip(servos.outputs, self._serial.pulses(), strict=True))
-        assert isinstance(servos, PCA9685Settings)
-        return dict(zip(servos.outputs, commanded(servos, self._pwm), strict=True))
-
     def _open_i2c(self, path: str) -> I2CHandle:
         return self._i2c[int(re.findall(r"\d+$", path)[0])].open(path)
 
     def _connect_lines(self, clock: Clock) -> None:
         """Makes GPIO chips with the lines of feet, and of a servo board's pin OE."""
-        servos = self._config.servos
+        servos = self.config.servos
         enable = servos.enable if isinstance(servos, PCA9685Settings) else None
         feet = {
             number: point.driver
-            for number, point in enumerate(self._config.touch)
+            for number, point in enumerate(self.config.touch)
             if isinstance(point.driver, GPIOSwitchSettings)
         }
         places = [foot.place for foot in feet.values()] + [enable] * (enable is not None)
@@ -285,79 +272,22 @@ class OwnSet(ElectronicsSet):
         )
 
 
-# --- a body that fits ---------------------------------------------------------------------------
+# --- wires --------------------------------------------------------------------------------------
 
 
-def fitted(body: Body, config: RobotConfig) -> tuple[Body, list[str]]:
-    """A body in the order of a configuration, so that joint and foot k are those of the file.
+def commanded(settings: PCA9685Settings, boards: Sequence[PCA9685Emulator]) -> list[int]:
+    """Pulse widths of all outputs in ticks of the configured length, also on a board with others.
 
-    Where the body has the file's names, joints and feet are matched by name; otherwise in order,
-    which a note says. Feet that the file does not name have no sensor.
-
-    Returns:
-        The body, and notes on where it differs from the file, a sentence each.
-
-    Raises:
-        BodyError: The body has another number of joints, or not the feet that the file names.
+    A level is no pulse, and a width that no servo knows drives it against its stop.
     """
-    joints = [joint.name for joint in config.joints]
-    if len(joints) != len(body.motors):
-        raise BodyError(
-            body.name,
-            "",
-            f"has {len(body.motors)} joints, and {config.name} in robot.toml {len(joints)}: give "
-            f"--body a body with {len(joints)}{_with_joints(len(joints))}.",
-        )
-    notes: list[str] = []
-    motors = {motor.name: motor for motor in body.motors}
-    if set(joints) == motors.keys():
-        body = replace(body, motors=tuple(motors[name] for name in joints))
-    else:
-        pairs = ", ".join(f"{a} = {b}" for a, b in zip(joints, motors, strict=True))
-        notes.append(f"the body's joints have other names, and are taken in order: {pairs}")
-    feet = [point.name for point in config.touch]
-    if set(feet) <= body.touch.keys():
-        body = replace(body, touch={name: body.touch[name] for name in feet})
-    elif len(feet) == len(body.touch):
-        pairs = ", ".join(f"{a} = {b}" for a, b in zip(feet, body.touch, strict=True))
-        notes.append(f"the body's feet have other names, and are taken in order: {pairs}")
-        body = replace(body, touch=dict(zip(feet, body.touch.values(), strict=True)))
-    else:
-        raise BodyError(
-            body.name,
-            "",
-            f"has the feet {', '.join(body.touch) or '(none)'}, and robot.toml names "
-            f"{', '.join(feet)}: call them as they are called there, or give --body another body.",
-        )
-    return body, [*notes, *_differences(body, config)]
-
-
-def _with_joints(number: int) -> str:
-    names = [
-        name for name, path in shipped_bodies().items() if len(load_body(path).motors) == number
+    counts = settings.counts
+    ticks = zip(boards, settings.ticks_us, strict=True)
+    widths = [
+        round(pulse % TICKS * board.tick_us / tick)
+        for board, tick in ticks
+        for pulse in board.pulses()
     ]
-    return f" (with as many comes {', '.join(names)})" if names else ""
-
-
-def _differences(body: Body, config: RobotConfig) -> Iterator[str]:
-    """Sentences on what the file, and so the robot, says otherwise than the body."""
-    extents = zip(body.base_size, config.body.size, strict=True)
-    if any(abs(one - other) > _SIZE_TOLERANCE for one, other in extents):
-        sizes = body.base_size, config.body.size
-        true, said = (" x ".join(f"{1000 * metres:.0f}" for metres in size) for size in sizes)
-        yield f"the main body is {true} mm in the URDF and {said} mm in robot.toml"
-    mass, said_mass = body.base_mass, config.body.mass
-    if abs(mass - said_mass) > max(_MASS_TOLERANCE, _MASS_SHARE * mass):
-        yield f"the main body has {mass:.3g} kg in the URDF and {said_mass:.3g} kg in robot.toml"
-    if body.lies_flat != config.body.lies_flat:
-        words = {True: "lies flat", False: "stands"}
-        yield (
-            f"with all joints at 0 the body {words[body.lies_flat]}, and robot.toml says that it "
-            f"{words[config.body.lies_flat]} (body.zero_pose)"
-        )
-
-
-# --- wires ----------------------------------------------------------------------------------------
+    return [min(max(width, counts[0]), counts[-1]) if width else 0 for width in widths]
 
 
 def _from(volts: Callable[[int], float], first: int) -> Callable[[int], float]:

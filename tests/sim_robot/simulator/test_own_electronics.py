@@ -19,13 +19,13 @@ from sim_robot.command_line import main
 from sim_robot.errors import BodyError
 from sim_robot.faults.fault_panel import FaultSpec
 from sim_robot.simulator.daemon import Emulation, emulation, robot_on
-from sim_robot.simulator.own_set import fitted
+from sim_robot.simulator.fitted_body import fitted
 from sim_robot.world.body import Body, default_body_path, load_body, shipped_bodies
 from sim_robot.world.sensor_noise import NO_NOISE, NoiseLevels
 from tests.docs.test_drivers import POINTS, PYTHON, TABLES, install
 
 BODY = load_body(default_body_path())
-LOG = logging.getLogger("test_own_set")
+LOG = logging.getLogger("test_own_electronics")
 FOOT = re.compile(r'driver = "analogue".*?debounce = 3[^\n]*\n', re.DOTALL)
 
 
