@@ -7,7 +7,6 @@ the robot's daemon knows nothing of it.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -29,6 +28,7 @@ from sim_robot.world.urdf.declarations import (
     Points,
     Robot,
     frame_of,
+    rotation,
     text_of,
     vector,
 )
@@ -58,11 +58,11 @@ def damaged(body: Body, fault: str, number: int, amount: float) -> Body:
         case "bent":
             leg.bend(math.radians(amount))
         case "twisted":
-            axis = _turn(leg.direction, math.radians(amount)) @ vector(leg.joint.axis.xyz)
+            axis = rotation(leg.direction, math.radians(amount)) @ vector(leg.joint.axis.xyz)
             leg.joint.axis = Axis(xyz=text_of(axis))
         case "aside":
             frame = leg.joint.origin.frame
-            frame[:3, :3] = _turn((0.0, 0.0, 1.0), math.radians(amount)) @ frame[:3, :3]
+            frame[:3, :3] = rotation((0.0, 0.0, 1.0), math.radians(amount)) @ frame[:3, :3]
             leg.joint.origin = Origin.at(frame)
         case "weight":
             leg.load(amount / 1000)
@@ -170,7 +170,7 @@ class _Leg:
             axis = np.cross(self.direction, np.eye(3)[np.argmin(np.abs(self.direction))])
         place = self.length / 2
         turned_middle = frame_of(place * self.direction)
-        turned_middle[:3, :3] = _turn(axis, angle)
+        turned_middle[:3, :3] = rotation(axis, angle)
         bend = turned_middle @ frame_of(-place * self.direction)
         turned_links = set[str]()  # links that are turned with what carries them
         for joint in self.joints:
@@ -285,11 +285,3 @@ def _inertia(tensor: Points) -> Inertia:
     values = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2)}
     values["izz"] = (2, 2)
     return Inertia(**{name: float(tensor[place]) for name, place in values.items()})
-
-
-def _turn(axis: Points | Sequence[float], angle: float) -> Points:
-    """The rotation about an axis by an angle, rad; Rodrigues' formula."""
-    x, y, z = np.asarray(axis, dtype=float) / np.linalg.norm(axis)
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    turn: Points = np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
-    return turn

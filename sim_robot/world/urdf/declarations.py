@@ -54,6 +54,14 @@ def frame_of(xyz: Sequence[float] | Points, rpy: Sequence[float] = (0.0, 0.0, 0.
     return frame
 
 
+def rotation(axis: Sequence[float] | Points, angle: float) -> Points:
+    """The rotation about an axis by an angle, rad, shape (3, 3); Rodrigues' formula."""
+    x, y, z = np.asarray(axis, dtype=float) / np.linalg.norm(axis)
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    turn: Points = np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
+    return turn
+
+
 def inverse(frame: Frame) -> Frame:
     """Inverse of a pose: that of the outer frame in the inner one."""
     inverted = np.eye(4)

@@ -47,6 +47,7 @@ from sim_robot.world.urdf.declarations import (
     Say,
     frame_of,
     inverse,
+    rotation,
     text_of,
     vector,
 )
@@ -395,7 +396,9 @@ def _count_from_zero(joint: Joint, limit: Limit, note: Say) -> None:
     zero = lower if lower > 0 else min(upper, 0.0)
     if zero == 0 or lower >= upper or not axis.any():
         return
-    joint.origin = Origin.at(joint.origin.frame @ _turned(axis, zero))
+    frame = joint.origin.frame
+    frame[:3, :3] = frame[:3, :3] @ rotation(axis, zero)
+    joint.origin = Origin.at(frame)
     limit.lower, limit.upper = lower - zero, upper - zero
     low, high, new_zero = (math.degrees(angle) for angle in (lower, upper, zero))
     note(
@@ -403,12 +406,3 @@ def _count_from_zero(joint: Joint, limit: Limit, note: Say) -> None:
         f"turns from {low:.0f}° to {high:.0f}°, without 0, where interactions begin; its angle is "
         f"counted from {new_zero:.1f}°",
     )
-
-
-def _turned(axis: NDArray[np.float64], angle: float) -> Frame:
-    """Pose that is turned about an axis by an angle, rad; Rodrigues' formula."""
-    x, y, z = axis / np.linalg.norm(axis)
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    turned = np.eye(4)
-    turned[:3, :3] += math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
-    return turned
