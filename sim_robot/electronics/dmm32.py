@@ -108,18 +108,6 @@ class DMM32Emulator(FaultSwitch):
             self._read_analogue_status,
         )
 
-    @property
-    def present(self) -> bool:
-        """Whether the board sits on the bus; without it every port reads 0xFF."""
-        return "absent" not in self._faults
-
-    @present.setter
-    def present(self, there: bool) -> None:
-        if there:
-            self.mend("absent")
-        else:
-            self.inject("absent")
-
     def read(self, port: int, n: int = 1) -> bytes:
         """Reads ``n`` successive ports, lowest first."""
         self._clock.charge(n * ACCESS_TIME)
@@ -132,7 +120,7 @@ class DMM32Emulator(FaultSwitch):
         """Writes one byte, 0 to 255, to a port."""
         self._clock.charge(ACCESS_TIME)
         offset = port - self._base
-        if not (self.present and 0 <= offset < WINDOW):
+        if "absent" in self._faults or not 0 <= offset < WINDOW:
             return
         writer = self._WRITERS.get(offset)
         if writer is not None:
@@ -163,7 +151,7 @@ class DMM32Emulator(FaultSwitch):
     # --- reading
 
     def _read(self, offset: int, now: float) -> int:
-        if not (self.present and 0 <= offset < WINDOW):
+        if "absent" in self._faults or not 0 <= offset < WINDOW:
             return _FLOATING
         if offset >= 12:
             return self._paged[self._page][offset - 12]

@@ -78,7 +78,7 @@ def test_a_fault_is_found_where_it_is_and_nowhere_else(
 
 def test_several_faults_are_all_found(clinic: Clinic) -> None:
     clinic.robot.servo_board.inject("mute")
-    clinic.robot.daq.present = False
+    clinic.robot.daq.inject("absent")
     clinic.robot.distance.inject("nak")
     assert list(clinic.bad()) == ["servo board", "analogue inputs", "distance"]
 

@@ -199,7 +199,7 @@ def test_two_ports_at_once_are_low_byte_then_high_byte(bench: Bench) -> None:
 def test_an_empty_bus_floats(bench: Bench) -> None:
     assert bench.board.read(BASE + 16) == b"\xff"
     assert bench.board.read(BASE - 1, 2)[0] == 0xFF
-    bench.board.present = False
+    bench.board.inject("absent")
     assert [bench.read(offset) for offset in range(16)] == [0xFF] * 16
 
 

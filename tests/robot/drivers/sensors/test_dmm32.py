@@ -52,7 +52,10 @@ class Glitch:
         self.accesses = 0
 
     def _next(self) -> None:
-        self._board.present = self.accesses not in self._gone
+        if self.accesses in self._gone:
+            self._board.inject("absent")
+        else:
+            self._board.mend("absent")
         self.accesses += 1
 
     def read(self, port: int, n: int = 1) -> bytes:
