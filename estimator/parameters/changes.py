@@ -115,7 +115,6 @@ def _lengths(body: Morphology, joints: Sequence[str]) -> Iterator[Parameter]:
             yield Within(
                 name=f"{leg} {damage}",
                 group=group,
-                belongs_to="part",
                 change=change,
                 sentence=f"{leg} {damage} to {{}} of its length{gauge}",
                 check=f"look at {leg}",

@@ -43,7 +43,6 @@ def of_sensors(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter
         yield Parameter(
             name=f"accelerometer's own tilt, {way}",
             group="accelerometer_deg",
-            belongs_to="sensor",
             change=partial(shifted, ACCELEROMETER + axis),
             sentence=f"an accelerometer turned by {{}}° {way}, or ground that rises so to the "
             f"{rises}",
@@ -56,7 +55,6 @@ def of_sensors(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter
     yield Parameter(
         name="accelerometer's turn about the vertical",
         group="accelerometer_yaw_deg",
-        belongs_to="sensor",
         change=_level_turned,
         sentence="an accelerometer turned by {}° leftward about the vertical",
         check="look from above how the accelerometer's board lies",
@@ -68,7 +66,6 @@ def of_sensors(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter
     yield Parameter(
         name="accelerometer's gain",
         group="accelerometer_gain",
-        belongs_to="sensor",
         change=_level_scaled,
         sentence="an accelerometer that feels {} times gravity",
         check="calibrate the accelerometer again",
@@ -80,7 +77,6 @@ def of_sensors(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter
     yield Parameter(
         name="distance sensor's offset",
         group="distance_mm",
-        belongs_to="sensor",
         change=partial(shifted, TOO_HIGH),
         sentence="a distance sensor that reads {} mm too much",
         check="hold a ruler to the belly while the robot reads its distance",
@@ -91,7 +87,6 @@ def of_sensors(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter
     yield Parameter(
         name="distance sensor's gain",
         group="distance_gain",
-        belongs_to="sensor",
         change=partial(scaled, DISTANCE_GAIN),
         sentence="a distance sensor that reads {} times the distance",
         check="hold a ruler to the belly at two heights",
@@ -106,7 +101,6 @@ def of_sensors(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter
         yield Parameter(
             name=name,
             group="accelerometer_wiring",
-            belongs_to="sensor",
             change=partial(_rewired, matrix),
             sentence=f"the {name}" if name.startswith("accel") else name,
             check="tilt the robot by hand, and watch which tilt changes, and its sign",
@@ -117,7 +111,6 @@ def of_sensors(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter
             yield Parameter(
                 name=f"touch sensor {gauge + 1} {name}",
                 group=group,
-                belongs_to="sensor",
                 change=partial(_stuck, gauge, reads),
                 sentence=f"touch sensor {gauge + 1} {name}",
                 check=f"press touch sensor {gauge + 1} by hand, and watch its bit",
@@ -162,7 +155,6 @@ def of_wiring(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]
             yield Parameter(
                 name=f"servo of {part.name} reversed",
                 group="servo_reversed",
-                belongs_to="joint",
                 change=partial(_reversed, index),
                 sentence=f"the servo of {part.name} turning the other way",
                 check=f"send {part.name} to +20°, and see which way it goes",
@@ -173,7 +165,6 @@ def of_wiring(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]
             yield Parameter(
                 name=f"plugs of {first.name} and {second.name} exchanged",
                 group="servo_plugs",
-                belongs_to="joint",
                 change=partial(_exchanged, first_index, second_index),
                 sentence=f"the servo plugs of {first.name} and {second.name} exchanged",
                 check=f"move {first.name} alone, and see which leg moves",
@@ -191,7 +182,6 @@ def of_wiring(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]
         yield Parameter(
             name=f"plugs of touch sensors {first_gauge + 1} and {second_gauge + 1} exchanged",
             group="gauge_plugs",
-            belongs_to="sensor",
             change=partial(_gauges_exchanged, first_gauge, second_gauge),
             sentence=f"the plugs of touch sensors {first_gauge + 1} and {second_gauge + 1} "
             "exchanged",

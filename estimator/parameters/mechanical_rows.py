@@ -43,7 +43,6 @@ def of_parts(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]:
     yield Parameter(
         name="thickness of all parts",
         group="thickness",
-        belongs_to="robot",
         change=partial(_thicker, all_parts),
         sentence="parts {} times as thick",
         check="measure a leg, and a foot, with a caliper",
@@ -55,7 +54,6 @@ def of_parts(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]:
     yield Parameter(
         name="mass of all parts",
         group="mass",
-        belongs_to="robot",
         change=partial(_denser, all_parts),
         sentence="parts {} times as heavy",
         check="weigh a leg",
@@ -68,7 +66,6 @@ def of_parts(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]:
         yield Parameter(
             name=f"thickness of {name}",
             group="thickness_of_each",
-            belongs_to="part",
             change=partial(_thicker, column),
             sentence=f"{name}, or its foot, {{}} times as thick",
             check=f"measure {name} and its foot with a caliper",
@@ -80,7 +77,6 @@ def of_parts(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]:
         yield Parameter(
             name=f"mass of {name}",
             group="mass_of_each",
-            belongs_to="part",
             change=partial(_denser, column),
             sentence=f"{name} {{}} times as heavy",
             check=f"weigh {name}, and look for cables that pull at it",
@@ -91,7 +87,6 @@ def of_parts(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]:
         yield Parameter(
             name=f"direction of {name}",
             group="mount_deg",
-            belongs_to="part",
             change=partial(_aside, index),
             sentence=f"{name} pointing {{}}° leftward of its mount's direction",
             check=f"look from above where {name} points",
@@ -103,7 +98,6 @@ def of_parts(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]:
             yield Parameter(
                 name=f"place of {name}",
                 group="mount_mm",
-                belongs_to="part",
                 change=partial(_moved, index),
                 sentence=f"{name} sitting {{}} mm leftward of its place, as it points",
                 check=f"measure where {name} sits on the main body",
@@ -167,7 +161,6 @@ def of_the_main_body(parts: Sequence[PartOutline], sensors: int) -> Iterator[Par
     yield Parameter(
         name="mass of the main body",
         group="main_mass",
-        belongs_to="robot",
         change=partial(scaled, _MASS),
         sentence="a main body {} times as heavy, or all parts as much lighter",
         check="weigh the main body with its battery",
@@ -179,7 +172,6 @@ def of_the_main_body(parts: Sequence[PartOutline], sensors: int) -> Iterator[Par
         yield Parameter(
             name=f"centre of mass, {way}",
             group="centre_of_mass_mm",
-            belongs_to="robot",
             change=partial(shifted, CENTRE + axis),
             sentence=f"the main body's centre of mass {{}} mm {way} of its middle",
             check="balance the main body on a ruler, and see where the battery sits",
@@ -197,7 +189,6 @@ def of_servos(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]
     yield Parameter(
         name="travel of all servos",
         group="travel",
-        belongs_to="joint",
         change=partial(_farther, slice(None)),
         sentence="all servos turning {} times as far as told",
         check="calibrate the servos again",
@@ -212,7 +203,6 @@ def of_servos(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]
         yield Parameter(
             name=f"zero of {name}",
             group="zero_deg",
-            belongs_to="joint",
             change=partial(_off_zero, index),
             motor=part.motor,
             sentence=f"the zero of {name}'s servo off by {{}}°",
@@ -225,7 +215,6 @@ def of_servos(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]
         yield Parameter(
             name=f"travel of {name}",
             group="travel_of_each",
-            belongs_to="joint",
             change=partial(_farther, column),
             motor=part.motor,
             sentence=f"the servo of {name} turning {{}} times as far as told",
@@ -239,7 +228,6 @@ def of_servos(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]
             yield Parameter(
                 name=f"hinge of {name} about {about}",
                 group="hinge_deg",
-                belongs_to="joint",
                 change=partial(_askew, index, axis),
                 sentence=f"the hinge of {name} turned by {{}}° about {about}",
                 check=f"look at {name}: {look}",
@@ -250,7 +238,6 @@ def of_servos(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]
         yield Parameter(
             name=f"servo of {name} dead",
             group="servo_dead",
-            belongs_to="joint",
             change=partial(_limp, index),
             sentence=f"the servo of {name} dead",
             check=f"take hold of {name}: a servo that works resists",
@@ -259,7 +246,6 @@ def of_servos(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]
         yield Parameter(
             name=f"servo of {name} jammed",
             group="servo_jammed",
-            belongs_to="joint",
             change=partial(_jammed, index),
             sentence=f"the servo of {name} standing still at {{}}°",
             check=f"watch {name} while it is moved",

@@ -12,7 +12,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Final, Literal, TypeAlias
+from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -117,7 +117,6 @@ class Parameter:
     Attributes:
         name: Name for people, unique in the table.
         group: Group that it belongs to: a problem's ``[uncertain]`` says how well one is known.
-        belongs_to: What it is about: the robot as a whole, or a kind of thing that it has.
         change: Changes bodies by amounts of it.
         sentence: For people, as the rest of "a robot with …"; braces stand for the amount.
         check: What a person can check by hand.
@@ -135,7 +134,6 @@ class Parameter:
 
     name: str
     group: str
-    belongs_to: Literal["robot", "part", "joint", "sensor"]
     change: Change
     sentence: str
     check: str
