@@ -51,6 +51,11 @@ class DrawnFigure:
     sentences: tuple[str, ...]
     complete: bool = True
 
+    @classmethod
+    def missing(cls, name: str, caption: str, why: str = "All runs are missing.") -> DrawnFigure:
+        """A figure without a picture, for want of finished runs."""
+        return cls(name=name, caption=caption, sentences=(why,), complete=False)
+
 
 def write_figure(
     root: Path,

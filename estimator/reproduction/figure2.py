@@ -33,9 +33,7 @@ def make(root: Path, budget: Budget) -> DrawnFigure:
     """Draws the figure and writes its files."""
     finished = list(read_finished(root, typical_runs(budget)))
     if len(finished) < len(PANELS):
-        return DrawnFigure(
-            name=NAME, caption=CAPTION, sentences=("A run is missing.",), complete=False
-        )
+        return DrawnFigure.missing(NAME, CAPTION, "A run is missing.")
     picture = new_figure(11, 7.4)
     axes = picture.subplots(2, 2)
     rows: list[Row] = []

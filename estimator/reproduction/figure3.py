@@ -92,16 +92,8 @@ class _Cell:
     variance_m2: float
 
 
-@dataclass(frozen=True)
-class Figure3:
-    """The figure, and the samples that the claims are about."""
-
-    drawn: DrawnFigure
-    samples: Samples
-
-
-def make(root: Path, budget: Budget, runs: int | None) -> Figure3:
-    """Draws the figure and writes its files."""
+def make(root: Path, budget: Budget, runs: int | None) -> tuple[DrawnFigure, Samples]:
+    """Draws the figure and writes its files; returns it and the samples that claims are about."""
     cells: list[_Cell] = []
     chance: Quality | None = None
     for variant in VARIANTS:
@@ -110,10 +102,7 @@ def make(root: Path, budget: Budget, runs: int | None) -> Figure3:
             if chance is None:
                 chance = random_models(run.genome, run.true_lengths)
     if chance is None:
-        missing = DrawnFigure(
-            name=NAME, caption=CAPTION, sentences=("All runs are missing.",), complete=False
-        )
-        return Figure3(missing, {})
+        return DrawnFigure.missing(NAME, CAPTION), {}
     iterations = max(cell.iteration for cell in cells)
     by_chance = {
         "mean_leg_error_m": chance.mean_error,
@@ -155,7 +144,7 @@ def make(root: Path, budget: Budget, runs: int | None) -> Figure3:
     drawn = DrawnFigure(
         name=NAME, caption=CAPTION, sentences=_sentences(cells, iterations, by_chance)
     )
-    return Figure3(drawn, _samples(cells, iterations))
+    return drawn, _samples(cells, iterations)
 
 
 def _cells(run: FinishedRun) -> list[_Cell]:

@@ -48,9 +48,7 @@ def make(root: Path, budget: Budget, runs: int | None) -> DrawnFigure:
     """Draws the figure and writes its files."""
     chosen = choose(root, budget, runs)
     if chosen is None:
-        return DrawnFigure(
-            name=NAME, caption=CAPTION, sentences=("All runs are missing.",), complete=False
-        )
+        return DrawnFigure.missing(NAME, CAPTION)
     (run,) = read_finished(root, [chosen])
     right = np.array([run.configurations_right(item) for item in run.generations])
     names = _names(run)

@@ -59,9 +59,7 @@ def make(root: Path, budget: Budget, runs: int | None) -> DrawnFigure:
     """Draws the figure and writes its files."""
     chosen = choose(root, budget, runs)
     if chosen is None:
-        return DrawnFigure(
-            name=NAME, caption=CAPTION, sentences=("All runs are missing.",), complete=False
-        )
+        return DrawnFigure.missing(NAME, CAPTION)
     (run,) = read_finished(root, [chosen])
     poses = [observed(interaction) for interaction in (run.interactions[0], *run.predictions[:1])]
     subjects = [[_robot(run, root, pose), *_models(run, pose)] for pose in poses]

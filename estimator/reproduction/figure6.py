@@ -64,10 +64,7 @@ def make(
     """Draws a study's figure and writes its files; returns it and the share of successful runs."""
     finished = list(read_finished(root, topological_runs(runs, budget, study.problem)))
     if not finished:
-        missing = ("All runs are missing.",)
-        return DrawnFigure(
-            name=study.name, caption=study.caption, sentences=missing, complete=False
-        ), None
+        return DrawnFigure.missing(study.name, study.caption), None
     total = finished[0].score.configurations_total
     informative = finished[0].score.configurations_informative
     chance = finished[0].score.configurations_chance

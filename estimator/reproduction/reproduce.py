@@ -120,9 +120,8 @@ def _draw(
     if "fig2" in figures:
         drawn.append(figure2.make(root, budget))
     if "fig3" in figures:
-        figure_3 = figure3.make(root, budget, runs)
-        samples = figure_3.samples
-        drawn.append(figure_3.drawn)
+        figure_3, samples = figure3.make(root, budget, runs)
+        drawn.append(figure_3)
     if "fig4" in figures:
         drawn.append(figure4.make(root, budget, runs))
     if "fig5" in figures:
