@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -30,51 +31,36 @@ CAPTION: Final = (
     + "; ".join(f"{variant.number} {', '.join(variant.modalities)}" for variant in VARIANTS)
     + "."
 )
-HEADER: Final = (
-    *("variant", "modalities", "iteration", "seed"),
-    *("mean_leg_error_m", "longest_minus_shortest_m", "variance_m2"),
-)
 RANDOM_MODELS: Final = 5000
 _SEED: Final = 0  # of the random models
 _COLOURS: Final = ("#1b4f72", "#2e86c1", "#85929e", "#1e8449", "#bfc9ca", "#82c99d", "#566573")
 """Colours of the variants: blue and green with tilt, grey without."""
 
-_MEASURES: Final = (
+MEASURES: Final[Mapping[str, Callable[[Array, Array], Array]]] = MappingProxyType(
+    {
+        "mean_leg_error_m": lambda lengths, true: np.mean(np.abs(lengths - true), axis=1),
+        "longest_minus_shortest_m": lambda lengths, true: np.ptp(lengths, axis=1),
+        "variance_m2": lambda lengths, true: np.var(lengths, axis=1),
+    }
+)
+"""How good leg lengths are, by name: Figure 3a; 3b by its caption; 3b by the text.
+
+Each takes the lengths of some models, m, shape (models, legs), and the robot's, shape (legs,).
+"""
+
+HEADER: Final = ("variant", "modalities", "iteration", "seed", *MEASURES)
+_PANELS: Final = (
     ("a", "mean_leg_error_m", "mean |leg - true leg| (mm)", 1e3),
     ("b", "longest_minus_shortest_m", "longest - shortest leg (mm)", 1e3),
 )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Quality:
-    """How good leg lengths are, by the measures of Figure 3; one value per model.
-
-    Attributes:
-        mean_error: Mean of |leg - true leg|, m (Figure 3a).
-        spread: Longest minus shortest leg, m (Figure 3b, by its caption).
-        variance: Variance over the legs, m² (Figure 3b, by the text).
-    """
-
-    mean_error: Array
-    spread: Array
-    variance: Array
+def quality(lengths: Array, true_lengths: Array) -> dict[str, Array]:
+    """Quality of some models by each measure, shape (models,)."""
+    return {name: measure(lengths, true_lengths) for name, measure in MEASURES.items()}
 
 
-def quality(lengths: Array, true_lengths: Array) -> Quality:
-    """Quality of some models.
-
-    Args:
-        lengths: Leg lengths of the models, m, shape (models, legs).
-        true_lengths: Leg lengths of the robot, m, shape (legs,).
-    """
-    return Quality(
-        mean_error=np.mean(np.abs(lengths - true_lengths), axis=1),
-        spread=np.ptp(lengths, axis=1),
-        variance=np.var(lengths, axis=1),
-    )
-
-
-def random_models(genome: Genome, true_lengths: Array) -> Quality:
+def random_models(genome: Genome, true_lengths: Array) -> dict[str, Array]:
     """Quality of models whose genes were drawn at random, as the first population's are."""
     genes = generator(_SEED, Stream.RANDOM_MODELS).random((RANDOM_MODELS, genome.size))
     return quality(leg_lengths(genome.decode_all(genes)), true_lengths)
@@ -87,32 +73,25 @@ class _Cell:
     variant: int
     iteration: int
     seed: int
-    mean_leg_error_m: float
-    longest_minus_shortest_m: float
-    variance_m2: float
+    quality: Mapping[str, float]
 
 
 def make(root: Path, budget: Budget, runs: int | None) -> tuple[DrawnFigure, Samples]:
     """Draws the figure and writes its files; returns it and the samples that claims are about."""
     cells: list[_Cell] = []
-    chance: Quality | None = None
+    chance: dict[str, Array] = {}
     for variant in VARIANTS:
         for run in read_finished(root, parametric_runs(variant, runs, budget)):
             cells += _cells(run)
-            if chance is None:
+            if not chance:
                 chance = random_models(run.genome, run.true_lengths)
-    if chance is None:
+    if not cells:
         return DrawnFigure.missing(NAME, CAPTION), {}
     iterations = max(cell.iteration for cell in cells)
-    by_chance = {
-        "mean_leg_error_m": chance.mean_error,
-        "longest_minus_shortest_m": chance.spread,
-        "variance_m2": chance.variance,
-    }
     picture = new_figure(11, 8)
-    for axes, (panel, measure, label, scale) in zip(picture.subplots(2, 1), _MEASURES, strict=True):
+    for axes, (panel, measure, label, scale) in zip(picture.subplots(2, 1), _PANELS, strict=True):
         _draw(axes, cells, iterations, measure, scale)
-        level = float(np.mean(by_chance[measure])) * scale
+        level = float(np.mean(chance[measure])) * scale
         axes.axhline(level, color="0.25", linestyle="--", linewidth=1, label="random models")
         axes.set_ylabel(label)
         axes.set_title(panel, loc="left")
@@ -130,7 +109,7 @@ def make(root: Path, budget: Budget, runs: int | None) -> tuple[DrawnFigure, Sam
         "bars": _bars(cells, iterations),
         "random_models": {
             name: {"mean": float(np.mean(values)), "standard_deviation": float(np.std(values))}
-            for name, values in by_chance.items()
+            for name, values in chance.items()
         },
     }
     write_figure(
@@ -141,9 +120,7 @@ def make(root: Path, budget: Budget, runs: int | None) -> tuple[DrawnFigure, Sam
         rows=[_row(cell) for cell in cells],
         numbers=numbers,
     )
-    drawn = DrawnFigure(
-        name=NAME, caption=CAPTION, sentences=_sentences(cells, iterations, by_chance)
-    )
+    drawn = DrawnFigure(name=NAME, caption=CAPTION, sentences=_sentences(cells, iterations, chance))
     return drawn, _samples(cells, iterations)
 
 
@@ -156,9 +133,7 @@ def _cells(run: FinishedRun) -> list[_Cell]:
             variant=run.planned.variant.number,
             iteration=generation.iteration + 1,
             seed=run.planned.seed,
-            mean_leg_error_m=float(measured.mean_error[index]),
-            longest_minus_shortest_m=float(measured.spread[index]),
-            variance_m2=float(measured.variance[index]),
+            quality={name: float(values[index]) for name, values in measured.items()},
         )
         for index, generation in enumerate(ends)
     ]
@@ -166,7 +141,7 @@ def _cells(run: FinishedRun) -> list[_Cell]:
 
 def _values(cells: Sequence[_Cell], variant: int, iteration: int, measure: str) -> list[float]:
     return [
-        getattr(cell, measure)
+        cell.quality[measure]
         for cell in cells
         if (cell.variant, cell.iteration) == (variant, iteration)
     ]
@@ -201,7 +176,7 @@ def _bars(cells: Sequence[_Cell], iterations: int) -> list[dict[str, Any]]:
     for iteration in range(1, iterations + 1):
         for variant in VARIANTS:
             bar: dict[str, Any] = {"iteration": iteration, "variant": variant.number}
-            for measure in HEADER[-3:]:
+            for measure in MEASURES:
                 values = _values(cells, variant.number, iteration, measure)
                 mean, deviation = mean_and_deviation(values)
                 bar["runs"] = len(values)
@@ -212,19 +187,16 @@ def _bars(cells: Sequence[_Cell], iterations: int) -> list[dict[str, Any]]:
 
 def _row(cell: _Cell) -> Row:
     name = VARIANTS[cell.variant - 1].name
-    return (
-        *(cell.variant, name, cell.iteration, cell.seed),
-        *(cell.mean_leg_error_m, cell.longest_minus_shortest_m, cell.variance_m2),
-    )
+    return cell.variant, name, cell.iteration, cell.seed, *cell.quality.values()
 
 
 def _samples(cells: Sequence[_Cell], iterations: int) -> Samples:
     """Model quality of all runs at the end of the last iteration."""
     samples: dict[Any, dict[int, float]] = {}
     for variant in VARIANTS:
-        for panel, measure, _, _ in _MEASURES:
+        for panel, measure, _, _ in _PANELS:
             samples[f"3{panel}", variant.number] = {
-                cell.seed: getattr(cell, measure)
+                cell.seed: cell.quality[measure]
                 for cell in cells
                 if (cell.variant, cell.iteration) == (variant.number, iterations)
             }
@@ -235,7 +207,7 @@ def _sentences(
     cells: Sequence[_Cell], iterations: int, chance: dict[str, Array]
 ) -> tuple[str, ...]:
     sentences = []
-    for panel, measure, _, scale in _MEASURES:
+    for panel, measure, _, scale in _PANELS:
         parts = []
         for variant in VARIANTS:
             mean, deviation = mean_and_deviation(
