@@ -61,7 +61,7 @@ def command(
         nullcontext() if dask is None else Cluster(dask) as cluster,
         Screen(err) as screen,
     ):
-        outcome = reproduce(
+        failures = reproduce(
             place,
             figures_of(figure),
             screen,
@@ -72,5 +72,5 @@ def command(
             command=shlex.join(["estimator", *sys.argv[1:]]),
         )
     out.print(f"Report: {place / REPORT}", soft_wrap=True)
-    if outcome.failures:
-        fail(f"{len(outcome.failures)} runs failed: the same command tries them again", None)
+    if failures:
+        fail(f"{len(failures)} runs failed: the same command tries them again", None)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 from estimator.cluster import Cluster
@@ -21,21 +20,6 @@ from estimator.reproduction.paper_runs import FIGURES, SEEDS, Budget, Summary, p
 from estimator.reproduction.report import reproduction_page, write_report
 from estimator.reproduction.robot_process import print_body
 from protocol.system.files import replace_text
-
-
-@dataclass(frozen=True, kw_only=True)
-class ReproductionResult:
-    """The outcome of a reproduction.
-
-    Attributes:
-        figures: The figures as drawn.
-        claims: The claims table; ``None`` where no figure bears on it.
-        failures: Why runs could not be finished, by name of the run.
-    """
-
-    figures: tuple[DrawnFigure, ...]
-    claims: ClaimsTable | None
-    failures: Mapping[str, str]
 
 
 def figures_of(name: str) -> tuple[str, ...]:
@@ -61,7 +45,7 @@ def reproduce(
     jobs: int = 1,
     cluster: Cluster | None = None,
     command: str = "",
-) -> ReproductionResult:
+) -> Mapping[str, str]:
     """Completes the runs that figures need, resuming those that are begun, and draws the figures.
 
     Args:
@@ -74,9 +58,11 @@ def reproduce(
         cluster: Cluster that does the runs; ``None``: processes of this computer do.
         command: The command as it was typed.
 
+    Returns:
+        Why runs could not be finished, by name of the run.
+
     Raises:
-        BodyschemaError: Something prevents it; the message says what. Runs that fail do not: they
-            are listed in the outcome.
+        BodyschemaError: Something prevents it; the message says what. Runs that fail do not.
     """
     budget = budget or Budget()
     physics_class(budget.physics)
@@ -108,7 +94,7 @@ def reproduce(
         runs=[Summary.read(run, root, completed.failures.get(run.name)) for run in planned],
     )
     replace_text(root / PAGE, reproduction_page(root))
-    return ReproductionResult(figures=drawn, claims=claims, failures=completed.failures)
+    return completed.failures
 
 
 def _draw(
