@@ -182,8 +182,8 @@ class GuidedSession:
         if "accelerometer" not in self._parts or axes is None:
             return None
         return AccelerometerSession(
-            axes,
-            driver,
+            sensor=axes,
+            driver=driver,
             rate=self._config.settling.rate,
             clock=self._clock,
             dialogue=self._dialogue,
@@ -197,9 +197,9 @@ class GuidedSession:
         self._dialogue.say(GAUGES)
         for point in points:
             measured = GaugeSession(
-                point,
-                gauges[point.name].channel,
-                inputs,
+                point=point,
+                channel=gauges[point.name].channel,
+                inputs=inputs,
                 rate=self._config.settling.rate,
                 clock=self._clock,
                 dialogue=self._dialogue,

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final, Protocol
 
 from robot.calibration.questions import Questions, number
@@ -64,10 +64,11 @@ class RawAxes(Protocol):
         """Does what ``SensorDriver.check`` does."""
 
 
+@dataclass(frozen=True, kw_only=True)
 class AccelerometerSession:
     """Leads through the accelerometer.
 
-    Args:
+    Attributes:
         sensor: Axes of the accelerometer, with their calibration so far.
         driver: Driver that reads the axes.
         rate: Samples per second.
@@ -75,20 +76,11 @@ class AccelerometerSession:
         dialogue: Dialogue with the person.
     """
 
-    def __init__(
-        self,
-        sensor: CalibratedAxes,
-        driver: RawAxes,
-        *,
-        rate: float,
-        clock: Clock,
-        dialogue: Questions,
-    ):
-        self._sensor = sensor
-        self._driver = driver
-        self._rate = rate
-        self._clock = clock
-        self._dialogue = dialogue
+    sensor: CalibratedAxes
+    driver: RawAxes
+    rate: float
+    clock: Clock
+    dialogue: Questions
 
     def run(self) -> AxesCalibration | None:
         """Returns the calibration, or ``None`` if it was skipped.
@@ -96,13 +88,13 @@ class AccelerometerSession:
         Raises:
             AbandonedError: Somebody left.
         """
-        self._dialogue.say(
+        self.dialogue.say(
             "\nAccelerometer\n"
             "  six    hold the robot still in six positions, each axis up and down: zero and gain\n"
             "  level  put it on a level surface: the zeros alone, with the gains that are set"
         )
         while True:
-            choice = self._dialogue.choose(
+            choice = self.dialogue.choose(
                 "accelerometer: six, level or skip", "six", "level", "skip"
             )
             if choice == "skip":
@@ -128,13 +120,13 @@ class AccelerometerSession:
             position = self._leaning_position(seen, zero, gains)
             if position is None:
                 return AxesCalibration(
-                    wiring=self._sensor.wiring,
-                    unit=self._sensor.unit,
+                    wiring=self.sensor.wiring,
+                    unit=self.sensor.unit,
                     zero=zero,
                     per_g=gains,
                     uncertainty=Uncertainty(gain=_gain_error(seen.values(), zero, gains)),
                 )
-            self._dialogue.say(f"It leaned too much in the position '{position}': that once more.")
+            self.dialogue.say(f"It leaned too much in the position '{position}': that once more.")
             seen[position] = self._measure(position)
 
     def _channels_match(self, swings: Sequence[Axes]) -> bool:
@@ -143,16 +135,16 @@ class AccelerometerSession:
             sizes = [abs(value) for value in swing]
             strongest = sizes.index(max(sizes))
             if sizes[strongest] < _MIN_GAIN:
-                self._dialogue.say(
+                self.dialogue.say(
                     f"Nothing saw the {'xyz'[axis]} axis turn over ({sizes[strongest] * 1000:.0f} "
-                    f"m{self._sensor.unit} a g). Check the sensor's supply and wires, and that you "
+                    f"m{self.sensor.unit} a g). Check the sensor's supply and wires, and that you "
                     "did turn the robot."
                 )
                 return False
             if strongest != axis:
-                self._dialogue.say(
-                    f"The {'xyz'[axis]} axis answers on {self._sensor.axis(strongest)}, and "
-                    f"{self._sensor.key} in robot.toml says {self._sensor.axis(axis)}. Correct it "
+                self.dialogue.say(
+                    f"The {'xyz'[axis]} axis answers on {self.sensor.axis(strongest)}, and "
+                    f"{self.sensor.key} in robot.toml says {self.sensor.axis(axis)}. Correct it "
                     "there, or take the six positions in the order that is asked for."
                 )
                 return False
@@ -177,35 +169,35 @@ class AccelerometerSession:
             self._measure(f"level, {quarter} of {QUARTERS}, a quarter turn after each")
             for quarter in range(1, QUARTERS + 1)
         ]
-        gains = self._sensor.per_g
+        gains = self.sensor.per_g
         mean = [sum(axis) / QUARTERS for axis in zip(*quarters, strict=True)]
         zero = (mean[0], mean[1], mean[2] - gains[2])
-        shifts = zip(zero, self._sensor.zero, gains, strict=True)
+        shifts = zip(zero, self.sensor.zero, gains, strict=True)
         if any(abs((new - old) / gain) > 0.5 for new, old, gain in shifts):
-            self._dialogue.say(
+            self.dialogue.say(
                 "That would shift a zero by more than 0.5 g: the robot is not level, or an axis "
                 "points the other way. Take the six positions."
             )
             return None
         return AxesCalibration(
-            wiring=self._sensor.wiring,
-            unit=self._sensor.unit,
+            wiring=self.sensor.wiring,
+            unit=self.sensor.unit,
             zero=zero,
             per_g=gains,
-            uncertainty=replace(self._sensor.uncertainty, zero=_level_error(quarters, gains)),
+            uncertainty=replace(self.sensor.uncertainty, zero=_level_error(quarters, gains)),
         )
 
     def _measure(self, position: str) -> Axes:
         """What the three axes read, once the robot is still."""
-        self._dialogue.choose(f"{position}, hold it still, then Enter", "")
-        return self._dialogue.attempt(self._sample_at_rest)
+        self.dialogue.choose(f"{position}, hold it still, then Enter", "")
+        return self.dialogue.attempt(self._sample_at_rest)
 
     def _sample_at_rest(self) -> Axes:
         samples = []
         for _ in range(SAMPLES):
-            samples.append(self._driver.raw())
-            self._driver.check()
-            self._clock.sleep(1.0 / self._rate)
+            samples.append(self.driver.raw())
+            self.driver.check()
+            self.clock.sleep(1.0 / self.rate)
         axes = [spread(axis) for axis in zip(*samples, strict=True)]
         if max(component.deviation for component in axes) > _MAX_REST_DEVIATION:
             raise DeviceDataError("The robot was not still.", "Put it against something solid.")
@@ -247,10 +239,11 @@ _ON_SIGMAS: Final = 6.0  # times the noise: with such a threshold, a free foot n
 _MIN_CHANGE: Final = 2e-3  # V; six codes of 16 bits at ±10 V
 
 
+@dataclass(frozen=True, kw_only=True)
 class GaugeSession:
     """Leads through one gauge.
 
-    Args:
+    Attributes:
         point: The part that carries it, and its thresholds so far.
         channel: Analogue input of the gauge.
         inputs: Analogue inputs of its board.
@@ -259,22 +252,12 @@ class GaugeSession:
         dialogue: Dialogue with the person.
     """
 
-    def __init__(
-        self,
-        point: TouchPoint,
-        channel: int,
-        inputs: AnalogueInputs,
-        *,
-        rate: float,
-        clock: Clock,
-        dialogue: Questions,
-    ):
-        self._point = point
-        self._channel = channel
-        self._inputs = inputs
-        self._rate = rate
-        self._clock = clock
-        self._dialogue = dialogue
+    point: TouchPoint
+    channel: int
+    inputs: AnalogueInputs
+    rate: float
+    clock: Clock
+    dialogue: Questions
 
     def run(self) -> GaugeCalibration | None:
         """Returns the calibration, or ``None`` if it was skipped.
@@ -282,19 +265,19 @@ class GaugeSession:
         Raises:
             AbandonedError: Somebody left.
         """
-        name = self._point.name
-        if self._dialogue.choose(f"{name} free of any load: Enter or skip", "", "skip"):
+        name = self.point.name
+        if self.dialogue.choose(f"{name} free of any load: Enter or skip", "", "skip"):
             return None
-        free = self._dialogue.attempt(self._sample)
+        free = self.dialogue.attempt(self._sample)
         while True:
-            load, loaded = self._dialogue.attempt(self._loaded)
+            load, loaded = self.dialogue.attempt(self._loaded)
             change = loaded.mean - free.mean
             if abs(change) > max(_MIN_CHANGE, _CLEAR_OF_NOISE * free.deviation):
                 break
-            self._dialogue.say(
+            self.dialogue.say(
                 f"{load:g} N changed it by {change * 1000:.1f} mV only, with "
                 f"{free.deviation * 1000:.1f} mV of noise. Is the load on this foot, and is "
-                f"channel {self._channel} this gauge's? Load it again, or leave with q."
+                f"channel {self.channel} this gauge's? Load it again, or leave with q."
             )
         gain = change / load
         return self._thresholds(free, gain)
@@ -302,28 +285,28 @@ class GaugeSession:
     def _thresholds(self, free: Spread, gain: float) -> GaugeCalibration:
         """Keeps the thresholds that are set, unless the noise would cross them."""
         noise = free.deviation / abs(gain)
-        on = self._point.on
+        on = self.point.on
         if on < _ON_SIGMAS * noise:
             on = math.ceil(_ON_SIGMAS * noise * 100) / 100
-            self._dialogue.say(
+            self.dialogue.say(
                 f"The free foot reads {noise:.3f} N of noise, so it touches above {on:g} N "
-                f"instead of {self._point.on:g} N."
+                f"instead of {self.point.on:g} N."
             )
-        share = self._point.off / self._point.on if self._point.on else 0.5
+        share = self.point.off / self.point.on if self.point.on else 0.5
         return GaugeCalibration(
-            channel=self._channel, tare=free.mean, volts_per_newton=gain, on=on, off=on * share
+            channel=self.channel, tare=free.mean, volts_per_newton=gain, on=on, off=on * share
         )
 
     def _load(self) -> float:
-        prompt = f"{self._point.name} with a known load: newtons, or grams as in '100 g'"
+        prompt = f"{self.point.name} with a known load: newtons, or grams as in '100 g'"
         while True:
-            answer = self._dialogue.ask(prompt)
+            answer = self.dialogue.ask(prompt)
             value = number(answer.removesuffix("g"))
             if value is not None:
                 load = value * GRAVITY / 1000 if answer.endswith("g") else value
                 if LOADS[0] <= load <= LOADS[1]:
                     return load
-            self._dialogue.say(
+            self.dialogue.say(
                 f"Answer a load from {LOADS[0]:g} to {LOADS[1]:g} N, grams with their unit as in "
                 "'100 g', or q to leave."
             )
@@ -333,7 +316,7 @@ class GaugeSession:
 
     def _sample(self) -> Spread:
         return sample_channel(
-            self._inputs, self._channel, count=SAMPLES, rate=self._rate, clock=self._clock
+            self.inputs, self.channel, count=SAMPLES, rate=self.rate, clock=self.clock
         )
 
 

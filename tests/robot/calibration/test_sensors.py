@@ -51,8 +51,8 @@ class Body:
 
 def calibrate_axes(body: Body, script: Script, axes: AnalogueAxes = AXES) -> AxesCalibration | None:
     return AccelerometerSession(
-        axes,
-        AnalogueAccelerometer(axes, body.inputs.connected(dict(enumerate("xyz", 1)))),
+        sensor=axes,
+        driver=AnalogueAccelerometer(axes, body.inputs.connected(dict(enumerate("xyz", 1)))),
         rate=50,
         clock=InstantClock(),
         dialogue=Questions(script),
@@ -179,9 +179,9 @@ class Foot:
 
 def calibrate_gauge(foot: Foot, script: Script) -> GaugeCalibration | None:
     return GaugeSession(
-        POINT,
-        GAUGE.channel,
-        foot.inputs.connected({GAUGE.channel: "the gauge of foot"}),
+        point=POINT,
+        channel=GAUGE.channel,
+        inputs=foot.inputs.connected({GAUGE.channel: "the gauge of foot"}),
         rate=50,
         clock=InstantClock(),
         dialogue=Questions(script),
