@@ -19,6 +19,7 @@ from typing import Any, Final, cast
 from robot.configuration.joint_calibration import DrivenJoint, JointScale
 from robot.configuration.robot_config import RobotConfig, load_config
 from robot.control.controller import Controller
+from robot.devices import Devices, open_devices
 from robot.drivers.buses import Buses
 from robot.drivers.sensors.ads1115 import ADS1115Settings
 from robot.drivers.sensors.analogue import StrainGauge
@@ -32,7 +33,6 @@ from robot.drivers.servos.sv203 import SERVOS, SV203, SV203Settings
 from robot.host.clock import Clock, WatchedClock
 from robot.host.service_manager import ServiceManager
 from robot.service.daemon import build_controller
-from robot.service.devices import Devices, open_devices
 from sim_robot.electronics.ads1115 import ADS1115Emulator
 from sim_robot.electronics.bus_servos import STEPS, BusServos
 from sim_robot.electronics.clock import HostClock

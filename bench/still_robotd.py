@@ -31,13 +31,13 @@ from bench.still_robot import (
     still_robot,
 )
 from protocol.transport.server import Server
+from robot.devices import Devices
 from robot.drivers.buses import Buses
 from robot.drivers.links.device_files import open_serial
 from robot.errors import DeviceError
 from robot.host.clock import WallClock
 from robot.host.logs import complain, set_up_logging
 from robot.service.daemon import HOUSEKEEPING, serve
-from robot.service.devices import Devices
 from sim_robot.electronics.dmm32 import DMM32Emulator
 from sim_robot.electronics.vl6180x import VL6180XEmulator
 from sim_robot.faults.control_socket import FaultSocket

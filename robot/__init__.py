@@ -9,6 +9,7 @@ Name                    What is in it
 ``calibration``         ``robotd calibrate``: the guided session
 ``trial``               ``robotd try``: one joint by hand, every sensor live
 ``control``             the control loop and the choreography of an interaction
+``devices``             a robot's devices: opened, and made to work again after a fault
 ``configuration``       ``robot.toml`` and ``calibration.toml``
 ``sensing``             volts and millimetres become tilt, touch and clearance
 ``drivers``             the electronics

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
 from functools import partial
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 from robot.calibration.joints import HELP, Mover, calibrate_joint, measure_oscillators
 from robot.calibration.questions import Questions
@@ -25,9 +25,7 @@ from robot.configuration.calibration_file import (
     check_calibration,
 )
 from robot.configuration.robot_config import RobotConfig
-from robot.drivers.links.analogue_inputs import AnalogueInputs
-from robot.drivers.sensors.contracts import DistanceSensor
-from robot.drivers.servos.servo_bus import ServoBus
+from robot.devices import Devices
 from robot.errors import AbandonedError, CommandError, ConfigError
 from robot.host.clock import Clock
 from robot.uncertainty import Uncertainty
@@ -44,26 +42,6 @@ straight out, level with the body; upward is positive."""
 GAUGES: Final = """
 Strain gauges. Leave the robot on its stand, no foot touching anything. You need one weight that
 you know, 100 g or more, to hang on each foot in turn as the ground would push it: upward."""
-
-
-class CalibratedDevices(Protocol):
-    """The drivers that a session needs."""
-
-    @property
-    def servos(self) -> ServoBus:
-        """The servo driver."""
-
-    @property
-    def inputs(self) -> AnalogueInputs | None:
-        """The inputs of the data acquisition board, if there is one."""
-
-    @property
-    def accelerometer(self) -> Any:
-        """The accelerometer, if any; it has ``raw`` where its settings are ``CalibratedAxes``."""
-
-    @property
-    def distance(self) -> DistanceSensor | None:
-        """The distance sensor, if there is one."""
 
 
 def parts(config: RobotConfig) -> list[str]:
@@ -102,7 +80,7 @@ class GuidedSession:
     def __init__(
         self,
         config: RobotConfig,
-        devices: CalibratedDevices,
+        devices: Devices,
         *,
         clock: Clock,
         dialogue: Questions,
@@ -178,7 +156,8 @@ class GuidedSession:
                 yield joint.name, replace(measured, scale=scale)
 
     def _accelerometer(self) -> AxesCalibration | None:
-        axes, driver = self._config.axes, self._devices.accelerometer
+        axes = self._config.axes
+        driver: Any = self._devices.accelerometer  # where there are axes, it is a ``RawAxes``
         if "accelerometer" not in self._parts or axes is None:
             return None
         return AccelerometerSession(

@@ -13,10 +13,10 @@ from robot.calibration.guided_session import GuidedSession
 from robot.calibration.questions import Console, Questions, Terminal
 from robot.configuration.calibration_file import Calibration, save_calibration
 from robot.configuration.robot_config import RobotConfig, read_config, with_calibration
+from robot.devices import Devices, open_devices, revive
 from robot.drivers.buses import Buses
 from robot.errors import AbandonedError, ConfigError
 from robot.host.clock import Clock, WallClock
-from robot.service.devices import Devices, open_devices, revive
 
 HELP = "measure joints and sensors with a person's help, and write the calibration file"
 

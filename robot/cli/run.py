@@ -14,11 +14,11 @@ from protocol.sockets.zmq_sockets import DEFAULT_BIND
 from protocol.transport.server import Server
 from robot.configuration.robot_config import RobotConfig, load_config
 from robot.control.controller import Controller
+from robot.devices import open_devices, report_devices
 from robot.drivers.buses import Buses
 from robot.host.clock import Clock, WallClock, WatchedClock
 from robot.host.service_manager import ServiceManager
 from robot.service.daemon import HOUSEKEEPING, build_controller, serve
-from robot.service.devices import open_devices, report_devices
 from robot.service.dry_run import dry_config, dry_controller
 
 HELP = "serve the robot until SIGTERM or Ctrl-C"

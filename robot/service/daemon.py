@@ -17,12 +17,12 @@ from protocol.wire.capabilities import Capabilities, Joint, Sensor
 from robot.configuration.robot_config import RobotConfig
 from robot.control.controller import Controller
 from robot.control.interaction import MotorProgramRunner, Operator
+from robot.devices import Devices, revive
 from robot.drivers.servos.servo_bus import ServoBus, answering
 from robot.errors import DeviceTimeoutError
 from robot.host.clock import Clock, SteadyClock
 from robot.host.service_manager import ServiceManager
 from robot.sensing.sensors import RobotSensors, SensorReader
-from robot.service.devices import Devices, revive
 from robot.uncertainty import Uncertainty
 
 HOUSEKEEPING = 3.0  # s between checks that the servo board was not reset

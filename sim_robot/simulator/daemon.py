@@ -11,9 +11,9 @@ from pathlib import Path
 from robot.configuration.calibration_file import read_calibration
 from robot.configuration.robot_config import RobotConfig, apply_calibration
 from robot.control.controller import Controller
+from robot.devices import Devices, open_devices
 from robot.drivers.buses import Buses
 from robot.service.daemon import HOUSEKEEPING, build_controller
-from robot.service.devices import Devices, open_devices
 from sim_robot.electronics.clock import HostClock, RealTimeClock, VirtualClock
 from sim_robot.faults.damage import Damage
 from sim_robot.faults.fault_panel import FaultPanel

@@ -23,9 +23,9 @@ from robot.calibration.questions import Console
 from robot.cli.calibrate import calibrate
 from robot.cli.doctor import print_findings
 from robot.configuration.robot_config import RobotConfig, with_calibration
+from robot.devices import Devices, open_devices
 from robot.diagnosis.doctor import Doctor
 from robot.errors import CommandError
-from robot.service.devices import Devices, open_devices
 from robot.trial.keyboard import keyboard
 from robot.trial.session import Trial
 from sim_robot.faults.fault_panel import FaultSpec

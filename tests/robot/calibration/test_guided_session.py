@@ -21,10 +21,10 @@ from robot.configuration.calibration_file import (
     read_calibration,
     save_calibration,
 )
+from robot.devices import Devices, revive
 from robot.drivers.sensors.vl6180x import VL6180X
 from robot.drivers.servos.sv203 import COUNTS, SV203
 from robot.errors import AbandonedError, CommandError
-from robot.service.devices import Devices, revive
 from tests.robot.calibration.desk import Answer, Script
 from tests.robot.clocks import InstantClock
 

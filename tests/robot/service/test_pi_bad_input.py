@@ -9,9 +9,9 @@ import pytest
 
 from robot.cli.command_line import main
 from robot.configuration.robot_config import load_config
+from robot.devices import open_devices
 from robot.drivers.buses import Buses
 from robot.errors import ConfigError, DeviceMissingError
-from robot.service.devices import open_devices
 from sim_robot.electronics.ads1115 import ADS1115Emulator
 from sim_robot.electronics.i2c_bus import I2CBus, I2CDevice
 from sim_robot.electronics.mpu6050 import MPU6050Emulator

@@ -12,11 +12,11 @@ import pytest
 
 from bench.still_robot import StillPi, StillRobot, example_config, still_pi, still_robot
 from robot.configuration.robot_config import RobotConfig
+from robot.devices import Devices, open_devices, revive
 from robot.drivers.buses import Buses
 from robot.drivers.links.i2c import I2CBus
 from robot.drivers.servos.sv203 import SV203Settings
 from robot.errors import DeviceError, DeviceMissingError, DriverError
-from robot.service.devices import Devices, open_devices, revive
 from sim_robot.electronics.dmm32 import DMM32Emulator
 from sim_robot.electronics.sv203 import SV203Emulator
 from tests.robot.calibration.desk import Board
