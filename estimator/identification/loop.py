@@ -8,8 +8,8 @@ from functools import partial
 from estimator.errors import InteractionError
 from estimator.exploration.rules import Choice
 from estimator.identification.method import Listener, Method
-from estimator.identification.next_program import ChoiceResources, next_program
 from estimator.identification.robot_link import RobotLink
+from estimator.posterior.fitted import FittedPosterior
 from estimator.readings.observation import Observation
 from estimator.storage.records import InteractionRecord, Ticket
 from estimator.storage.store import RunStore
@@ -18,6 +18,9 @@ from protocol.errors import RobotError, RobotRestartedError, RobotUnreachableErr
 Connect = Callable[[], RobotLink]
 """Reaches the robot when it is first needed."""
 
+Choose = Callable[[FittedPosterior], Choice]
+"""Chooses the next motor program, by what is known so far."""
+
 
 class Identification:
     """One run, from where its store says that it stands to its end.
@@ -25,7 +28,7 @@ class Identification:
     Args:
         store: The run's memory; opened for writing.
         method: Learns from interactions.
-        resources: What motor programs are chosen with.
+        choose: Chooses motor programs by the run's exploration rule.
         connect: Reaches the robot; called at most once, and not at all when every interaction is
             done already.
         listener: Hears what happens.
@@ -36,13 +39,13 @@ class Identification:
         store: RunStore,
         method: Method,
         *,
-        resources: ChoiceResources,
+        choose: Choose,
         connect: Connect,
         listener: Listener,
     ) -> None:
         self._store = store
         self._method = method
-        self._resources = resources
+        self._choose = choose
         self._connect = connect
         self._listener = listener
         self._link: RobotLink | None = None
@@ -98,15 +101,13 @@ class Identification:
         return observation
 
     def _choice(self, number: int, link: RobotLink) -> Choice:
-        settings = self._store.settings
         if link.recorded is None and not number and self._store.problem.reads_flat_first:
             return Choice(
                 program=(0.0,) * len(self._store.capabilities.joints),
                 reason="reads the accelerometer's own tilt while the robot lies flat",
             )
         if link.recorded is None:
-            posterior = self._method.posterior()
-            return next_program(self._store, settings.explore, posterior, self._resources)
+            return self._choose(self._method.posterior())
         if number >= len(link.recorded):
             raise InteractionError(
                 f"interaction {number + 1} was never recorded: the record holds "

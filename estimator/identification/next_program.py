@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 from estimator.errors import EstimatorError
@@ -16,24 +16,8 @@ from estimator.storage.store import RunStore
 _ROUNDING: Final = 1e-9  # rad
 
 
-@dataclass(frozen=True, kw_only=True)
-class ChoiceResources:
-    """What exploration rules compute with.
-
-    Attributes:
-        physics: Predicts what models feel.
-        jobs: Number of threads that a rule may use, apart from those of ``physics``.
-    """
-
-    physics: ArrayPhysics
-    jobs: int = 1
-
-
 def next_program(
-    store: RunStore,
-    rule: str,
-    posterior: FittedPosterior,
-    resources: ChoiceResources,
+    store: RunStore, rule: str, posterior: FittedPosterior, *, physics: ArrayPhysics, jobs: int = 1
 ) -> Choice:
     """Motor program that a rule chooses after the interactions so far; the same in a resumed run.
 
@@ -41,18 +25,19 @@ def next_program(
         store: The run's memory.
         rule: Name of the exploration rule.
         posterior: Posterior after the interactions so far.
-        resources: What the rule computes with.
+        physics: Predicts what models feel.
+        jobs: Number of threads that the rule may use, apart from those of ``physics``.
 
     Raises:
         EstimatorError: What the rule gives is no motor program of this robot.
     """
     settings = store.settings
     situation = Situation(
-        posterior=posterior.computed_by(resources.physics),
+        posterior=posterior.computed_by(physics),
         objective=OBJECTIVES.load(settings.objective)(store.capabilities),
         rng=generator(settings.seed, Stream.PROGRAMS, len(posterior.observations)),
         learn=settings.learn,
-        jobs=resources.jobs,
+        jobs=jobs,
     )
     return _checked(RULES.load(rule)(situation), f"exploration rule {rule!r}", store)
 

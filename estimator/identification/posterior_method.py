@@ -14,7 +14,7 @@ import numpy as np
 
 from estimator.errors import EstimatorError
 from estimator.identification.method import Listener
-from estimator.identification.next_program import ChoiceResources, next_program
+from estimator.identification.next_program import next_program
 from estimator.parameters.table import prior_probabilities
 from estimator.physics.backends import (
     REFERENCE,
@@ -294,8 +294,7 @@ class PosteriorMethod:
     def _deciding(self, fitted: FittedPosterior) -> NextMovement:
         """The movement that would tell most about what is left open."""
         with closing(self._make_physics()) as physics:
-            resources = ChoiceResources(physics=physics)
-            choice = next_program(self._store, "information", fitted, resources)
+            choice = next_program(self._store, "information", fitted, physics=physics)
         return NextMovement(
             program=choice.program,
             reason=choice.reason,

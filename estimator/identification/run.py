@@ -17,7 +17,7 @@ from estimator.errors import EstimatorError, InteractionError
 from estimator.exploration.rules import RULES
 from estimator.identification.loop import Identification
 from estimator.identification.method import Listener, Method
-from estimator.identification.next_program import ChoiceResources
+from estimator.identification.next_program import next_program
 from estimator.identification.paper.method import PaperMethod
 from estimator.identification.paper.objectives import OBJECTIVES
 from estimator.identification.paper.search import SEARCHES
@@ -263,10 +263,11 @@ def _work(
 ) -> Summary:
     with ExitStack() as stack:
         method, choosing = METHODS[store.settings.method].open(store, executors, listener, stack)
+        rule, jobs = store.settings.explore, executors.threads
         identification = Identification(
             store,
             method,
-            resources=ChoiceResources(physics=choosing, jobs=executors.threads),
+            choose=partial(next_program, store, rule, physics=choosing, jobs=jobs),
             connect=connect,
             listener=listener,
         )
