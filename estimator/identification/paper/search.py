@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any, Final, Literal, Protocol, Self
+from typing import Any, Final, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -156,16 +156,6 @@ class DeterministicCrowding:
     def best(self) -> int:
         """Index of the member with the smallest error; the first of equals."""
         return int(np.argmin(self.errors))
-
-    @property
-    def generation(self) -> int:
-        """Number of generations of children that were told so far."""
-        return self._generation
-
-    @property
-    def asks(self) -> Literal["population", "children"]:
-        """What ``ask`` hands out next, or has handed out and waits to be told."""
-        return "population" if self._errors is None else "children"
 
     @property
     def limits(self) -> Array:
