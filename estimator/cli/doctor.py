@@ -15,7 +15,7 @@ import typer
 from rich.text import Text
 
 from estimator.cli.console import errors_as_sentences, out
-from estimator.cli.findings import ExaminedItem, Fitness
+from estimator.cli.findings import ExaminedItem, Fitness, bad, fine, note
 from estimator.cli.options import Keys
 from estimator.readings.modalities import MODALITIES, check_modalities
 from protocol.errors import (
@@ -108,21 +108,21 @@ def examine(uri: str, keys: Path | None = None) -> Iterator[ExaminedItem]:
     """
     link = probe(uri, KeyDirectory(keys).client_keys() if keys is not None else None)
     if link.obstacle in _KEY_OBSTACLES:
-        yield ExaminedItem("reachability", Fitness.FINE, f"{uri} answers.")
-        yield ExaminedItem("keys", Fitness.BAD, link.sentence)
+        yield fine("reachability", f"{uri} answers.")
+        yield bad("keys", link.sentence)
         return
     if not link.fine:
-        yield ExaminedItem("reachability", Fitness.BAD, link.sentence)
+        yield bad("reachability", link.sentence)
         return
-    yield ExaminedItem("reachability", Fitness.FINE, link.sentence)
+    yield fine("reachability", link.sentence)
     try:
         client = RobotClient(uri, keys=keys, timeout=_PATIENCE, software="estimator doctor")
     except RobotError as error:
         subject = "version" if error.code == "unsupported_version" else "session"
-        yield ExaminedItem(subject, Fitness.BAD, f"{error.message} {error.advice}")
+        yield bad(subject, f"{error.message} {error.advice}")
         return
     except RobotUnreachableError as error:
-        yield ExaminedItem("session", Fitness.BAD, str(error))
+        yield bad("session", str(error))
         return
     with closing(client):
         yield _role(client, with_keys=keys is not None)
@@ -136,7 +136,7 @@ def examine(uri: str, keys: Path | None = None) -> Iterator[ExaminedItem]:
             if status.state in _CALM_STATES:
                 yield from _freshness(client)
         except BodyschemaError as error:
-            yield ExaminedItem("connection", Fitness.BAD, str(error))
+            yield bad("connection", str(error))
             return
         yield _telemetry(client, keys)
 
@@ -146,23 +146,20 @@ def _role(client: RobotClient, *, with_keys: bool) -> ExaminedItem:
         client.release()
     except RobotError as error:
         if error.code == "unauthorised":
-            return ExaminedItem(
+            return bad(
                 "keys",
-                Fitness.BAD,
                 f"{error.message} To identify the robot, this key needs the role controller there.",
             )
     if with_keys:
-        return ExaminedItem("keys", Fitness.FINE, "The robot knows this key, as a controller's.")
-    return ExaminedItem(
-        "keys", Fitness.FINE, "The robot asks for none: who can reach it can control it."
-    )
+        return fine("keys", "The robot knows this key, as a controller's.")
+    return fine("keys", "The robot asks for none: who can reach it can control it.")
 
 
 def _version(client: RobotClient) -> ExaminedItem:
     theirs, ours = client.capabilities.software, f"bodyschema {metadata.version('bodyschema')}"
     if theirs == ours:
-        return ExaminedItem("version", Fitness.FINE, f"Both sides run {ours}.")
-    return ExaminedItem("version", Fitness.NOTE, f"The robot runs {theirs}, this is {ours}.")
+        return fine("version", f"Both sides run {ours}.")
+    return note("version", f"The robot runs {theirs}, this is {ours}.")
 
 
 def _robot(client: RobotClient) -> ExaminedItem:
@@ -171,13 +168,11 @@ def _robot(client: RobotClient) -> ExaminedItem:
     senses = [sensor.modality for sensor in capabilities.sensors]
     joints = f"{capabilities.robot}: {len(capabilities.joints)} joints"
     if not senses:
-        return ExaminedItem(
-            "robot", Fitness.BAD, f"{joints}; it has no sensors, so nothing is learnt."
-        )
+        return bad("robot", f"{joints}; it has no sensors, so nothing is learnt.")
     sentence = f"{joints}; senses {', '.join(senses)}"
     if missing:
-        return ExaminedItem("robot", Fitness.NOTE, f"{sentence}, but not {', '.join(missing)}.")
-    return ExaminedItem("robot", Fitness.FINE, f"{sentence}.")
+        return note("robot", f"{sentence}, but not {', '.join(missing)}.")
+    return fine("robot", f"{sentence}.")
 
 
 def _latency(client: RobotClient) -> ExaminedItem:
@@ -193,20 +188,17 @@ def _latency(client: RobotClient) -> ExaminedItem:
         f"longest {waits[-1] * 1000:.1f} ms."
     )
     if waits[-1] > HEARTBEAT:
-        return ExaminedItem(
-            "latency",
-            Fitness.BAD,
-            f"{sentence} The robot needs a sign of life each second: mend the network.",
+        return bad(
+            "latency", f"{sentence} The robot needs a sign of life each second: mend the network."
         )
-    return ExaminedItem("latency", Fitness.NOTE if waits[-1] > SLOW else Fitness.FINE, sentence)
+    return note("latency", sentence) if waits[-1] > SLOW else fine("latency", sentence)
 
 
 def _control(status: Status, client: RobotClient) -> ExaminedItem:
     if status.controller in (None, client.client_id):
-        return ExaminedItem("control", Fitness.FINE, "Nobody holds the robot.")
-    return ExaminedItem(
+        return fine("control", "Nobody holds the robot.")
+    return bad(
         "control",
-        Fitness.BAD,
         f"Client {status.controller} holds the robot: wait until it releases, or ask its owner.",
     )
 
@@ -215,13 +207,13 @@ def _state(status: Status, uri: str) -> ExaminedItem:
     reason = f" ({status.reason})" if status.reason else ""
     sentence = f"The robot is {status.state}{reason}."
     if status.state in _CALM_STATES:
-        return ExaminedItem("state", Fitness.FINE, sentence)
+        return fine("state", sentence)
     advice = {
         "stopped": f"Make sure that it is safe, then: {CLEAR}",
         "fault": f"Mend the cause, then: {CLEAR}",
         "relaxed": f"Hold it first: {HOLD}",
     }.get(status.state, "Wait for the end of its motion.")
-    return ExaminedItem("state", Fitness.BAD, f"{sentence} {with_address(advice, uri)}")
+    return bad("state", f"{sentence} {with_address(advice, uri)}")
 
 
 def _freshness(client: RobotClient) -> Iterator[ExaminedItem]:
@@ -231,16 +223,13 @@ def _freshness(client: RobotClient) -> Iterator[ExaminedItem]:
         client.status()
         second, heard_second = client.read(), time.monotonic()
     except RobotError as error:
-        yield ExaminedItem("freshness", Fitness.BAD, f"It cannot be read: {error}")
+        yield bad("freshness", f"It cannot be read: {error}")
         return
     if second.robot_time < first.robot_time or second.monotonic <= first.monotonic:
-        yield ExaminedItem(
-            "freshness", Fitness.BAD, "A second reading is not younger than the first."
-        )
+        yield bad("freshness", "A second reading is not younger than the first.")
         return
-    yield ExaminedItem(
+    yield fine(
         "freshness",
-        Fitness.FINE,
         f"Readings are fresh: {first.sequence}, then {second.sequence}, "
         f"each an average of {second.samples} samples.",
     )
@@ -250,23 +239,19 @@ def _freshness(client: RobotClient) -> Iterator[ExaminedItem]:
 def _clock(first: ObservationReply, second: ObservationReply, elapsed: float) -> ExaminedItem:
     robot_elapsed = second.monotonic - first.monotonic
     if not math.isclose(robot_elapsed, elapsed, rel_tol=_MAX_DRIFT, abs_tol=_JITTER):
-        return ExaminedItem(
+        return bad(
             "clock",
-            Fitness.BAD,
             f"Between two readings {elapsed:.3f} s passed here and {robot_elapsed:.3f} s at the "
             "robot: one of the clocks is wrong, or the readings were held up.",
         )
     virtual_elapsed = second.robot_time - first.robot_time
     if not math.isclose(virtual_elapsed, robot_elapsed, rel_tol=_VIRTUAL):
-        return ExaminedItem(
+        return fine(
             "clock",
-            Fitness.FINE,
             f"The robot's time is virtual: {virtual_elapsed:.3f} s passed there in "
             f"{robot_elapsed:.3f} s.",
         )
-    return ExaminedItem(
-        "clock", Fitness.FINE, f"Clocks agree to {abs(robot_elapsed - elapsed) * 1000:.1f} ms."
-    )
+    return fine("clock", f"Clocks agree to {abs(robot_elapsed - elapsed) * 1000:.1f} ms.")
 
 
 def _telemetry(client: RobotClient, keys: Path | None) -> ExaminedItem:
@@ -279,17 +264,13 @@ def _telemetry(client: RobotClient, keys: Path | None) -> ExaminedItem:
             subscriber.next(max(_PATIENCE, 3.0 / rate))
             waited = time.monotonic() - started
     except BodyschemaError:
-        return ExaminedItem(
+        return bad(
             "telemetry",
-            Fitness.BAD,
             f"Nothing is heard at {uri}, although requests are answered: is that port open, too?",
         )
+    sentence = f"Publications come at {uri}, the last after {waited:.2f} s of {1 / rate:.2f} s."
     is_late = waited > 2.0 / rate + _JITTER
-    return ExaminedItem(
-        "telemetry",
-        Fitness.NOTE if is_late else Fitness.FINE,
-        f"Publications come at {uri}, the last after {waited:.2f} s of {1 / rate:.2f} s.",
-    )
+    return note("telemetry", sentence) if is_late else fine("telemetry", sentence)
 
 
 def _capabilities(uri: str, keys: Path | None) -> Capabilities:

@@ -21,3 +21,18 @@ class ExaminedItem:
     subject: str
     verdict: Fitness
     sentence: str
+
+
+def fine(subject: str, sentence: str) -> ExaminedItem:
+    """A finding that all is well."""
+    return ExaminedItem(subject, Fitness.FINE, sentence)
+
+
+def note(subject: str, sentence: str) -> ExaminedItem:
+    """A finding that hinders nothing, and that somebody should know of."""
+    return ExaminedItem(subject, Fitness.NOTE, sentence)
+
+
+def bad(subject: str, sentence: str) -> ExaminedItem:
+    """A finding that hinders."""
+    return ExaminedItem(subject, Fitness.BAD, sentence)

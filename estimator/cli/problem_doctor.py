@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from estimator.cli.findings import ExaminedItem, Fitness
+from estimator.cli.findings import ExaminedItem, bad, fine, note
 from estimator.errors import ProblemError
 from estimator.exploration.prospects import (
     KNOWN,
@@ -54,39 +54,35 @@ def examine_problem(
         problem = loaded.for_robot(capabilities)
         differences = problem.check_robot(capabilities, has)
     except ProblemError as error:
-        yield ExaminedItem("problem", Fitness.BAD, f"{error}.".replace("..", "."))
+        yield bad("problem", f"{error}.".replace("..", "."))
         return
     if not has:
-        yield ExaminedItem(
+        yield bad(
             "sensors",
-            Fitness.BAD,
             f"The robot has no {' or '.join(modalities)} sensor: give other --modalities.",
         )
         return
     driven, joints = len(problem.motors.driven), len(capabilities.joints)
-    yield ExaminedItem(
+    yield fine(
         "problem",
-        Fitness.FINE,
         f"{problem.name}: {len(problem.parts)} parts, moved by {driven} of {joints} joints.",
     )
     if robot is None:
-        yield ExaminedItem(
+        yield note(
             "robot",
-            Fitness.NOTE,
             f"None is given: one with {joints} joints of ±90°, {_words(has)} and the paper's main "
             "body, 140 x 140 x 85 mm and 0.6 kg, is supposed. With --robot it is yours.",
         )
     for sentence in differences:
-        yield ExaminedItem("problem", Fitness.NOTE, f"{sentence[0].upper()}{sentence[1:]}.")
+        yield note("problem", f"{sentence[0].upper()}{sentence[1:]}.")
     if tighter := tightens(problem.table, problem.supposed.announced):
-        yield ExaminedItem("calibration", Fitness.FINE, f"The robot announces its own: {tighter}.")
+        yield fine("calibration", f"The robot announces its own: {tighter}.")
     expected = _prospects(problem, capabilities, has)
     yield _bodies(expected)
     yield _movements(problem, expected, has)
     if expected.unpredicted > _MAX_UNPREDICTED:
-        yield ExaminedItem(
+        yield note(
             "poses",
-            Fitness.NOTE,
             f"After {expected.unpredicted:.0%} of random movements no model knows how its body "
             "lies, and they tell nothing: narrow motors.range_deg.",
         )
@@ -113,7 +109,7 @@ def _bodies(expected: Prospects) -> ExaminedItem:
             f"{expected.lengths} length{plural}, to {1000 * KNOWN:.0f} mm "
             f"({expected.length_bits:.0f} bits)"
         )
-    return ExaminedItem("bodies", Fitness.FINE, f"To be found: {' and '.join(unknowns)}.")
+    return fine("bodies", f"To be found: {' and '.join(unknowns)}.")
 
 
 def _movements(problem: Problem, expected: Prospects, has: Sequence[str]) -> ExaminedItem:
@@ -121,9 +117,7 @@ def _movements(problem: Problem, expected: Prospects, has: Sequence[str]) -> Exa
     for_attachments = expected.movements(expected.attachment_bits)
     for_everything = expected.movements(expected.attachment_bits + expected.length_bits)
     if math.isinf(for_everything):
-        return ExaminedItem(
-            "movements", Fitness.BAD, f"By {_words(has)} no movement tells anything of the body."
-        )
+        return bad("movements", f"By {_words(has)} no movement tells anything of the body.")
     intro = f"By {_words(has)} a good movement tells {expected.movement_bits:.1f} bits at first: "
     if expected.ways > 1:
         intro += f"attachments take about {math.ceil(for_attachments)} movements, lengths up to "
@@ -132,37 +126,27 @@ def _movements(problem: Problem, expected: Prospects, has: Sequence[str]) -> Exa
     sentence = f"{intro}{math.ceil(for_everything)}; the problem makes {planned}"
     needed = for_attachments if expected.ways > 1 else for_everything
     if needed > _MAX_NEEDED_RATIO * planned:
-        return ExaminedItem(
+        return bad(
             "movements",
-            Fitness.BAD,
             f"{sentence}, and so many unknowns are more than these can tell. Give identify "
             f"--interactions {math.ceil(needed)}, say more in the problem, or add a sensor.",
         )
     if needed > planned:
-        return ExaminedItem(
-            "movements",
-            Fitness.NOTE,
-            f"{sentence}. Give identify --interactions {math.ceil(needed)}.",
-        )
-    return ExaminedItem("movements", Fitness.FINE, f"{sentence}.")
+        return note("movements", f"{sentence}. Give identify --interactions {math.ceil(needed)}.")
+    return fine("movements", f"{sentence}.")
 
 
 def _not_identifiable(expected: Prospects, has: Sequence[str]) -> Iterator[ExaminedItem]:
     if expected.never:
-        yield ExaminedItem(
-            "unknowns",
-            Fitness.NOTE,
-            f"By {_words(has)} nobody can tell: {', '.join(expected.never)}.",
-        )
+        yield note("unknowns", f"By {_words(has)} nobody can tell: {', '.join(expected.never)}.")
     if expected.turned >= NEVER:
-        yield ExaminedItem(
+        yield note(
             "unknowns",
-            Fitness.NOTE,
             f"By {_words(has)} a body feels like itself turned by a quarter or a half, or "
             "mirrored: sides, and which way parts swing sideways, are found up to that.",
         )
     if not expected.never and expected.turned < NEVER:
-        yield ExaminedItem("unknowns", Fitness.FINE, "Each shows in some reading of some bodies.")
+        yield fine("unknowns", "Each shows in some reading of some bodies.")
 
 
 def _lacking(missing: str, richer: Prospects, expected: Prospects) -> ExaminedItem:
@@ -174,9 +158,8 @@ def _lacking(missing: str, richer: Prospects, expected: Prospects) -> ExaminedIt
     newly_shown = [name for name in expected.never if name not in richer.never]
     if expected.turned >= NEVER > richer.turned:
         newly_shown.append("sides, and which way parts swing sideways")
-    return ExaminedItem(
+    return note(
         "sensors",
-        Fitness.NOTE,
         f"{sentence}, and show what nothing shows now: {', '.join(newly_shown)}."
         if newly_shown
         else f"{sentence}.",
