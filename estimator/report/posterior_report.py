@@ -8,7 +8,7 @@ from itertools import combinations
 from typing import Final
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, computed_field
+from pydantic import computed_field
 
 from estimator.body.morphology import Array
 from estimator.posterior.fitted import Attachment, FittedPosterior
@@ -16,7 +16,7 @@ from estimator.posterior.model.sensor_data import SCALED
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.report.verdict import verdict_on_posterior
-from estimator.storage.posteriors import RIVAL, Interval, PosteriorSummary, StoredPosterior
+from estimator.storage.posteriors import RIVAL, Interval, PosteriorSummary, Record, StoredPosterior
 from estimator.storage.store import RunStore
 
 _MAX_RIVALS: Final = 5
@@ -28,11 +28,7 @@ _VAGUE_WIDTH: Final = 0.02  # m; narrower intervals of single lengths need no su
 _SQUARE: Final = 0.05  # tolerance relative to the longer side; else sensors tell where a leg sits
 
 
-class _Record(BaseModel):
-    model_config = ConfigDict(frozen=True, json_schema_serialization_defaults_required=True)
-
-
-class Rival(_Record):
+class Rival(Record):
     """Another set of attachments that explains the readings.
 
     Attributes:
@@ -46,7 +42,7 @@ class Rival(_Record):
     indistinguishable: bool
 
 
-class SumOfLengths(_Record):
+class SumOfLengths(Record):
     """The sum of two legs' lengths, known where neither length is, as of parts in line.
 
     Attributes:
@@ -58,7 +54,7 @@ class SumOfLengths(_Record):
     length_m: Interval
 
 
-class ParameterEstimate(_Record):
+class ParameterEstimate(Record):
     """What the readings say of one parameter in which robots differ a little from what is stated.
 
     Attributes:
@@ -72,7 +68,7 @@ class ParameterEstimate(_Record):
     interval: Interval
 
 
-class Step(_Record):
+class Step(Record):
     """How the posterior changed with one interaction.
 
     Attributes:

@@ -7,10 +7,10 @@ import json
 import re
 from typing import Any, Final
 
-from pydantic import BaseModel, ConfigDict, ValidationError, computed_field
+from pydantic import ValidationError, computed_field
 
 from estimator.report.posterior_report import PosteriorReport
-from estimator.storage.posteriors import FitVerdict, Interval
+from estimator.storage.posteriors import FitVerdict, Interval, Record
 from estimator.storage.records import BestFit
 from estimator.storage.store import RunStore
 from estimator.versions import versions
@@ -20,15 +20,11 @@ PAGE: Final = "report.html"
 """Name of the page, the last file of a finished run to be written."""
 
 
-class _Record(BaseModel):
-    model_config = ConfigDict(frozen=True, json_schema_serialization_defaults_required=True)
-
-
 MAIN_BODY: Final = "main body"
 """Name of the parent of parts that sit on the main body."""
 
 
-class PartResult(_Record):
+class PartResult(Record):
     """One part of a model.
 
     Attributes:
@@ -51,7 +47,7 @@ class PartResult(_Record):
     agreement: float | None
 
 
-class ModelResult(_Record):
+class ModelResult(Record):
     """One model of the robot's body.
 
     Attributes:
@@ -69,7 +65,7 @@ class ModelResult(_Record):
     parts: tuple[PartResult, ...]
 
 
-class LegResult(_Record):
+class LegResult(Record):
     """What is known about one leg.
 
     Attributes:
@@ -118,7 +114,7 @@ class FitReport(BestFit):
         return super().explained and not self.contradictions
 
 
-class ReferenceResult(_Record):
+class ReferenceResult(Record):
     """How far the reference back-end, whose ranking counts, agrees with the physics that searched.
 
     Attributes:
@@ -134,7 +130,7 @@ class ReferenceResult(_Record):
     best_changed: bool
 
 
-class Result(_Record):
+class Result(Record):
     """The outcome of a run, so far.
 
     Attributes:

@@ -51,11 +51,13 @@ class NotKnown(StrEnum):
     FEW_MOVEMENTS = "so few movements can hardly tell it from all others"
 
 
-class _Record(BaseModel):
+class Record(BaseModel):
+    """A record of ``result.json``, whose schema requires fields with defaults too."""
+
     model_config = ConfigDict(frozen=True, json_schema_serialization_defaults_required=True)
 
 
-class UnexplainedInteraction(_Record):
+class UnexplainedInteraction(Record):
     """An interaction that no body of the problem explains.
 
     Attributes:
@@ -70,7 +72,7 @@ class UnexplainedInteraction(_Record):
     residual: NonNegative = 0.0
 
 
-class FitVerdict(_Record):
+class FitVerdict(Record):
     """How a body explains the readings.
 
     Attributes:
@@ -96,7 +98,7 @@ class FitVerdict(_Record):
         return sound and self.has_only_outliers(interactions)
 
 
-class PredictedInteraction(_Record):
+class PredictedInteraction(Record):
     """One interaction as the best body predicts it.
 
     Attributes:
@@ -116,7 +118,7 @@ class PredictedInteraction(_Record):
     outlier_probability: Probability
 
 
-class Interval(_Record):
+class Interval(Record):
     """A quantity with its 90 % interval.
 
     Attributes:
@@ -130,7 +132,7 @@ class Interval(_Record):
     high: Reading
 
 
-class Cause(_Record):
+class Cause(Record):
     """What may make the robot otherwise than its problem says.
 
     Attributes:
@@ -147,7 +149,7 @@ class Cause(_Record):
     check: str
 
 
-class NextMovement(_Record):
+class NextMovement(Record):
     """The movement that would have come next: the one with the largest expected information.
 
     Attributes:
@@ -262,7 +264,7 @@ class PosteriorSummary(FitVerdict):
         )
 
 
-class StoredMode(_Record):
+class StoredMode(Record):
     """One set of attachments.
 
     Attributes:
@@ -284,7 +286,7 @@ class StoredMode(_Record):
     found: tuple[bool, ...]
 
 
-class StoredChange(_Record):
+class StoredChange(Record):
     """What has changed on the robot since it was identified.
 
     Attributes:
