@@ -70,9 +70,8 @@ class Diagnosis:
         weighed: All causes after the last movement.
         observations: Observations of the movements.
         reasons: Why each movement was made.
-        surprise: Probability of readings as odd as those of the test, under the named cause;
-            ``None``: it was not put to the test.
-        better: By how many nats the competitor explains all readings better than the named causes.
+        better: By how many nats the competitor explains all readings better than the named causes;
+            ``None``: they were not put to the test.
         suspects: Causes that the competitor has on, with their shares: where it explains the
             readings better, two things may have failed at once.
     """
@@ -83,7 +82,6 @@ class Diagnosis:
     weighed: Weighed
     observations: tuple[Observation, ...]
     reasons: tuple[str, ...]
-    surprise: float | None = None
     better: float | None = None
     suspects: tuple[tuple[str, float], ...] = ()
 
@@ -248,7 +246,6 @@ def _tested(
         weighed=reweighed,
         observations=tuple(all_observations),
         reasons=tuple(all_reasons),
-        surprise=overall,
         better=better,
         suspects=_suspects(weigher, named, with_second, rival) if is_refuted else (),
     )

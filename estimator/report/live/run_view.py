@@ -56,7 +56,6 @@ class RunView:
         bodies: Bodies that stand for the posterior, each as often as it is probable.
         pose: What the robot measured last.
         interactions: What the robot did, and why.
-        wanted: Number of interactions that the run is to have.
         progress: How far the run has come.
         state: Whether the run goes on.
     """
@@ -67,7 +66,6 @@ class RunView:
     bodies: tuple[Morphology, ...]
     pose: Observation | None
     interactions: tuple[InteractionRecord, ...]
-    wanted: int
     progress: Progress
     state: RunState
 
@@ -92,7 +90,6 @@ class RunView:
             bodies=() if fitted is None else _shown(fitted),
             pose=observations[-1] if observations else None,
             interactions=tuple(interactions),
-            wanted=store.settings.interactions,
             progress=_progress(store, len(interactions), len(observations), result.complete),
             state=state,
         )
