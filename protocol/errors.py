@@ -106,7 +106,7 @@ class RobotRestartedError(BodyschemaError):
     """
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class ErrorKind:
     """One row of the error table."""
 
@@ -115,101 +115,99 @@ class ErrorKind:
     advice: str
 
 
-def _kind(retryable: bool, meaning: str, advice: str) -> ErrorKind:
-    return ErrorKind(retryable=retryable, meaning=meaning, advice=advice)
-
-
-_UNKNOWN: Final = _kind(False, "A later version of the protocol knows.", "See its SPEC.md.")
+_UNKNOWN: Final = ErrorKind(False, "A later version of the protocol knows.", "See its SPEC.md.")
 
 ERROR_CODES: Final = MappingProxyType(
     {
-        "malformed": _kind(
+        "malformed": ErrorKind(
             False, "The frame is not a valid message.", "Correct the client: see SPEC.md."
         ),
-        "too_large": _kind(False, "The frame exceeds 64 KiB.", "Send smaller frames."),
-        "unknown_type": _kind(
+        "too_large": ErrorKind(False, "The frame exceeds 64 KiB.", "Send smaller frames."),
+        "unknown_type": ErrorKind(
             False, "No request has this type.", "Use a request type of this protocol version."
         ),
-        "unsupported_version": _kind(
+        "unsupported_version": ErrorKind(
             False, "No offered protocol version is spoken here.", "Install a matching client."
         ),
-        "restarted": _kind(
+        "restarted": ErrorKind(
             False,
             "The session is unknown: the daemon restarted or forgot this client.",
             "Say hello again; a motion in flight may or may not have happened.",
         ),
-        "id_reused": _kind(
+        "id_reused": ErrorKind(
             False, "This id was used for another request.", "Give each request a new id."
         ),
-        "expired": _kind(
+        "expired": ErrorKind(
             False,
             "This id is older than what the robot remembers; nothing was executed.",
             "Give each request a new, larger id.",
         ),
-        "too_many_clients": _kind(
+        "too_many_clients": ErrorKind(
             True, "All places for clients are in use.", "Try again when a client has left."
         ),
-        "held": _kind(
+        "held": ErrorKind(
             True,
             "Another controller holds the robot.",
             f"Wait until it releases, or ask its owner, whom this names: {STATUS}",
         ),
-        "not_controller": _kind(
+        "not_controller": ErrorKind(
             False, "This request needs control of the robot.", "Send acquire first."
         ),
-        "busy": _kind(True, "The robot is carrying out a motion.", "Wait for its end."),
-        "bad_targets": _kind(
+        "busy": ErrorKind(True, "The robot is carrying out a motion.", "Wait for its end."),
+        "bad_targets": ErrorKind(
             False,
             "The targets do not name every joint exactly once.",
             "Give one angle for each joint that hello lists.",
         ),
-        "out_of_range": _kind(
+        "out_of_range": ErrorKind(
             False, "A target lies beyond its joint's limits.", "Stay within hello's limits."
         ),
-        "wrong_state": _kind(
+        "wrong_state": ErrorKind(
             False,
             "The request is not allowed in the robot's present state.",
             f"See SPEC.md; a limp robot moves after: {HOLD}",
         ),
-        "stopped": _kind(
+        "stopped": ErrorKind(
             False, "The robot is stopped.", f"Make sure that it is safe, then: {CLEAR}"
         ),
-        "fault": _kind(
+        "fault": ErrorKind(
             False, "A device failed and the robot is down.", f"Mend the cause, then: {CLEAR}"
         ),
-        "not_confirmed": _kind(
+        "not_confirmed": ErrorKind(
             True,
             "The robot did not confirm a stop in time: its control loop does not turn.",
             "Cut the servos' power if anything moves; the robot freezes as soon as the loop turns.",
         ),
-        "not_planar": _kind(
+        "not_planar": ErrorKind(
             True,
             "In its zero pose the robot does not lie flat, or stand as it did at first.",
             "Put the robot back as it lay or stood at first, then retry.",
         ),
-        "not_settled": _kind(
+        "not_settled": ErrorKind(
             True, "The robot did not come to rest in time.", "Retry, or take away what shakes it."
         ),
-        "aborted_stop": _kind(
+        "aborted_stop": ErrorKind(
             False,
             "A stop ended the request.",
             f"Make sure that it is safe; then send a new request after: {CLEAR}",
         ),
-        "aborted_hold": _kind(True, "A hold ended the motion.", "Send a new request."),
-        "aborted_relax": _kind(
+        "aborted_hold": ErrorKind(True, "A hold ended the motion.", "Send a new request."),
+        "aborted_relax": ErrorKind(
             False, "A relax ended the motion.", f"Send a new request after: {HOLD}"
         ),
-        "aborted_silent": _kind(
+        "aborted_silent": ErrorKind(
             True,
             "The controller fell silent or let go; the robot holds its pose.",
             "Keep control and heartbeats, then send a new request.",
         ),
-        "aborted_read": _kind(
+        "aborted_read": ErrorKind(
             True, "A command of the controller ended the read.", "Send a new read."
         ),
-        "stale": _kind(True, "A sensor has no fresh value.", "Retry; check the sensor."),
-        "shutting_down": _kind(True, "The daemon is parking and exits.", "Wait for its restart."),
-        "unauthorised": _kind(
+        "stale": ErrorKind(True, "A sensor has no fresh value.", "Retry; check the sensor."),
+        "shutting_down": ErrorKind(
+            True, "The daemon is parking and exits.", "Wait for its restart."
+        ),
+        "unauthorised": ErrorKind(
             False, "This client may not do that.", "Ask the robot's owner for the role."
         ),
     }

@@ -19,12 +19,10 @@ HELP = "list the serial bus servos that answer on a line, by baud rate"
 Family: TypeAlias = tuple[Callable[..., Chain], Sequence[int], Sequence[int]]
 
 FAMILIES: Final[Mapping[str, Family]] = MappingProxyType(
-    MappingProxyType(
-        {
-            "feetech": (feetech.FeetechChain, feetech.BAUDS, feetech.OUTPUTS),
-            "dynamixel": (dynamixel.DynamixelChain, dynamixel.BAUDS, dynamixel.OUTPUTS),
-        }
-    )
+    {
+        "feetech": (feetech.FeetechChain, feetech.BAUDS, feetech.OUTPUTS),
+        "dynamixel": (dynamixel.DynamixelChain, dynamixel.BAUDS, dynamixel.OUTPUTS),
+    }
 )
 """By the name of the driver, its line, the possible baud rates and the possible ids."""
 

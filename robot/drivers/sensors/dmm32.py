@@ -63,7 +63,7 @@ _SETTLING: Final = "settling its input (WAIT)"
 _CONVERTING: Final = "the conversion (STS)"
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class InputRange:
     """One input range: its code in register 11 and the volts at both ends."""
 
@@ -76,21 +76,17 @@ class InputRange:
         return self.low + (code + 32768) / 65536 * (self.high - self.low)
 
 
-def _range(code: int, low: float, high: float) -> InputRange:
-    return InputRange(code=code, low=low, high=high)
-
-
 RANGES: Final = MappingProxyType(
     {
-        "±10V": _range(0x8, -10.0, 10.0),
-        "±5V": _range(0x0, -5.0, 5.0),
-        "±2.5V": _range(0x1, -2.5, 2.5),
-        "±1.25V": _range(0x2, -1.25, 1.25),
-        "±0.625V": _range(0x3, -0.625, 0.625),
-        "0..10V": _range(0xC, 0.0, 10.0),
-        "0..5V": _range(0xD, 0.0, 5.0),
-        "0..2.5V": _range(0xE, 0.0, 2.5),
-        "0..1.25V": _range(0xF, 0.0, 1.25),
+        "±10V": InputRange(0x8, -10.0, 10.0),
+        "±5V": InputRange(0x0, -5.0, 5.0),
+        "±2.5V": InputRange(0x1, -2.5, 2.5),
+        "±1.25V": InputRange(0x2, -1.25, 1.25),
+        "±0.625V": InputRange(0x3, -0.625, 0.625),
+        "0..10V": InputRange(0xC, 0.0, 10.0),
+        "0..5V": InputRange(0xD, 0.0, 5.0),
+        "0..2.5V": InputRange(0xE, 0.0, 2.5),
+        "0..1.25V": InputRange(0xF, 0.0, 1.25),
     }
 )
 """Input ranges by name."""
