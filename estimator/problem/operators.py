@@ -10,15 +10,13 @@ longest lengths.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import ClassVar, Final, Literal, TypeAlias
+from typing import Annotated, ClassVar, Final, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-
-from estimator.errors import SearchStateError
+from pydantic import Field
 
 Array: TypeAlias = NDArray[np.float64]
 Distance: TypeAlias = Callable[[Array, Array], Array]
@@ -27,7 +25,11 @@ Distance: TypeAlias = Callable[[Array, Array], Array]
 Permit: TypeAlias = Callable[[Array], Array]
 """Genomes in, shape (m, genes), with forbidden ones changed into others out."""
 
-_STRICT: Final = {"extra": "forbid"}  # read by pydantic when a problem file names an operator
+# These are read by pydantic when a problem file names an operator.
+Share: TypeAlias = Annotated[float, Field(ge=0, le=1)]
+Width: TypeAlias = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+
+_STRICT: Final = {"extra": "forbid"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,10 +42,7 @@ class UniformCrossover:
 
     __pydantic_config__: ClassVar[dict[str, str]] = _STRICT
     kind: Literal["uniform"] = "uniform"
-    rate: float = 1.0
-
-    def __post_init__(self) -> None:
-        _check_share("crossover rate", self.rate)
+    rate: Share = 1.0
 
     def __call__(
         self, first: Array, second: Array, rng: np.random.Generator
@@ -69,13 +68,8 @@ class BlendCrossover:
 
     __pydantic_config__: ClassVar[dict[str, str]] = _STRICT
     kind: Literal["blend"] = "blend"
-    alpha: float = 0.5
-    rate: float = 1.0
-
-    def __post_init__(self) -> None:
-        _check_share("crossover rate", self.rate)
-        if not 0 <= self.alpha < math.inf:
-            raise SearchStateError(f"crossover alpha must be at least 0, not {self.alpha}")
+    alpha: Width = 0.5
+    rate: Share = 1.0
 
     def __call__(
         self, first: Array, second: Array, rng: np.random.Generator
@@ -99,13 +93,8 @@ class GaussianMutation:
 
     __pydantic_config__: ClassVar[dict[str, str]] = _STRICT
     kind: Literal["gaussian"] = "gaussian"
-    rate: float | None = None
-    sigma: float = 0.05
-
-    def __post_init__(self) -> None:
-        _check_share("mutation rate", self.rate)
-        if not 0 <= self.sigma < math.inf:
-            raise SearchStateError(f"mutation sigma must be at least 0, not {self.sigma}")
+    rate: Share | None = None
+    sigma: Width = 0.05
 
     def __call__(self, genes: Array, rng: np.random.Generator) -> Array:
         """The mutated genes."""
@@ -123,10 +112,7 @@ class ResetMutation:
 
     __pydantic_config__: ClassVar[dict[str, str]] = _STRICT
     kind: Literal["reset"] = "reset"
-    rate: float | None = None
-
-    def __post_init__(self) -> None:
-        _check_share("mutation rate", self.rate)
+    rate: Share | None = None
 
     def __call__(self, genes: Array, rng: np.random.Generator) -> Array:
         """The mutated genes."""
@@ -174,8 +160,3 @@ def reflect(genes: Array) -> Array:
 
 def _rate(rate: float | None, genes: Array) -> float:
     return 1 / genes.shape[1] if rate is None else rate
-
-
-def _check_share(name: str, value: float | None) -> None:
-    if value is not None and not 0 <= value <= 1:
-        raise SearchStateError(f"{name} must lie in 0 to 1, not {value}")

@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from estimator.errors import SearchStateError
 from estimator.problem.operators import (
     BlendCrossover,
     Crossover,
@@ -88,14 +87,3 @@ def test_one_gene_per_child_changes_on_average(mutation: Mutation) -> None:
 
 def test_distance_is_euclids() -> None:
     assert euclidean(np.array([[0.0, 0.0]]), np.array([[0.3, 0.4]])) == pytest.approx([0.5])
-
-
-def test_impossible_operators_are_refused() -> None:
-    with pytest.raises(SearchStateError, match=r"crossover rate must lie in 0 to 1, not 1\.5"):
-        UniformCrossover(rate=1.5)
-    with pytest.raises(SearchStateError, match="alpha"):
-        BlendCrossover(alpha=-0.1)
-    with pytest.raises(SearchStateError, match="sigma"):
-        GaussianMutation(sigma=-1.0)
-    with pytest.raises(SearchStateError, match="mutation rate"):
-        ResetMutation(rate=-0.1)
