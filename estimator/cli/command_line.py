@@ -20,11 +20,11 @@ from protocol.system.process import interrupts_deferred
 
 COMMANDS: Final = {
     "identify": (
-        "identify:command",
+        "identify:identify",
         "Identify a robot: act, sense, model, again and again.",
     ),
     "resume": (
-        "resume:command",
+        "identify:resume",
         "Go on with an interrupted run; the result is that of an uninterrupted one.",
     ),
     "show": (

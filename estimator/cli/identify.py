@@ -1,4 +1,4 @@
-"""``estimator identify``: a run from start to end; ``RunConfig`` has its options."""
+"""``estimator identify`` and ``resume``: a run to its end; ``RunConfig`` has the options of one."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import inspect
 import secrets
 import time
 from collections.abc import Callable
-from functools import wraps
+from functools import partial, wraps
 from pathlib import Path
 from typing import Annotated, Any, Final, get_args
 
@@ -22,10 +22,23 @@ from estimator.cli.console import (
     print_run_directory,
 )
 from estimator.cli.live import LIVE_BIND, LiveScreen, LiveView
-from estimator.cli.options import CORES, Dask, Jobs, Keys, Live, LiveBind, Strict, executors
-from estimator.identification.run import identify
+from estimator.cli.options import (
+    CORES,
+    Dask,
+    Directory,
+    Jobs,
+    Keys,
+    Live,
+    LiveBind,
+    Strict,
+    executors,
+)
+from estimator.identification import run
+from estimator.identification.method import Listener
+from estimator.physics.backends import Executors
 from estimator.problem.values import complaint
 from estimator.report.outcome import print_result
+from estimator.report.result import Result
 from estimator.report.run_files import write_report
 from estimator.storage.run_config import RunConfig
 from estimator.storage.store import RunStore
@@ -76,7 +89,7 @@ def _nested_types(annotation: Any) -> list[Any]:
 
 
 @_with_config
-def command(
+def identify(
     *,
     config: RunConfig,
     strict: Strict = False,
@@ -96,9 +109,43 @@ def command(
     config = config.model_copy(update={"seed": seed})
     with errors_as_sentences(None):
         RunStore.check_free(place)
-    with errors_as_sentences(place), LiveView(place, live_bind if live else None) as live_view:
+    work = partial(run.identify, place, config, keys=keys, report=write_report)
+    bind = live_bind if live else None
+    _carry_out(work, place, jobs=jobs, dask=dask, bind=bind, strict=strict)
+
+
+def resume(
+    directory: Directory,
+    *,
+    robot: Annotated[
+        str | None, typer.Option(help="Where the robot is now. Default: where it was.")
+    ] = None,
+    strict: Strict = False,
+    jobs: Jobs = CORES,
+    dask: Dask = None,
+    keys: Keys = None,
+    live: Live = False,
+    live_bind: LiveBind = LIVE_BIND,
+) -> None:
+    """Go on with an interrupted run; the result is that of an uninterrupted one."""
+    work = partial(run.resume, directory, robot=robot, keys=keys, report=write_report)
+    bind = live_bind if live else None
+    _carry_out(work, directory, jobs=jobs, dask=dask, bind=bind, strict=strict)
+
+
+def _carry_out(
+    work: Callable[[Executors, Listener], Result],
+    place: Path,
+    *,
+    jobs: int,
+    dask: str | None,
+    bind: str | None,
+    strict: bool,
+) -> None:
+    """Does the work of a run, shown on the screen and on a page, and prints what came out."""
+    with errors_as_sentences(place), LiveView(place, bind) as live_view:
         with executors(jobs, dask) as workers, LiveScreen(err, live_view) as screen:
-            result = identify(place, config, workers, screen, keys=keys, report=write_report)
+            result = work(workers, screen)
         print_result(out, result, place)
         print_run_directory(place)
         live_view.stay(err)
