@@ -16,7 +16,7 @@ from protocol.conformance.raw_connection import SuiteSettings
 from protocol.conformance.registry import CHECKS
 from protocol.conformance.suite import NOT_CHECKED, CheckStatus, clauses, run
 from robot.control.controller import Controller
-from tests.protocol.conformance.spoilt import Fault
+from tests.protocol.conformance.spoilt import Fault, replies
 from tests.protocol.conformance.trials import failures, serving, skipped
 from tests.protocol.transport.faults import FAULTS
 
@@ -158,6 +158,25 @@ def test_a_robot_in_use_is_left_alone(calm: Controller) -> None:
         assert skipped(results) == {"The robot is stopped, and was left so."}
         owner.acquire()
         owner.clear()
+
+
+@pytest.mark.parametrize("says_angles", [False, True])
+def test_a_limp_robot_has_no_angles(calm: Controller, *, says_angles: bool) -> None:
+    from protocol.transport.client import RobotClient
+
+    angles = dict.fromkeys(calm.snapshot().angles, 0.0)
+    with_angles = replies("observation", lambda f: f | {"angles": angles})
+    with (
+        serving(calm, with_angles if says_angles else None) as uri,
+        RobotClient(uri, software="estimator") as owner,
+    ):
+        owner.acquire()
+        owner.relax()
+        owner.release()
+        results = run(SuiteSettings(uri=uri), only=["7.7"] if says_angles else ())
+        owner.acquire()
+        owner.hold()
+    assert len(failures(results)) == says_angles
 
 
 # --- the page and the suite -----------------------------------------------------------------------
