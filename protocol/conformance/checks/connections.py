@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any, Final
 
 import zmq
@@ -182,23 +183,38 @@ def a_viewers_key(robot: RobotUnderTest) -> None:
     expect(reply.get("code") != "unauthorised", "A viewer was refused a read.")
 
 
-@check("1.17", need=Need.KEYS)
-def a_borrowed_id(robot: RobotUnderTest) -> None:
-    """A client's id, used with another key, is unauthorised."""
+@contextmanager
+def _thief(robot: RobotUnderTest, owner: TrialClient) -> Iterator[TrialClient]:
+    """Another client's id and session, with other keys."""
     other_keys = robot.settings.other_keys
     if other_keys is None:
         raise Skipped("This needs the keys of another client, --other-keys.")
-    owner = robot.client()
     connection = robot.connection_with(other_keys)
     try:
         thief = TrialClient(robot, owner.name, connection)
-        thief.expect("unauthorised", "hello", versions=[1])
         thief.session = owner.session
-        thief.expect("unauthorised", "heartbeat")
-        thief.expect("unauthorised", "read")
+        yield thief
     finally:
         connection.close()
+
+
+@check("1.17", need=Need.KEYS)
+def a_borrowed_id(robot: RobotUnderTest) -> None:
+    """A client's id, used with another key, is unauthorised."""
+    owner = robot.client()
+    with _thief(robot, owner) as thief:
+        thief.expect("unauthorised", "hello", versions=[1])
+        thief.expect("unauthorised", "heartbeat")
+        thief.expect("unauthorised", "read")
     owner.status()
+
+
+@check("1.17", need=Need.KEYS, after=("5.9",))
+def a_stop_with_a_borrowed_id(robot: RobotUnderTest) -> None:
+    """A stop with a client's id is carried out, whatever its key."""
+    with robot.controlled() as owner, _thief(robot, owner) as thief:
+        reply = thief.expect("ok", "stop")
+        expect(reply["state"] == "stopped", f"After stop the state is {reply['state']}.")
 
 
 MOST: Final = 64

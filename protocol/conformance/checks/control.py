@@ -89,12 +89,19 @@ def held(robot: RobotUnderTest) -> None:
 
 @check("5.9", need=Need.CONTROL)
 def anybody_stops(robot: RobotUnderTest) -> None:
-    """A stranger may stop the robot, without a session."""
+    """A stranger may stop the robot, without a session, or with another's id and an old session."""
+    stranger = robot.stranger()
     with robot.controlled() as client:
-        reply = robot.stranger().expect("ok", "stop")
-        expect(reply["state"] == "stopped", f"After stop the state is {reply['state']}.")
-        state = client.status()["state"]
-        expect(state == "stopped", f"After a stop that was ok, status says {state}.")
+        for fields in (
+            {},
+            {"session": "long gone"},
+            {"session": "long gone", "client": client.name},
+        ):
+            reply = stranger.expect("ok", "stop", **fields)
+            expect(reply["state"] == "stopped", f"After stop the state is {reply['state']}.")
+            state = client.status()["state"]
+            expect(state == "stopped", f"After a stop that was ok, status says {state}.")
+            client.ask("clear")
 
 
 @check("5.11", need=Need.CONTROL, after=("5.2",))

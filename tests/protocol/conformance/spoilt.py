@@ -23,7 +23,7 @@ from protocol.rules.server_core import Action, Send, ServerCore
 from protocol.sockets.tcp_listener import Arrival
 from protocol.transport.server import Server
 from protocol.wire.codec import decode
-from protocol.wire.messages import Request, parse_request
+from protocol.wire.messages import Request, Stop, parse_request
 
 Map = dict[str, Any]
 Change = Callable[[Map], Map]
@@ -193,6 +193,17 @@ def new_session_each_time(self: Clients, name: str, **options: Any) -> Client:
 def any_session(self: Clients, name: str, *, session: str, user: str | None) -> Client:
     client = self._clients.get(name)
     return _find(self, name, session=client.session if client else session, user=user)
+
+
+def finds_the_client_of_a_stop(server: Server) -> None:
+    authorise, clients = server._core._authorise, server._core._clients
+
+    def spoilt(user: str | None, request: Request) -> None:
+        authorise(user, request)
+        if isinstance(request, Stop) and request.session is not None:
+            clients.find(request.client, session=request.session, user=user)
+
+    server._core.__dict__["_authorise"] = spoilt
 
 
 def unknown_session_uses_ids_up(

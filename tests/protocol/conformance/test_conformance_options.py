@@ -22,7 +22,7 @@ from protocol.security.keys import KeyDirectory
 from protocol.wire.messages import ErrorReply, RobotRequest
 from robot.control.controller import Controller
 from robot.host.clock import WallClock
-from tests.protocol.conformance.spoilt import Fault
+from tests.protocol.conformance.spoilt import Fault, finds_the_client_of_a_stop
 from tests.protocol.conformance.trials import failures, quick_clock, serving, skipped
 from tests.protocol.transport.faults import FAULTS
 
@@ -170,13 +170,26 @@ def test_what_needs_keys(
     with serving(calm, keys=keyring.robot) as uri:
         alone = SuiteSettings(uri=uri, keys=keys, patience=1.0)
         both = replace(alone, other_keys=others)
-        (told,) = run(both, only=[clause])
-        assert told.status is CheckStatus.PASSED, told.sentence
+        results = run(both, only=[clause])
+        assert {told.status for told in results} == {CheckStatus.PASSED}, results
         monkeypatch.setattr(*changed)
         assert failures(run(both, only=[clause]))
         if clause == "1.17":
             needed = "This needs the keys of another client, --other-keys."
             assert skipped(run(alone, only=[clause])) == {needed}
+
+
+def test_a_robot_that_refuses_a_stop_with_the_id_of_another(
+    calm: Controller, keyring: Keyring
+) -> None:
+    keys, others = (
+        KeyDirectory(keyring.client(name, "controller")).client_keys() for name in ("one", "other")
+    )
+    fault = Fault(spoil=finds_the_client_of_a_stop)
+    with serving(calm, fault, keys=keyring.robot) as uri:
+        results = run(SuiteSettings(uri=uri, keys=keys, other_keys=others), only=["1.17"])
+    (complaint,) = failures(results)
+    assert "stop was answered with unauthorised instead of ok" in complaint
 
 
 @pytest.fixture

@@ -20,6 +20,7 @@ from tests.protocol.conformance.spoilt import (
     any_session,
     controller_may_go,
     decodes,
+    finds_the_client_of_a_stop,
     first_connection_only,
     first_of_several,
     garbage_ends_control,
@@ -191,6 +192,7 @@ FAULTS: dict[str, tuple[str, Fault]] = {
         "5.9",
         loses(lambda f: f.get("type") == "stop" and "session" not in f),
     ),
+    "refuses a stop of an old session": ("5.9", Fault(spoil=finds_the_client_of_a_stop)),
     "lets anybody clear": (
         "5.11",
         patches(Clear, "NEEDS_CONTROL", False),
