@@ -9,7 +9,7 @@ in every language.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any, Final, NoReturn
 
 import msgpack
@@ -71,14 +71,14 @@ def decode(frame: bytes) -> dict[str, Any]:
         raise RemoteProtocolError(
             f"The frame has {len(frame)} bytes; at most {MAX_FRAME} are allowed.", code="too_large"
         )
-    count = _Count()
+    hooks = _ContainerHooks()
     try:
         message = msgpack.unpackb(
             frame,
             raw=False,
             strict_map_key=True,
-            list_hook=count.array,
-            object_pairs_hook=count.map,
+            list_hook=hooks.array,
+            object_pairs_hook=hooks.map,
             ext_hook=_refuse_extension,
             max_array_len=MAX_LENGTH,
             max_map_len=MAX_LENGTH,
@@ -104,28 +104,31 @@ def request_id_of(message: Mapping[str, Any]) -> int | None:
     return value if 0 <= value <= MAX_INTEGER else None
 
 
-class _Count:
-    """Counts values while a frame is decoded, and gives up at the first too many.
+class _ContainerHooks:
+    """Looks at each array and map while a frame is decoded.
 
-    An empty array or map counts as one: a frame may hold 65,000 of them.
+    It gives up at the first value too many, where an empty array or map counts as one: a frame may
+    hold 65,000 of them. It refuses timestamps, for which msgpack does not call ``ext_hook``.
     """
 
     def __init__(self) -> None:
         self._values_left = MAX_VALUES
 
     def array(self, items: list[Any]) -> list[Any]:
-        self._count_values(len(items))
+        self._look_at(items)
         return items
 
     def map(self, pairs: Iterable[tuple[Any, Any]]) -> dict[str, Any]:
         mapping = _map_of(pairs)
-        self._count_values(len(mapping))
+        self._look_at(mapping.values())
         return mapping
 
-    def _count_values(self, items: int) -> None:
-        self._values_left -= items or 1
+    def _look_at(self, values: Collection[Any]) -> None:
+        self._values_left -= len(values) or 1
         if self._values_left < 0:
             raise RemoteProtocolError(f"The frame holds more than {MAX_VALUES} values.")
+        if any(isinstance(value, msgpack.Timestamp) for value in values):
+            _refuse_extension(-1, b"")
 
 
 def _map_of(pairs: Iterable[tuple[Any, Any]]) -> dict[str, Any]:
@@ -168,7 +171,7 @@ def _flaw(value: Any, depth: int) -> str | None:  # noqa: PLR0911 - one line per
 
 
 def _values(value: Any) -> int:
-    """Number of items of all arrays and maps in a value, as ``_Count`` counts them."""
+    """Number of items of all arrays and maps in a value, as ``_ContainerHooks`` counts them."""
     if not isinstance(value, Mapping | list | tuple):
         return 0
     children = value.values() if isinstance(value, Mapping) else value

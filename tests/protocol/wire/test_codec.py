@@ -174,6 +174,30 @@ def test_the_id_survives_a_flaw_elsewhere() -> None:
     assert caught.value.request_id is None
 
 
+EXTENSIONS = {
+    "timestamp of 32 bits": b"\xd6\xff" + bytes(4),
+    "timestamp of 64 bits": b"\xd7\xff" + bytes(8),
+    "timestamp of 96 bits": b"\xc7\x0c\xff" + bytes(12),
+    "no timestamp": b"\xc7\x05\xff" + bytes(5),
+    "another extension": b"\xd6\x01" + bytes(4),
+}
+
+
+@pytest.mark.parametrize("extension", EXTENSIONS.values(), ids=EXTENSIONS)
+@pytest.mark.parametrize("unpackb", [msgpack.unpackb, fallback.unpackb], ids=["compiled", "python"])
+def test_a_frame_with_an_extension_is_not_decoded_so_its_id_is_not_known(
+    extension: bytes, unpackb: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("msgpack.unpackb", unpackb)
+    beyond = msgpack.packb(math.nan)  # a flaw that leaves the id known
+    for value in (extension, b"\x91" + extension, b"\x81\xa1a" + extension):
+        for before in (b"", b"\xa1b" + beyond):
+            frame = bytes([0x82 + bool(before)]) + b"\xa2id\x09" + before + b"\xa1x" + value
+            with pytest.raises(RemoteProtocolError) as caught:
+                decode(frame)
+            assert caught.value.request_id is None
+
+
 def test_long_noise() -> None:
     noise = random.Random(5)
     for _ in range(200):
