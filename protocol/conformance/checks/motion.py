@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Final
 
@@ -84,11 +85,16 @@ def bad_targets(robot: RobotUnderTest) -> None:
 
 @check("7.3", need=Need.MOTION, after=("7.2",))
 def out_of_range(robot: RobotUnderTest) -> None:
-    """Targets beyond a limit are out_of_range, and nothing is clamped."""
+    """Targets beyond a limit, by however little, are out_of_range, and nothing is clamped."""
     capabilities = robot.capabilities()
     with robot.controlled() as client:
         for joint in capabilities.joints:
-            for beyond in (joint.upper + 0.02, joint.lower - 0.02):
+            for beyond in (
+                joint.upper + 0.02,
+                joint.lower - 0.02,
+                math.nextafter(joint.upper, math.inf),
+                math.nextafter(joint.lower, -math.inf),
+            ):
                 targets = small_targets(capabilities, 0.0) | {joint.name: beyond}
                 client.expect("out_of_range", "perform", targets=targets)
 
