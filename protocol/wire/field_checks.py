@@ -30,8 +30,8 @@ def integer(name: str, value: Any, *, least: int = -MAX_INTEGER) -> int:
     return value
 
 
-def number(name: str, value: Any, *, least: float = -math.inf) -> float:
-    """A finite float of at least ``least``."""
+def number(name: str, value: Any, *, least: float = -math.inf, most: float = math.inf) -> float:
+    """A finite float of at least ``least`` and at most ``most``."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise LocalProtocolError(f"'{name}' must be a number, not {value!r:.60}")
     if isinstance(value, int) and abs(value) > _LARGEST:
@@ -40,6 +40,8 @@ def number(name: str, value: Any, *, least: float = -math.inf) -> float:
         raise LocalProtocolError(f"'{name}' must be finite, not {value}")
     if value < least:
         raise LocalProtocolError(f"'{name}' must be at least {least}, not {value}")
+    if value > most:
+        raise LocalProtocolError(f"'{name}' must be at most {most}, not {value}")
     return float(value)
 
 

@@ -222,7 +222,7 @@ class Progress(Reply):
 
     TYPE: ClassVar[str] = "progress"
     phase: str = checked(partial(field_checks.one_of, choices=PHASES))
-    fraction: float = checked(partial(field_checks.number, least=0.0))
+    fraction: float = checked(partial(field_checks.number, least=0.0, most=1.0))
     robot_time: float = checked(field_checks.number)
 
 

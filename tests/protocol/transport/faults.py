@@ -215,6 +215,7 @@ FAULTS: dict[str, tuple[str, Fault]] = {
         "7.1",
         replies("status", lambda f: {key: f[key] for key in f if key != "sequence"}),
     ),
+    "has done more than all": ("7.1", replies("progress", lambda f: f | {"fraction": 1.5})),
     "is a plate as wide as no box around it": (
         "7.1",
         replies(

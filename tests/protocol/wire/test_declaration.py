@@ -82,6 +82,22 @@ def test_items_of_a_request_count_from_1() -> None:
         parse_request(hello)
 
 
+@pytest.mark.parametrize(
+    ("fraction", "sentence"),
+    [
+        (-0.1, "progress: 'fraction' must be at least 0.0, not -0.1"),
+        (1.5, "progress: 'fraction' must be at most 1.0, not 1.5"),
+    ],
+)
+def test_a_share_lies_in_0_to_1(fraction: float, sentence: str) -> None:
+    answer = {"type": "progress", "id": 1, "phase": "moving", "robot_time": 0.0}
+    for valid in (0, 1):
+        parse_reply(answer | {"fraction": valid})
+    with pytest.raises(RemoteProtocolError) as caught:
+        parse_reply(answer | {"fraction": fraction})
+    assert str(caught.value) == sentence
+
+
 sigmas = st.none() | st.floats(1e-9, 1e300)
 
 
