@@ -50,7 +50,7 @@ def file(tmp_path: Path) -> Path:
         (
             "calibration = [[123, -90], [492, 90]]",
             "calibration = [[90, -90], [492, 90]]",
-            ["joint 1 (", ").calibration: counts must lie in 103 to 512"],
+            ["joint 1 (", ").calibration: counts must lie in 91 to 573"],
         ),
         # a sensor named twice
         ("[distance]", "[accelerometer]", ["accelerometer", "TOML"]),
