@@ -19,6 +19,7 @@ from estimator.body.morphology import Array
 from estimator.errors import EstimatorError, InteractionError
 from estimator.identification.loop import carry_out
 from estimator.identification.method import Listener
+from estimator.identification.record_link import commanded
 from estimator.identification.robot_link import RobotLink
 from estimator.physics.base import Physics
 from estimator.posterior.fitted import FittedPosterior
@@ -154,6 +155,7 @@ def _programs(store: RunStore, link: RobotLink, count: int, number: int) -> list
         drawn = [store.problem.random_program(rng, store.capabilities) for _ in range(count)]
         return [tuple(program.tolist()) for program in drawn]
     fitted = [item.program for item in store.interactions()]
+    fitted += [commanded(item.taken, link.capabilities) for item in store.observations()]
     fresh = [
         program
         for program in link.recorded

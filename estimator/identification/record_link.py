@@ -195,20 +195,26 @@ def _assumed(description: dict[str, Any], table: Table) -> dict[str, Any]:
     }
 
 
-def _as_felt(row: Observation, columns: tuple[str, ...], robot: Capabilities) -> Observation:
-    """A row as this robot would have reported it.
+def commanded(taken: Program, robot: Capabilities) -> Program:
+    """The motor program that angles in a table count as.
 
     Where a servo measures its angle the table has that, and not the angle commanded: it may lie
     beyond the joint's ends, and the nearest one within them is taken to be commanded.
     """
+    return tuple(
+        angle if joint.measured_noise is None else min(max(angle, joint.lower), joint.upper)
+        for joint, angle in zip(robot.joints, taken, strict=True)
+    )
+
+
+def _as_felt(row: Observation, columns: tuple[str, ...], robot: Capabilities) -> Observation:
+    """A row as this robot would have reported it."""
     angles = dict(zip(columns, row.angles, strict=True))
-    commanded: list[float] = []
-    measured: list[float | None] = []
-    for joint in robot.joints:
-        angle = angles.get(joint.name, 0.0)
-        measures = joint.measured_noise is not None
-        commanded.append(min(max(angle, joint.lower), joint.upper) if measures else angle)
-        measured.append(angle if measures else None)
+    taken = tuple(angles.get(joint.name, 0.0) for joint in robot.joints)
+    measured = tuple(
+        None if joint.measured_noise is None else angle
+        for joint, angle in zip(robot.joints, taken, strict=True)
+    )
     sensor = robot.sensor("clearance")
     upper = None if sensor is None else sensor.upper
     reaches_upper = (
@@ -216,8 +222,8 @@ def _as_felt(row: Observation, columns: tuple[str, ...], robot: Capabilities) ->
     )
     return row.model_copy(
         update={
-            "angles": tuple(commanded),
-            "measured": tuple(measured),
+            "angles": commanded(taken, robot),
+            "measured": measured,
             "clearance_saturated": reaches_upper,
         }
     )

@@ -1,3 +1,5 @@
+import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -6,15 +8,16 @@ import pytest
 from estimator.errors import EstimatorError, InteractionError
 from estimator.evaluation.validate import BEST, POPULATION, RANDOM, Validation, compare, validate
 from estimator.identification.method import Listener
-from estimator.identification.record_link import Record
+from estimator.identification.record_link import Record, open_by_hand
 from estimator.identification.robot_link import WireLink
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.readings.observation import Observation
+from estimator.readings.readings_csv import write
 from estimator.storage.records import Prediction
 from estimator.storage.store import RunStore
 from protocol.errors import RobotError
 from tests.estimator.evaluation.test_score import make_ended_run
-from tests.estimator.model_robot import TRUE_LENGTHS, ModelRobot, make_capabilities, serving
+from tests.estimator.model_robot import JOINTS, TRUE_LENGTHS, ModelRobot, make_capabilities, serving
 
 PROGRAMS = 4
 
@@ -149,6 +152,30 @@ def test_a_record_counts_as_fresh_only_what_no_model_was_fitted_to(
         (predictions,) = store.validations.all()
     clearances = [item.observation and item.observation.clearance for item in predictions]
     assert clearances == [0.01, 0.02]  # each program's own, not the record's first
+
+
+@pytest.mark.parametrize("measures", [False, True])
+def test_the_runs_own_table_holds_nothing_fresh(
+    tmp_path: Path, run: RunStore, physics: PyBulletPhysics, measures: bool
+) -> None:
+    """It has the angles that the servos took: after their steps, or as they measured them."""
+    robot = make_capabilities()
+    measured: tuple[float | None, ...] = ()
+    program, performed = (0.102, 0.2, -1.0, 0.4), (0.11, 0.2, -1.0, 0.4)
+    if measures:
+        joints = tuple(replace(joint, measured_noise=0.001) for joint in robot.joints)
+        robot, measured = replace(robot, joints=joints), (0.12, 0.21, -1.02, None)
+    felt = Observation(
+        angles=performed, measured=measured, touch=(True,) * 4, tilt=(0.0, 0.0), clearance=0.05
+    )
+    with run as store:
+        store.plan(1, program)
+        store.observe(1, felt)
+        write(tmp_path / "readings.csv", JOINTS, store.observations())
+        (tmp_path / "robot.json").write_text(json.dumps(robot.to_map()))
+        link = open_by_hand(tmp_path / "readings.csv", lambda _: ())
+        with pytest.raises(InteractionError, match="fitted to 2, so 0 are fresh"):
+            validate(store, physics, link, programs=1, listener=Listener())
 
 
 def test_a_record_without_what_was_predicted_is_refused(
