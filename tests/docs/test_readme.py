@@ -7,7 +7,8 @@ import re
 import shlex
 import subprocess
 import sys
-from contextlib import nullcontext
+from collections.abc import Iterator
+from contextlib import chdir, nullcontext
 from pathlib import Path
 
 import pytest
@@ -15,9 +16,10 @@ from typer.testing import CliRunner
 
 from bench.daemons import simulator
 from estimator.cli.command_line import app
-from tests.docs.pages import ROOT, blocks, page
+from tests.docs.pages import ROOT, blocks, page, section
 from tests.estimator.little_effort import little_effort
 
+ADDRESS = "tcp://127.0.0.1:5750"
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 # The same commands on a smaller budget: what is tested is that they do what is said. With
 # ALL_EFFORT, as `make docs-commands` has it, they are run as they stand.
@@ -85,18 +87,34 @@ def test_the_readme_is_short_and_its_make_targets_and_links_exist() -> None:
         assert (ROOT / link).exists(), link
 
 
-def test_what_the_readme_says_is_printed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With all the effort of a user's run; figures may differ from machine to machine."""
-    monkeypatch.chdir(tmp_path)
+@pytest.fixture(scope="module")
+def first_run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, str]]:
+    """What README's run prints, with all the effort of a user's run, and where its robot is."""
     start, identify, *_ = "".join(blocks(README, "sh")).splitlines()
-    with simulator(*start.split()[3:-1]) as robot:
-        words = identify.replace("tcp://127.0.0.1:5750", robot.uri).split()[1:]
-        ended = CliRunner().invoke(app, [*words, "--jobs", "2"], env={"COLUMNS": "200"})
-        printed = ended.stdout.replace(robot.uri, "tcp://127.0.0.1:5750")
+    with chdir(tmp_path_factory.mktemp("readme")), simulator(*start.split()[3:-1]) as robot:
+        yield printed(identify, robot.uri, "--jobs", "2"), robot.uri
+
+
+def printed(line: str, uri: str, *options: str) -> str:
+    words = [*line.replace(ADDRESS, uri).split()[1:], *options]
+    ended = CliRunner().invoke(app, words, env={"COLUMNS": "200"})
+    assert ended.exit_code == 0, (line, ended.output)
+    return ended.stdout.replace(uri, ADDRESS)
+
+
+def skeleton(text: str) -> str:
+    """A text without its figures, which may differ from machine to machine."""
+    return re.sub(r"[ \d.>-]+", " ", re.sub(r" +$", "", text, flags=re.MULTILINE)).strip()
+
+
+def test_what_the_readme_says_is_printed(first_run: tuple[str, str]) -> None:
+    stdout, _ = first_run
     (shown,) = blocks(README, "text")
-    wanted = shown.rstrip().removesuffix("…").rstrip()
-    skeletons = [
-        re.sub(r"[ \d.>]+", " ", re.sub(r" +$", "", text, flags=re.MULTILINE)).strip()
-        for text in (printed, wanted)
-    ]
-    assert skeletons[0].startswith(skeletons[1])
+    assert skeleton(stdout).startswith(skeleton(shown.rstrip().removesuffix("…")))
+
+
+def test_the_first_pose_is_taken_by_the_readmes_robot(first_run: tuple[str, str]) -> None:
+    _, uri = first_run
+    text = section("after", "Poses on demand")
+    (command,), shown = blocks(text, "sh"), blocks(text, "text")
+    assert [skeleton(printed(command, uri, "--yes", "--jobs", "1"))] == list(map(skeleton, shown))
