@@ -25,6 +25,7 @@ _SERVO_YIELD: Final = 0.02  # rad off its target, at which a servo gives its ful
 _ROTOR_STEPS: Final = 3.0  # steps that a servo needs to react, without damping; not tuned
 _SOFTNESS: Final = 3.0  # time constant of a contact, in steps; MuJoCo's least is 2
 _IMPEDANCE: Final = "0.99 0.999 0.001 0.5 2"  # solimp: bodies sink in by some hundredths of a mm
+_BELLY_DEPTH: Final = 0.0001  # m, by which the rangefinder lies inside; bodies sink in by less
 _SKIN_THICKNESS: Final = 0.002  # m, by which a touch sensor is larger than its link
 _COLOURS: Final = {"main body": "0.35 0.38 0.42 1", "part": "0.2 0.45 0.7 1"}
 
@@ -36,6 +37,10 @@ _SOLVER_REMARK: Final = (
 _CONTACT_REMARK: Final = (
     "Links touch the ground and not each other. The friction of a pair is the larger one. Contacts "
     "are as stiff as the step allows."
+)
+_CLEARANCE_REMARK: Final = (
+    "Clearance is measured from 0.1 mm inside the belly, so a body that lies on it reads 0.1 mm. "
+    "-1 is MuJoCo's value where there is no ground below."
 )
 _SERVO_REMARK: Final = (
     "Servos are position actuators, ctrl is the angle, rad: kp is the effort by 0.02 rad. Damping, "
@@ -169,8 +174,10 @@ def mjcf(body: Description) -> str:
         SubElement(main, "geom", type="box", size=_numbers(extent / 2 for extent in body.size))
     (c, s), (d, t) = ((math.cos(turn / 2), math.sin(turn / 2)) for turn in body.accelerometer)
     SubElement(main, "site", name="middle", quat=_numbers((c * d, s * d, c * t, s * t)))
-    # A rangefinder looks along its site's z axis.
-    SubElement(main, "site", name="belly", pos=_numbers((0, 0, -belly)), zaxis="0 0 -1")
+    _remark(main, _CLEARANCE_REMARK)
+    # A rangefinder looks along its site's z axis, and not at the body that carries it.
+    eye = _numbers((0, 0, _BELLY_DEPTH - belly))
+    SubElement(main, "site", name="belly", pos=eye, zaxis="0 0 -1")
     carriers = {body.base: main}
     for link in body.links:
         carriers[link.name] = _add_link(carriers[link.joint.parent], link)

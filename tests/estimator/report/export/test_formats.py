@@ -110,7 +110,16 @@ def test_a_body_that_stands_starts_on_its_feet() -> None:
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     assert data.body("body").xpos[2] == pytest.approx(0.25)
-    assert data.sensor("clearance").data[0] == pytest.approx(0.2)
+    assert data.sensor("clearance").data[0] == pytest.approx(0.2, abs=2e-4)
+
+
+def test_a_body_that_lies_on_its_belly_reads_no_clearance(random_quadruped: MakeBody) -> None:
+    body = described(random_quadruped(np.random.default_rng(0)))
+    model = mujoco.MjModel.from_xml_string(mjcf(body))
+    data = mujoco.MjData(model)
+    mujoco.mj_step(model, data, int(1.0 / model.opt.timestep))
+    assert data.body("body").xpos[2] == pytest.approx(body.size[2] / 2, abs=1e-4)  # it lies
+    assert data.sensor("clearance").data[0] == pytest.approx(0.0, abs=2e-4)
 
 
 def test_check_urdf_accepts_it(tree: Morphology, tmp_path: Path) -> None:
