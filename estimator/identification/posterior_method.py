@@ -76,11 +76,11 @@ class PosteriorMethod:
         Raises:
             EstimatorError: The config asks for such a thing.
         """
-        of_paper = (config.search, config.population, config.generations)
-        if config.full_steps or of_paper != (None, None, None):
+        of_paper = (config.search, config.objective, config.population, config.generations)
+        if config.full_steps or any(option is not None for option in of_paper):
             raise EstimatorError(
-                "search, population, generations and full steps belong to the method paper: leave "
-                "them out, or add --method paper"
+                "search, objective, population, generations and full steps belong to the method "
+                "paper: leave them out, or add --method paper"
             )
         if config.learn != "all" and config.explore not in (None, PosteriorMethod.RULE):
             raise EstimatorError(

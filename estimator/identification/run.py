@@ -215,7 +215,8 @@ def _check_names(config: RunConfig) -> None:
         RULES.check(config.explore)
     if config.search is not None:
         SEARCHES.check(config.search)
-    OBJECTIVES.check(config.objective)
+    if config.objective is not None:
+        OBJECTIVES.check(config.objective)
 
 
 def _settings(
@@ -234,6 +235,7 @@ def _settings(
         "physics": method.PHYSICS,
         "explore": method.RULE,
         "search": next(iter(SEARCHES.own)),
+        "objective": next(iter(OBJECTIVES.own)),
         "seed": secrets.randbelow(2**32),
         "population": problem.search.population,
         "generations": problem.search.generations,

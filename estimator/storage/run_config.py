@@ -53,9 +53,9 @@ class RunConfig(BaseModel):
         description="What optimises the paper's population: deterministic-crowding, or a plug-in. "
         "Default: the first.",
     )
-    objective: str = Field(
-        default="largest",
-        description="What that minimises: largest, robust-mean, or a plug-in.",
+    objective: str | None = Field(
+        default=None,
+        description="What that minimises: largest, robust-mean, or a plug-in. Default: the first.",
     )
     sure: Annotated[float, Field(ge=0.5, le=0.98)] | None = Field(
         default=None,
@@ -95,6 +95,7 @@ class RunSettings(RunConfig):
     physics: str
     explore: str
     search: str
+    objective: str
     modalities: tuple[str, ...]
     seed: Annotated[int, Field(ge=0)]
     interactions: Annotated[int, Field(ge=1)]

@@ -244,7 +244,7 @@ uri, folder = sys.argv[1:]
 link = WireLink(uri, client_id="workstation", first_id=first_id(0))
 settings = RunSettings(
     robot=uri, problem="legs", problem_text="", method="paper", physics="pybullet",
-    reference="pybullet", explore="random", search="deterministic-crowding",
+    reference="pybullet", explore="random", search="deterministic-crowding", objective="largest",
     modalities=("tilt",), seed=1, interactions=1, population=4, generations=1,
 )
 planned = InteractionRecord(program=(-1.0,) * 8)

@@ -43,6 +43,7 @@ def make_run(
         method="paper",
         explore="random",
         search="deterministic-crowding",
+        objective="largest",
         reference="pybullet",
         robot="replay:x",
         problem="legs",

@@ -318,6 +318,7 @@ def test_noise_that_is_not_announced_is_no_other_body(tmp_path: Path) -> None:
     [
         ({"population": 4}, "belong to the method paper"),
         ({"search": "deterministic-crowding"}, "belong to the method paper"),
+        ({"objective": "largest"}, "search, objective, .* belong to the method paper"),
         ({"method": "paper", "sure": 0.9}, "sure belongs to the method posterior"),
         ({"method": "paper", "learn": "mass"}, "learn mass belongs to the method posterior"),
         ({"explore": "random", "learn": "mass"}, "is for the rule information"),

@@ -70,6 +70,7 @@ def made_run(
     settings = RunSettings(
         explore="random",
         search="deterministic-crowding",
+        objective="largest",
         reference="pybullet",
         robot="tcp://127.0.0.1:5750",
         problem=asked.name,

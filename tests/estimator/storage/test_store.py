@@ -37,6 +37,7 @@ SETTINGS = RunSettings(
     method="paper",
     explore="random",
     search="deterministic-crowding",
+    objective="largest",
     reference="pybullet",
     robot="tcp://127.0.0.1:5750",
     problem="legs",
