@@ -93,10 +93,9 @@ def _best(programs: Array, scores: Array, count: int) -> tuple[Array, Array]:
 
 
 def _scored(score: Score, programs: Array) -> Array:
-    scores = np.asarray(score(programs), dtype=float)
-    if scores.shape != (len(programs),) or np.isnan(scores).any():
-        raise EstimatorError(
-            f"a score of {len(programs)} programs must be as many numbers, none of them NaN, in an "
-            f"array of the shape ({len(programs)},): it has the shape {scores.shape}"
-        )
+    scores, shape = np.asarray(score(programs), dtype=float), (len(programs),)
+    if scores.shape != shape:
+        raise EstimatorError(f"scores of programs have the shape {shape}, not {scores.shape}")
+    if missing := np.count_nonzero(np.isnan(scores)):
+        raise EstimatorError(f"a score is a number, but {missing} of {len(scores)} scores are NaN")
     return scores

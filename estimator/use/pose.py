@@ -59,7 +59,7 @@ class Goal:
         clearance_within: How far off the clearance may be, m.
 
     Raises:
-        EstimatorError: Nothing is wanted, or the goal contradicts itself.
+        EstimatorError: Nothing is wanted, a number is not finite, or the goal contradicts itself.
     """
 
     tilt_left: float | None = None
@@ -71,6 +71,10 @@ class Goal:
     clearance_within: float = 0.002
 
     def __post_init__(self) -> None:
+        for name in ("tilt_left", "tilt_forward", "clearance"):
+            wanted = getattr(self, name)
+            if wanted is not None and not math.isfinite(wanted):
+                raise EstimatorError(f"{name} of a pose is a finite number, not {wanted}")
         if self.highest and self.clearance is not None:
             raise EstimatorError("a pose is either the highest one or has a clearance: give one")
         goals = (self.tilt_left, self.tilt_forward, self.clearance, self.stand_on)

@@ -73,8 +73,8 @@ def test_the_same_generator_finds_the_same() -> None:
         (ENDS[:, 0], None, near_the_goal, r"has the shape \(joints, 2\), not \(3,\)"),
         (ENDS, np.zeros((4, 2)), near_the_goal, r"shape \(1000, 3\), .* not \(4, 2\)"),
         (ENDS, np.zeros((0, 3)), near_the_goal, r"not \(0, 3\)"),
-        (ENDS, None, lambda programs: programs, r"\(1000,\): it has the shape \(1000, 3\)"),
-        (ENDS, None, lambda programs: programs[:, 0] * np.nan, "none of them NaN"),
+        (ENDS, None, lambda programs: programs, r"shape \(1000,\), not \(1000, 3\)"),
+        (ENDS, None, lambda programs: programs[:, 0] * np.nan, "but 1000 of 1000 scores are NaN$"),
     ],
 )
 def test_what_is_no_score_is_said(

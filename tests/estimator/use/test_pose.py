@@ -96,6 +96,9 @@ def test_the_highest_pose_is_higher_than_others() -> None:
         ({}, "no pose is asked for"),
         ({"highest": True, "clearance": 0.1}, "give one"),
         ({"stand_on": frozenset()}, "stands on something"),
+        ({"tilt_forward": math.nan}, "tilt_forward of a pose is a finite number, not nan"),
+        ({"tilt_left": -math.inf, "highest": True}, "tilt_left of a pose .* not -inf"),
+        ({"clearance": math.inf}, "clearance of a pose is a finite number, not inf"),
     ],
 )
 def test_goals_that_are_none(wanted: dict[str, object], complaint: str) -> None:
