@@ -47,6 +47,9 @@ from estimator.use.watch import FALSE_ALARMS, Watch
 CHANGED: Final = 3
 """Exit code where the body has changed."""
 
+EVERY: Final = 60.0
+"""Seconds between two movements of ``monitor``."""
+
 ONCE: Final = 6
 """Number of movements of ``monitor --once``."""
 
@@ -139,7 +142,10 @@ def monitor(
     directory: Directory,
     robot: Robot,
     *,
-    every: Annotated[float, typer.Option(min=0, help="Seconds between two movements.")] = 60.0,
+    every: Annotated[
+        float | None,
+        typer.Option(min=0, help=f"Seconds between two movements. Default: {EVERY:.0f}."),
+    ] = None,
     movements: Annotated[
         int | None, typer.Option(min=1, help="End after so many. Default: never.")
     ] = None,
@@ -164,7 +170,13 @@ def monitor(
 ) -> None:
     """Move the robot now and then, and say whether its body is still the same; 3: it is not."""
     if once:
+        for option, value in (("--movements", movements), ("--every", every)):
+            if value is not None:
+                raise typer.BadParameter(
+                    f"--once is {ONCE} movements without a pause: leave out {option}"
+                )
         every, movements = 0.0, ONCE
+    pause = EVERY if every is None else every
     with errors_as_sentences(None), identified(directory, jobs) as (store, known):
         may_move(yes, f"Move the robot at {robot} now and then, also while nobody looks?")
         rng = np.random.default_rng(seed)
@@ -174,7 +186,7 @@ def monitor(
             while movements is None or watch.movements < movements:
                 number = watch.movements
                 if number:
-                    time.sleep(every)
+                    time.sleep(pause)
                 program = programs[number % patrol] if programs else watch.next_movement()
                 with closing(same_robot(store, robot, screen, keys)) as link:
                     observation = perform(link, tuple(program.tolist()), number, screen)

@@ -287,6 +287,14 @@ def test_a_population_is_not_diagnosed_and_nothing_moves(tmp_path: Path) -> None
     assert not now.exists()
 
 
+@pytest.mark.parametrize("options", [("--movements", "3"), ("--every", "60")])
+def test_once_leaves_nothing_else_to_say(run: Path, options: tuple[str, str]) -> None:
+    ended = estimator("monitor", run, "--robot", "tcp://127.0.0.1:1", "--once", "--yes", *options)
+    assert ended.exit_code == 2
+    sentence = " ".join(ended.stderr.replace("│", " ").split())
+    assert f"--once is 6 movements without a pause: leave out {options[0]}" in sentence
+
+
 @pytest.mark.parametrize("command", [("pose", "--highest"), ("monitor", "--once"), ("diagnose",)])
 def test_a_record_is_no_robot_that_could_move(run: Path, command: tuple[str, ...]) -> None:
     name, *options = command
