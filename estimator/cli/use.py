@@ -33,6 +33,7 @@ from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.fitted import FittedPosterior
 from estimator.readings.observation import Observation, Program
 from estimator.report.run_files import write_report
+from estimator.report.summarise import summarise
 from estimator.report.tables import plain_table
 from estimator.storage.records import first_id
 from estimator.storage.store import RunStore
@@ -107,21 +108,29 @@ def pose(
             stand_on=None if leg_joints is None else standing_on(known, leg_joints),
             highest=highest,
         )
+        judged = summarise(store).judged
+        if judged is not None and not judged.explained:
+            out.print(f"Note: {judged.verdict}", soft_wrap=True)
         found_pose = find_pose(known, goal, np.random.default_rng(seed))
         joints = [joint.name for joint in known.capabilities.joints]
         angles = zip(joints, found_pose.program, strict=True)
         program = ", ".join(f"{name} {math.degrees(angle):.1f}°" for name, angle in angles if angle)
         out.print(f"Motor program: {program or 'all joints at 0°'}.", soft_wrap=True)
+        candidates = (
+            "the bodies that the robot may have"
+            if store.settings.keeps_samples
+            else "the population's models"
+        )
         if not found_pose.reachable:
             _print_readings(known, goal, found_pose, None)
             raise EstimatorError(
-                "no motor program brings the robot there: of the bodies that it may have, "
+                f"no motor program brings the robot there: of {candidates}, "
                 f"{found_pose.share:.0%} read so after the one that comes nearest, and most read "
                 "what is predicted above"
             )
         margin = math.degrees(found_pose.margin)
         out.print(
-            f"Of the bodies that the robot may have, {found_pose.share:.0%} read so after it; "
+            f"Of {candidates}, {found_pose.share:.0%} read so after it; "
             f"19 of 20 fall nowhere else while gravity is inclined by less than {margin:.1f}°.",
             soft_wrap=True,
         )

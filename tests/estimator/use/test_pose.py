@@ -13,6 +13,7 @@ from typer.testing import CliRunner, Result
 from estimator import EstimatorError, FittedPosterior, Goal, Observation, find_pose
 from estimator.cli.command_line import app
 from estimator.use.pose import SAFE, standing_on
+from tests.estimator.evaluation.test_score import make_ended_run
 from tests.estimator.model_robot import (
     TRUE_LENGTHS,
     ModelRobot,
@@ -155,6 +156,27 @@ def test_the_robot_takes_the_pose_and_says_how_it_stands(run: Path) -> None:
         numbers = [float(number) for number in re.findall(r"-?\d+\.\d", line)]
         assert numbers[0] == want
         assert numbers[2] == pytest.approx(want, abs=within)
+
+
+@pytest.mark.parametrize("misspecified", [0.0, 0.9])
+def test_a_body_that_was_not_found_is_said_to_be_none(tmp_path: Path, misspecified: float) -> None:
+    bodies = [TRUE_LENGTHS] * 3
+    with make_posterior_run(tmp_path, bodies, misspecified=misspecified) as store:
+        directory = store.directory
+    planned = pose(directory, "tcp://127.0.0.1:1", "--clearance", "55mm", "--dry-run")
+    assert planned.exit_code == 0, planned.output
+    note = "Note: NO BODY THAT THIS PROBLEM ALLOWS is as probable as"
+    assert planned.stdout.startswith(note) == bool(misspecified)
+
+
+def test_a_population_is_no_set_of_bodies_that_the_robot_may_have(tmp_path: Path) -> None:
+    with make_ended_run(tmp_path, TRUE_LENGTHS) as store:
+        directory = store.directory
+    for wanted, code in (("55mm", 0), ("40cm", 1)):
+        planned = pose(directory, "tcp://127.0.0.1:1", "--clearance", wanted, "--dry-run")
+        assert planned.exit_code == code, planned.output
+        assert "f the population's models, " in planned.output
+        assert "may have" not in planned.output
 
 
 def test_a_goal_out_of_reach_is_a_sentence_with_what_comes_nearest(run: Path) -> None:
