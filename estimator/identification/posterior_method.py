@@ -244,10 +244,10 @@ class PosteriorMethod:
 
     def finish(self, observations: Sequence[Observation]) -> None:
         """Has some of the samples simulated, and reweights."""
+        if self._store.complete:
+            return
         last = len(observations) - 1
         summary = self._summaries[last]
-        if summary.simulated:
-            return
         sampled = self._fitted(self._posterior, observations)
         likelihood = sampled.likelihood
         checked = recheck(self._posterior, self._predictor, likelihood, self._reference)

@@ -198,9 +198,15 @@ def _first_reason(error: Exception) -> str:
 def transaction(database: RunDatabase) -> Iterator[None]:
     """Commits everything in the block together, or nothing of it.
 
+    Within another transaction the block is a part of that one.
+
     Raises:
         RunDirectoryError: Another process has begun to write to the run.
     """
+    is_part = database.in_transaction
+    if is_part:
+        yield
+        return
     database.execute("BEGIN IMMEDIATE")
     try:
         _check_writer(database)

@@ -15,7 +15,7 @@ from __future__ import annotations
 import json
 import os
 import sqlite3
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -132,9 +132,22 @@ class RunStore(Closable):
 
     @classmethod
     def create(
-        cls, directory: Path, settings: RunSettings, capabilities: Capabilities, client_id: str
+        cls,
+        directory: Path,
+        settings: RunSettings,
+        capabilities: Capabilities,
+        client_id: str,
+        *,
+        fill: Callable[[Self], None] | None = None,
     ) -> Self:
         """Makes a run directory with one connection to the robot, number 0, already counted.
+
+        Args:
+            directory: The directory.
+            settings: What the run is asked to do.
+            capabilities: What the robot says it is.
+            client_id: The client id of the run's requests to the robot.
+            fill: Stores what the run holds from the first instant: it is there with that, or not.
 
         Raises:
             RunDirectoryError: The directory holds a run already, or files that it would replace,
@@ -158,7 +171,10 @@ class RunStore(Closable):
                 }
                 database.executemany("INSERT INTO meta VALUES (?, ?)", meta.items())
                 claim(database)
-            return cls(directory, database, held)
+                store = cls(directory, database, held)
+                if fill is not None:
+                    fill(store)
+            return store
         except BaseException:
             _close(database, held)
             raise

@@ -29,7 +29,7 @@ _UNEXPLAINED: Final = 0.5  # probability of an outlier
 def write_run(
     directory: Path, store: RunStore, weigher: Weigher, diagnosis: Diagnosis, robot: str
 ) -> None:
-    """Makes a run directory of what a diagnosis found.
+    """Makes a run directory of what a diagnosis found: it holds all of that, or no run.
 
     Args:
         directory: The directory that is made.
@@ -48,19 +48,25 @@ def write_run(
     settings = store.settings.model_copy(
         update={"robot": robot, "interactions": max(1, len(observations)), "sure": None}
     )
-    client_id = str(uuid.uuid4())  # another run's requests must not be taken for this one's
-    with RunStore.create(directory, settings, store.capabilities, client_id) as new:
-        for number, (observation, reason) in enumerate(
-            zip(observations, diagnosis.reasons, strict=True)
+    posteriors = []
+    for count in range(1, len(observations) + 1):
+        seen = observations[:count]
+        is_last = count == len(observations)
+        weighed = diagnosis.weighed if is_last else weigher.weigh(seen)
+        particles = diagnosis.causes[0] if is_last else weighed.particles[0]
+        share = diagnosis.probability if is_last else float(weighed.probabilities[0])
+        posteriors.append(_stored(weigher, particles, share, seen))
+
+    def fill(new: RunStore) -> None:
+        for number, (observation, reason, posterior) in enumerate(
+            zip(observations, diagnosis.reasons, posteriors, strict=True)
         ):
             new.plan(number, observation.angles, reason=reason)
             new.observe(number, observation)
-            seen = observations[: number + 1]
-            is_last = number + 1 == len(observations)
-            weighed = diagnosis.weighed if is_last else weigher.weigh(seen)
-            particles = diagnosis.causes[0] if is_last else weighed.particles[0]
-            share = diagnosis.probability if is_last else float(weighed.probabilities[0])
-            new.save_posterior(number, _stored(weigher, particles, share, seen), Counters(), None)
+            new.save_posterior(number, posterior, Counters(), None)
+
+    client_id = str(uuid.uuid4())  # another run's requests must not be taken for this one's
+    RunStore.create(directory, settings, store.capabilities, client_id, fill=fill).close()
 
 
 def _stored(

@@ -49,7 +49,7 @@ def make_posterior_run(
         text = 'hinge = "unknown"'.join(text.rsplit('hinge = "up"', 1))
     choices = [gene for gene in (mount, hinge) if gene is not None]
     with make_run(folder, TRUE_LENGTHS, text, tuple(choices)) as model:
-        settings = model.settings.model_copy(update={"method": "posterior"})
+        settings = model.settings.model_copy(update={"method": "posterior", "physics": "statics"})
     bodies = []
     for row in lengths:
         genes = ((np.array(row) - 0.05) / 0.2).tolist()

@@ -8,6 +8,7 @@ import re
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,6 +21,9 @@ from estimator.cli.command_line import app
 from estimator.exploration import best_programs
 from estimator.posterior.model.likelihood import FORKS, GRAVITY_TILTS, apart
 from estimator.readings.observation import Observation, Program
+from estimator.storage.database import holds_run
+from estimator.storage.posteriors import StoredPosterior
+from estimator.storage.records import Counters
 from estimator.storage.store import RunStore
 from estimator.use import competitor, movements, surprise
 from estimator.use.causes import Weigher
@@ -328,6 +332,38 @@ def test_a_diagnosis_of_the_run_here_is_kept_beside_it(
     (made,) = set(run.parent.iterdir()) - before
     assert made.name.startswith(f"{run.name}-")
     assert f"Run: {made} " in ended.stdout
+
+
+def test_a_diagnosis_is_kept_whole_or_not_at_all_and_resume_leaves_it(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now, model, save = tmp_path / "now", ModelRobot(askew=ASKEW), RunStore.save_posterior
+
+    def broken_off(store: RunStore, number: int, *rest: Any) -> None:
+        if number:
+            raise KeyboardInterrupt
+        save(store, number, *rest)
+
+    with serving(model) as uri:
+        command = ("diagnose", run, "--robot", uri, "--yes", "--out", now)
+        with monkeypatch.context() as patch:
+            patch.setattr(RunStore, "save_posterior", broken_off)
+            broken = estimator(*command)
+        assert broken.exit_code == 1
+        assert "interrupted" in broken.stderr
+        assert not holds_run(now)
+        again = estimator(*command)
+        assert again.exit_code == 0, again.output
+        kept, moved = stored(now), len(model.motions)
+        resumed = estimator("resume", now)
+    assert resumed.exit_code == 0, resumed.output
+    assert len(model.motions) == moved
+    assert stored(now) == kept
+
+
+def stored(directory: Path) -> list[tuple[StoredPosterior, Counters]]:
+    with RunStore.open(directory, to_write=False) as store:
+        return store.posteriors()
 
 
 def number_in(pattern: str, text: str) -> int:
