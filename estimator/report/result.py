@@ -17,8 +17,6 @@ from estimator.versions import versions
 
 RESULT: Final = "result.json"
 PAGE: Final = "report.html"
-"""Name of the page, the last file of a finished run to be written."""
-
 
 MAIN_BODY: Final = "main body"
 """Name of the parent of parts that sit on the main body."""

@@ -47,6 +47,8 @@ def write_report(store: RunStore, *, plots: bool = True, page: bool = False) -> 
 def write_files(store: RunStore, result: Result, *, plots: bool = True, page: bool = False) -> None:
     """Writes the derived files for a result that is known already.
 
+    ``result.json`` comes last: ``show`` takes the others for those of a finished run by it.
+
     Args:
         store: The run.
         result: The run in numbers.
@@ -57,7 +59,6 @@ def write_files(store: RunStore, result: Result, *, plots: bool = True, page: bo
         OSError: The directory cannot be written.
     """
     joints = [joint.name for joint in store.capabilities.joints]
-    replace_text(store.directory / RESULT, result.model_dump_json(indent=2) + "\n")
     replace_file(
         store.directory / READINGS,
         lambda path: readings_csv.write(path, joints, store.observations()),
@@ -76,6 +77,7 @@ def write_files(store: RunStore, result: Result, *, plots: bool = True, page: bo
             if sources.picture is not None:
                 replace_bytes(store.directory / BODY, sources.picture)
             replace_text(store.directory / PAGE, run_page(store, sources))
+    replace_text(store.directory / RESULT, result.model_dump_json(indent=2) + "\n")
 
 
 def write_samples(path: Path, fitted: FittedPosterior) -> None:

@@ -3,8 +3,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from estimator.cli.command_line import app
 from estimator.readings.observation import Observation
+from estimator.report import run_files
 from estimator.report.outcome import next_steps
 from estimator.report.result import Result
 from estimator.report.run_files import write_report
@@ -172,6 +175,24 @@ def test_plots_are_drawn_once_a_run_is_finished_or_when_its_page_is_asked_for(
             if not complete:
                 write_report(store, page=True)
         assert (place / "plots" / "lengths.png").exists()
+
+
+def test_show_writes_what_was_left_when_the_last_writing_was_broken_off(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken_off(*_: object) -> str:
+        raise KeyboardInterrupt
+
+    place = made_run(tmp_path / "run", "parametric", "posterior")
+    page = place / "report.html"
+    page.write_text("of two interactions")
+    with RunStore.open(place, to_write=False) as store, monkeypatch.context() as patch:
+        patch.setattr(run_files, "run_page", broken_off)
+        with pytest.raises(KeyboardInterrupt):
+            write_report(store)
+    shown = CliRunner().invoke(app, ["show", str(place)])
+    assert shown.exit_code == 0, shown.output
+    assert page.read_text() != "of two interactions"
 
 
 def test_result_json_has_no_infinity_in_it(tmp_path: Path) -> None:
