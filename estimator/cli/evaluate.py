@@ -24,12 +24,19 @@ from estimator.identification.run import reconnect
 from estimator.physics.backends import in_this_process
 from estimator.physics.statics import StaticsPhysics
 from estimator.report.canvas import as_png
-from estimator.report.evaluations import VALIDATION, print_score, print_validation, write_score
+from estimator.report.evaluations import (
+    VALIDATION,
+    print_score,
+    print_validation,
+    read_validation,
+    write_score,
+    write_validation,
+)
 from estimator.report.plots import LENGTHS, run_plots
 from estimator.report.result import PAGE
 from estimator.report.run_files import LENGTHS_WITH_TRUTH, write_report
 from estimator.storage.store import RunStore
-from protocol.system.files import replace_bytes, replace_text
+from protocol.system.files import replace_bytes
 
 
 def score(
@@ -74,17 +81,22 @@ def validate(
     keys: Keys = None,
 ) -> None:
     """Predict fresh motor programs, then perform them (the prediction error)."""
-    with (
-        errors_as_sentences(None),
-        RunStore.open(directory) as store,
-        executors(jobs, dask) as workers,
-        Screen(err) as screen,
-    ):
+    with errors_as_sentences(None), RunStore.open(directory) as store:
         with (
+            executors(jobs, dask) as workers,
+            Screen(err) as screen,
             closing(workers.open_physics(store.settings.physics, store.world)) as physics,
             closing(reconnect(store, robot, screen, keys=keys)) as link,
         ):
-            validation = validate_run(store, physics, link, programs=programs, listener=screen)
-        replace_text(directory / VALIDATION, validation.model_dump_json(indent=2) + "\n")
-    print_validation(out, validation)
-    out.print(f"Saved: {directory / VALIDATION}", soft_wrap=True)
+            validation = validate_run(
+                store,
+                physics,
+                link,
+                programs=programs,
+                saved=read_validation(directory),
+                listener=screen,
+            )
+        print_validation(out, validation)
+        with unless_unwritable(directory):
+            write_validation(directory, validation)
+            out.print(f"Saved: {directory / VALIDATION}", soft_wrap=True)

@@ -82,11 +82,21 @@ def validate(
     link: RobotLink,
     *,
     programs: int,
+    saved: Validation | None,
     listener: Listener,
 ) -> Validation:
     """Predicts motor programs, performs them and compares.
 
-    A validation that was interrupted is continued; its predictions stand.
+    A validation that was interrupted is continued; its predictions stand. So is one that had
+    performed all programs and whose outcome was not saved: nothing moves then.
+
+    Args:
+        store: The run.
+        physics: Back-end that predicts.
+        link: The robot.
+        programs: Number of programs of a new validation.
+        saved: The outcome that was saved last; ``None`` where there is none.
+        listener: Hears what happens.
 
     Raises:
         EstimatorError: The run has not ended, so that its models may yet change.
@@ -98,8 +108,7 @@ def validate(
             f"`estimator resume {store.directory}` first."
         )
     validations = store.validations.all()
-    unfinished = validations and any(item.observation is None for item in validations[-1])
-    if unfinished:
+    if validations and not _is_saved(validations[-1], saved):
         number, predictions = len(validations) - 1, validations[-1]
         listener.say(f"Going on with the predictions made before ({len(predictions)} programs).")
     else:
@@ -120,6 +129,12 @@ def validate(
             listener.worked(1, f"performed {index + 1} of {len(predictions)}")
         observations.append(observation)
     return compare(predictions, observations)
+
+
+def _is_saved(predictions: Sequence[Prediction], saved: Validation | None) -> bool:
+    """Whether all predicted programs were performed, and their outcome was saved."""
+    seen = [item.observation for item in predictions if item.observation is not None]
+    return len(seen) == len(predictions) and compare(predictions, seen) == saved
 
 
 def compare(predictions: Sequence[Prediction], observations: Sequence[Observation]) -> Validation:

@@ -57,6 +57,15 @@ def score_of(directory: Path, result: Result) -> Score | None:
     return score if score and score.is_of(result.complete, lengths) else None
 
 
+def write_validation(directory: Path, validation: Validation) -> None:
+    """Writes a run's prediction errors to the run directory.
+
+    Raises:
+        OSError: The directory cannot be written.
+    """
+    replace_text(directory / VALIDATION, validation.model_dump_json(indent=2) + "\n")
+
+
 def read_validation(directory: Path) -> Validation | None:
     """Prediction errors of a run; ``None`` where there are none."""
     return read_document(directory / VALIDATION, Validation)

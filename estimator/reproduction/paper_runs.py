@@ -19,7 +19,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from estimator.errors import InteractionError, RunDirectoryError
 from estimator.evaluation.score import Score, score
-from estimator.evaluation.validate import Validation, compare, validate
+from estimator.evaluation.validate import Validation, validate
 from estimator.identification.method import Listener
 from estimator.identification.run import identify, reconnect, resume
 from estimator.physics.backends import IN_THIS_PROCESS, REFERENCE, in_this_process
@@ -28,10 +28,10 @@ from estimator.problem.problem import Problem
 from estimator.report.evaluations import (
     SCORE,
     TRUTH,
-    VALIDATION,
     read_document,
     read_score,
     read_validation,
+    write_validation,
 )
 from estimator.report.result import RESULT, Result
 from estimator.report.run_files import write_report
@@ -204,20 +204,15 @@ class PlannedRun:
             self._validate(directory, uri, quiet)
 
     def _validate(self, directory: Path, uri: str, listener: Listener) -> None:
-        with RunStore.open(directory) as store:
-            stored = store.validations.all()
-            seen = [item.observation for item in stored[-1] if item.observation] if stored else []
-            if stored and len(seen) == len(stored[-1]):  # ended just before the file was written
-                validation = compare(stored[-1], seen)
-            else:
-                with (
-                    closing(in_this_process(store.settings.physics, store.world)) as physics,
-                    closing(reconnect(store, uri, listener)) as link,
-                ):
-                    validation = validate(
-                        store, physics, link, programs=self.predicts, listener=listener
-                    )
-        replace_text(directory / VALIDATION, validation.model_dump_json(indent=2) + "\n")
+        with (
+            RunStore.open(directory) as store,
+            closing(in_this_process(store.settings.physics, store.world)) as physics,
+            closing(reconnect(store, uri, listener)) as link,
+        ):
+            validation = validate(
+                store, physics, link, programs=self.predicts, saved=None, listener=listener
+            )
+        write_validation(directory, validation)
 
     def _score(self, root: Path) -> None:
         directory = self.directory(root)

@@ -42,7 +42,7 @@ def whole_path(folder: Path, body: str, problem: str) -> Score:
                 closing(PyBulletPhysics(store.world)) as physics,
                 closing(reconnect(store, robot.uri, Listener())) as link,
             ):
-                found = validate(store, physics, link, programs=2, listener=Listener())
+                found = validate(store, physics, link, programs=2, saved=None, listener=Listener())
                 assert found.programs == 2
                 assert found.random_models["tilt_deg"] is not None
             world = store.world

@@ -188,6 +188,32 @@ def test_validate_over_the_wire(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     assert saved["best_model"]["touch"] == 0
 
 
+def test_a_validation_whose_outcome_was_not_written_is_told_and_moves_nothing_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("estimator.evaluation.validate.RANDOM_MODELS", 4)
+    make_ended_run(tmp_path, TRUE_LENGTHS).close()
+    robot, file = ModelRobot(), tmp_path / "run" / "validation.json"
+    with serving(robot) as uri:
+        command = ("validate", tmp_path / "run", "--robot", uri, "--programs", "2", "--jobs", "1")
+        file.mkdir()  # so that no such file can be written
+        unwritten = estimator(*command)
+        assert unwritten.exit_code == 0, unwritten.output
+        assert "cannot be written" in unwritten.stderr
+        file.rmdir()
+        written = estimator(*command)
+        assert len(robot.motions) == 2
+        outcome = file.read_text()
+        estimator(*command)
+        assert len(robot.motions) == 4
+        file.write_text(outcome)  # as if the second had been killed before it wrote its own
+        estimator(*command)
+        assert len(robot.motions) == 4
+    assert "Prediction error on 2 fresh motor programs" in unwritten.stdout
+    assert written.stdout == f"{unwritten.stdout}Saved: {file}\n"
+    assert file.read_text() != outcome
+
+
 def test_ctrl_c_leaves_a_run_that_can_be_resumed(tmp_path: Path) -> None:
     with serving(ModelRobot()) as uri:
         process = start_identify(tmp_path, uri)

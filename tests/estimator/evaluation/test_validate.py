@@ -28,10 +28,16 @@ def run(tmp_path: Path) -> RunStore:
     return make_ended_run(tmp_path, TRUE_LENGTHS)
 
 
-def performed(run: RunStore, uri: str, physics: PyBulletPhysics, first_id: int = 1) -> Validation:
+def performed(
+    run: RunStore,
+    uri: str,
+    physics: PyBulletPhysics,
+    first_id: int = 1,
+    saved: Validation | None = None,
+) -> Validation:
     link = WireLink(uri, client_id="me", first_id=first_id)
     try:
-        return validate(run, physics, link, programs=PROGRAMS, listener=Listener())
+        return validate(run, physics, link, programs=PROGRAMS, saved=saved, listener=Listener())
     finally:
         link.close()
 
@@ -42,7 +48,7 @@ def test_the_true_model_predicts_what_random_ones_do_not(
     robot = ModelRobot()
     with serving(robot) as uri, run:
         validation = performed(run, uri, physics)
-        again = performed(run, uri, physics, first_id=1000)
+        again = performed(run, uri, physics, first_id=1000, saved=validation)
     assert validation.programs == PROGRAMS
     assert validation.best_model["tilt_deg"] == pytest.approx(0, abs=1e-3)
     assert validation.best_model["clearance_mm"] == pytest.approx(0, abs=1e-3)
@@ -146,9 +152,12 @@ def test_a_record_counts_as_fresh_only_what_no_model_was_fitted_to(
 ) -> None:
     with run as store:
         with pytest.raises(InteractionError, match="fitted to 2, so 2 are fresh, not 3: ask for"):
-            validate(run, physics, Fresh(), programs=3, listener=Listener())
+            validate(run, physics, Fresh(), programs=3, saved=None, listener=Listener())
         assert not store.validations.all()
-        assert validate(run, physics, Fresh(), programs=2, listener=Listener()).programs == 2
+        assert (
+            validate(run, physics, Fresh(), programs=2, saved=None, listener=Listener()).programs
+            == 2
+        )
         (predictions,) = store.validations.all()
     clearances = [item.observation and item.observation.clearance for item in predictions]
     assert clearances == [0.01, 0.02]  # each program's own, not the record's first
@@ -175,7 +184,7 @@ def test_the_runs_own_table_holds_nothing_fresh(
         (tmp_path / "robot.json").write_text(json.dumps(robot.to_map()))
         link = open_by_hand(tmp_path / "readings.csv", lambda _: ())
         with pytest.raises(InteractionError, match="fitted to 2, so 0 are fresh"):
-            validate(store, physics, link, programs=1, listener=Listener())
+            validate(store, physics, link, programs=1, saved=None, listener=Listener())
 
 
 def test_a_record_without_what_was_predicted_is_refused(
@@ -184,4 +193,4 @@ def test_a_record_without_what_was_predicted_is_refused(
     with run as store:
         store.validations.predict([Prediction(program=(0.9,) * 4, readings={})])
         with pytest.raises(InteractionError, match="the record lacks a motor program"):
-            validate(run, physics, Fresh(), programs=2, listener=Listener())
+            validate(run, physics, Fresh(), programs=2, saved=None, listener=Listener())
