@@ -14,6 +14,7 @@ from estimator.report.result import Result
 from estimator.report.run_files import write_report
 from estimator.storage.run_config import RunConfig
 from estimator.storage.store import RunStore
+from protocol.text import command_line
 
 
 def identify(
@@ -107,6 +108,7 @@ def load(directory: Path | str) -> FittedPosterior:
         fitted = FittedPosterior.of(store)
     if fitted is None:
         raise EstimatorError(
-            f"{directory} has no model yet: go on with `estimator resume {directory}` first"
+            f"{directory} has no model yet: go on with "
+            f"`{command_line('estimator', 'resume', directory)}` first"
         )
     return fitted

@@ -12,7 +12,7 @@ import sys
 from collections.abc import Sequence
 
 from protocol.errors import BodyschemaError
-from protocol.text import printable
+from protocol.text import command_line, printable
 from protocol.transport.client import RobotClient
 from protocol.transport.telemetry import TelemetrySubscriber
 from protocol.wire.messages import State, Telemetry
@@ -51,8 +51,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _show(state: str, reason: str | None, uri: str, keys: str | None) -> None:
     print(printable(f"{state}{f': {reason}' if reason else ''}"), flush=True)
     if state in (State.STOPPED, State.FAULT):
-        option = f" --keys {keys}" if keys else ""
-        print(f"It stays so until: python -m protocol {uri} clear{option}", flush=True)
+        option = ("--keys", keys) if keys else ()
+        clear = command_line("python", "-m", "protocol", uri, "clear", *option)
+        print(f"It stays so until: {clear}", flush=True)
 
 
 def _watch(uri: str, keys: str | None) -> int:

@@ -1,4 +1,4 @@
-"""Text from elsewhere: escaped and shortened to be shown; TOML, parsed safely.
+"""Text from elsewhere: escaped and shortened to be shown, quoted to be typed; TOML, parsed safely.
 
 ``tomllib`` alone ends in a ``RecursionError`` for a thousand brackets, in gigabytes for a long
 dotted key, and in integers that neither fit a float nor can be printed. ``parse_toml`` raises
@@ -7,6 +7,7 @@ dotted key, and in integers that neither fit a float nor can be printed. ``parse
 
 from __future__ import annotations
 
+import shlex
 import tomllib
 from typing import Any, Final
 
@@ -37,6 +38,11 @@ def brief(text: str, longest: int = LONGEST) -> str:
         return text
     ending = f"… ({len(text):,} characters)"
     return text[: longest - len(ending)] + ending
+
+
+def command_line(*words: object) -> str:
+    """Returns a command as it is to be typed in a shell: a word with blanks in it is quoted."""
+    return shlex.join(map(str, words))
 
 
 def error_text(error: BaseException) -> str:

@@ -16,7 +16,7 @@ from rich.segment import Segment
 from estimator.errors import RunDirectoryError
 from estimator.storage.database import holds_run
 from protocol.errors import BodyschemaError
-from protocol.text import printable
+from protocol.text import command_line, printable
 
 if TYPE_CHECKING:
     from estimator.report.result import Result
@@ -95,7 +95,7 @@ def fail(sentence: str, run: Path | None) -> NoReturn:
     err.print(f"estimator: {sentence}", highlight=False, soft_wrap=True)
     if run is not None and _can_be_resumed(run):
         err.print(
-            f"The run is safe in {run}. Go on with: estimator resume {run}",
+            f"The run is safe in {run}. Go on with: {command_line('estimator', 'resume', run)}",
             highlight=False,
             soft_wrap=True,
         )

@@ -44,6 +44,7 @@ from estimator.use.diagnosis import diagnose as find_cause
 from estimator.use.pose import SAFE, Goal, Pose, feet, find_pose, perform, standing_on
 from estimator.use.record import write_run
 from estimator.use.watch import FALSE_ALARMS, Watch
+from protocol.text import command_line
 
 CHANGED: Final = 3
 """Exit code where the body has changed."""
@@ -212,7 +213,8 @@ def monitor(
         out.print("The body has changed.", style="bold red")
         for suspect, share in suspects:
             out.print(f"{share:8.3f}  {said(suspect, known)}", soft_wrap=True)
-        out.print(f"Find out with: estimator diagnose {directory} --robot {robot}", soft_wrap=True)
+        command = command_line("estimator", "diagnose", directory, "--robot", robot)
+        out.print(f"Find out with: {command}", soft_wrap=True)
     raise typer.Exit(CHANGED)
 
 
@@ -255,10 +257,12 @@ def diagnose(
     """Find out by a few movements what has changed on the robot since it was identified."""
     with errors_as_sentences(None), identified(directory, jobs) as (store, known):
         if not store.settings.keeps_samples:
+            command = command_line(
+                *("estimator", "identify", "--robot", robot, "--problem", store.settings.problem)
+            )
             raise EstimatorError(
                 f"{directory} is a run of the method {store.settings.method}, and a diagnosis "
-                "needs one of the method posterior: make it with `estimator identify --robot "
-                f"{robot} --problem {store.settings.problem}`"
+                f"needs one of the method posterior: make it with `{command}`"
             )
         run = directory.resolve()
         out_directory = place or run.with_name(f"{run.name}-{time.strftime('%Y%m%d-%H%M%S')}")
@@ -301,7 +305,8 @@ def identified(directory: Path, jobs: int) -> Iterator[tuple[RunStore, FittedPos
         known = FittedPosterior.of(store)
         if known is None or known.best is None:
             raise EstimatorError(
-                f"{directory} has no model yet: go on with `estimator resume {directory}` first"
+                f"{directory} has no model yet: go on with "
+                f"`{command_line('estimator', 'resume', directory)}` first"
             )
         with closing(StaticsPhysics(store.world, jobs=jobs)) as physics:
             yield store, known.computed_by(physics)

@@ -29,6 +29,7 @@ from estimator.readings.modalities import MODALITIES
 from estimator.readings.observation import Observation, PredictedReadings, Program, same_program
 from estimator.storage.records import Prediction
 from estimator.storage.store import RunStore
+from protocol.text import command_line
 
 BEST: Final = "best_model"
 POPULATION: Final = "population_median"
@@ -105,7 +106,7 @@ def validate(
     if not store.complete:
         raise EstimatorError(
             f"{store.directory} has not ended, and other models would be its result: go on with "
-            f"`estimator resume {store.directory}` first."
+            f"`{command_line('estimator', 'resume', store.directory)}` first."
         )
     validations = store.validations.all()
     if validations and not _is_saved(validations[-1], saved):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeAlias
 
 from rich.console import Console
 from rich.table import Table
@@ -22,6 +22,7 @@ from estimator.report.tables import (
     print_details,
     sum_of_lengths,
 )
+from protocol.text import command_line
 
 WHAT_TO_CHECK: Final = (
     "Does the problem describe this robot? Thickness and shape of parts, units, where legs sit.",
@@ -31,6 +32,9 @@ WHAT_TO_CHECK: Final = (
     "Is the ground level and firm?",
 )
 """What to check where no body explains the readings, the likeliest first."""
+
+_Step: TypeAlias = tuple[tuple[object, ...], str]
+"""The words of a command after ``estimator``, and what it does."""
 
 _SURE: Final = 0.95
 _LIKELY: Final = 0.5
@@ -194,9 +198,10 @@ def next_steps(result: Result, directory: Path | None) -> list[str]:
     if directory is None or not result.legs:
         return []
     if not result.complete:
-        return ["Next:", f"  estimator resume {directory}    goes on"]
+        return ["Next:", *_commands([(("resume", directory), "goes on")])]
     robot, posterior = result.robot_uri, result.posterior
-    lines, movements = ["Next:"], []
+    lines: list[str] = ["Next:"]
+    movements: list[_Step] = []
     if posterior is not None and _may_have_something_else(posterior):
         lines += [
             "  Measure what the robot seems to have otherwise, say it in the problem (its value,",
@@ -206,19 +211,21 @@ def next_steps(result: Result, directory: Path | None) -> list[str]:
         (posterior.probability or 0.0) >= _SURE and posterior.knows_cause(_SURE)
     ):
         problem, interactions = result.problem_asked or result.problem, result.interactions + 3
-        command = f"identify --robot {robot} --problem {problem} --interactions {interactions}"
-        movements.append((command, "more movements make it surer"))
+        asked = ("--problem", problem, "--interactions", interactions)
+        again = ("identify", "--robot", robot, *asked)
+        movements.append((again, "more movements make it surer"))
     else:
-        command = f"validate {directory} --robot {robot}"
-        movements.append((command, "predicts fresh movements, then makes them"))
-    movements.append((f"pose {directory} --robot {robot} --highest", "a pose by what it knows"))
-    files = [
-        (f"export {directory} --format urdf", "the body as a file for simulators"),
-        (f"show {directory} --details", "probabilities, rivals, each movement"),
+        validate = ("validate", directory, "--robot", robot)
+        movements.append((validate, "predicts fresh movements, then makes them"))
+    pose = ("pose", directory, "--robot", robot, "--highest")
+    movements.append((pose, "a pose by what it knows"))
+    files: list[_Step] = [
+        (("export", directory, "--format", "urdf"), "the body as a file for simulators"),
+        (("show", directory, "--details"), "probabilities, rivals, each movement"),
     ]
     steps = files if is_record(robot) else [*movements, *files]
     return [*lines, *_commands(steps)]
 
 
-def _commands(steps: Sequence[tuple[str, str]]) -> list[str]:
-    return [f"  estimator {command}    {what}" for command, what in steps]
+def _commands(steps: Sequence[_Step]) -> list[str]:
+    return [f"  {command_line('estimator', *words)}    {what}" for words, what in steps]

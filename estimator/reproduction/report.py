@@ -29,6 +29,7 @@ from estimator.reproduction.paper_runs import (
     Summary,
 )
 from protocol.system.files import replace_text
+from protocol.text import command_line
 
 REPORT: Final = "report.md"
 HEADER: Final = (
@@ -96,7 +97,8 @@ def reproduction_page(root: Path) -> str:
     except (OSError, UnicodeDecodeError) as error:
         raise RunDirectoryError(
             f"{root} holds no reproduction: {REPORT} cannot be read ({error}). Make one with "
-            f"`estimator reproduce all --out {root}`; of a single run, leave out --paper."
+            f"`{command_line('estimator', 'reproduce', 'all', '--out', root)}`; of a single run, "
+            "leave out --paper."
         ) from error
     parser = MarkdownIt("commonmark", {"html": False}).enable("table")
     tokens = parser.parse(text)

@@ -56,6 +56,7 @@ from estimator.storage.run_config import RunSettings
 from estimator.storage.search_end import SearchEnd
 from estimator.storage.validations import Validations
 from protocol.system.process import Closable
+from protocol.text import command_line
 from protocol.wire.capabilities import Capabilities
 
 LOCK: Final = "run.lock"
@@ -393,9 +394,9 @@ class RunStore(Closable):
 
 
 def _holds_run_already(directory: Path) -> RunDirectoryError:
+    resume = command_line("estimator", "resume", directory)
     return RunDirectoryError(
-        f"{directory} holds a run already: go on with `estimator resume {directory}`, or give "
-        "another --out."
+        f"{directory} holds a run already: go on with `{resume}`, or give another --out."
     )
 
 

@@ -30,6 +30,7 @@ from protocol.errors import KeysError
 from protocol.rules.control import Role
 from protocol.security.key_files import check_private, read_toml
 from protocol.system.files import may_exist, replace_file
+from protocol.text import command_line
 
 ROBOT: Final = "robot"
 """The role in ``known.toml`` of the robot that a computer controls."""
@@ -131,9 +132,8 @@ class KeyDirectory:
     def pair(self) -> KeyPair:
         """This computer's own keys."""
         place = self._file(_SECRET)
-        entries = self._read(
-            place, closed=0o077, advice=f"make it with: robotd keys new --keys {self.path}"
-        )
+        command = command_line("robotd", "keys", "new", "--keys", self.path)
+        entries = self._read(place, closed=0o077, advice=f"make it with: {command}")
         pair = KeyPair(*(_key_of(entries, name, place) for name in KeyPair._fields))
         if zmq.curve_public(pair.secret.encode()) != pair.public.encode():
             raise KeysError(f"{place}: the two keys do not belong together.")
@@ -154,9 +154,10 @@ class KeyDirectory:
         """The keys for a client of the one robot that is known here."""
         robots = [peer for peer in self.known() if peer.role == ROBOT]
         if not robots:
+            command = ("robotd", "keys", "add", "FILE", "--role", ROBOT, "--keys", self.path)
             raise KeysError(
                 f"{self.path} knows no robot: get the robot's .public file from its owner, then "
-                f"say robotd keys add FILE --role robot --keys {self.path}"
+                f"say {command_line(*command)}"
             )
         if len(robots) > 1:
             names = ", ".join(peer.name for peer in robots)

@@ -12,6 +12,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
+from protocol.text import command_line
 from protocol.wire.field_checks import MAX_NAME
 from robot.configuration.robot_config import load_config
 from robot.errors import ConfigError
@@ -103,12 +104,9 @@ def run(options: argparse.Namespace) -> int:
     except OSError as error:
         raise ConfigError(f"cannot be written: {error.strerror}.", file=str(file)) from error
     load_config(file, uncalibrated=True)
-    print(
-        f"{file} is written. Say in it what is connected where; then:\n"
-        f"  robotd doctor --config {file}\n"
-        f"  robotd calibrate --config {file}\n"
-        f"  robotd run --config {file}"
-    )
+    print(f"{file} is written. Say in it what is connected where; then:")
+    for command in ("doctor", "calibrate", "run"):
+        print(f"  {command_line('robotd', command, '--config', file)}")
     return 0
 
 

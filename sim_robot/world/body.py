@@ -16,6 +16,7 @@ from typing import Final
 import numpy as np
 
 from protocol.system.files import may_exist
+from protocol.text import command_line
 from sim_robot.errors import BodyError
 from sim_robot.world.urdf.checks import root_of
 from sim_robot.world.urdf.declarations import Box, Cylinder, Joint, Robot, Sphere, vector
@@ -116,7 +117,8 @@ def load_body(path: Path) -> Body:
     body, faults = examine(path)
     if body is None:
         if len(faults) > 1:
-            first, hint = faults[0], f" ({len(faults) - 1} more: sim-robotd --check {path})"
+            check = command_line("sim-robotd", "--check", path)
+            first, hint = faults[0], f" ({len(faults) - 1} more: {check})"
             raise BodyError(first.file, first.element, first.reason + hint)
         raise faults[0]
     return body

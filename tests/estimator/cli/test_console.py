@@ -3,16 +3,20 @@
 import io
 import json
 import math
+import shlex
+from pathlib import Path
 
 import pytest
+import typer
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from estimator.cli.console import Terminal, print_json
+from estimator.cli.console import Terminal, fail, print_json
 from estimator.cli.screen import Screen
 from estimator.readings.observation import Observation
 from protocol.errors import RobotError
+from tests.estimator.report.made_runs import made_run
 
 EVIL = "knee[/x]\x1b]0;owned\x07\x1b[31m\x9b2J\u202e:smile:"
 SHOWN = r"knee[/x]\x1b]0;owned\x07\x1b[31m\x9b2J\u202e:smile:"
@@ -59,6 +63,16 @@ def test_json_stays_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert json.loads(said) == whole
     assert all(char.isprintable() or char == "\n" for char in said)
     assert "é" in said
+
+
+def test_how_to_go_on_can_be_typed_whatever_the_run_is_called(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    place = made_run(tmp_path / "my run", "parametric", "paper", complete=False)
+    with pytest.raises(typer.Exit):
+        fail("interrupted", place)
+    _, command = capsys.readouterr().err.split("Go on with: ")
+    assert shlex.split(command) == ["estimator", "resume", str(place)]
 
 
 NOT_PLANAR = RobotError("not_planar", "It leans.")

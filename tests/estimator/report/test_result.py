@@ -1,4 +1,5 @@
 import json
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -134,6 +135,29 @@ def test_to_go_on_the_problem_is_named_as_it_was(tmp_path: Path) -> None:
     )
     (again,) = [step for step in next_steps(asked, tmp_path) if "identify" in step]
     assert "--problem mine/arm.toml --interactions" in again
+
+
+def test_what_is_advised_can_be_typed_whatever_the_names_are(tmp_path: Path) -> None:
+    place = Path("my run")
+    with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3, hinge=2.5 / 6) as run:
+        begun = summarise(run)
+    asked = begun.model_copy(
+        update={"complete": True, "problem_asked": "my arm.toml", "robot_uri": ROBOT}
+    )
+    assert words(begun, place) == [["estimator", "resume", "my run"]]
+    again, posed, *others = words(asked, place)
+    assert again[:6] == ["estimator", "identify", "--robot", ROBOT, "--problem", "my arm.toml"]
+    assert posed == ["estimator", "pose", "my run", "--robot", ROBOT, "--highest"]
+    assert [command[2] for command in others] == ["my run", "my run"]
+    validated = words(asked.model_copy(update={"posterior": None}), place)
+    assert validated[0] == ["estimator", "validate", "my run", "--robot", ROBOT]
+
+
+def words(result: Result, directory: Path) -> list[list[str]]:
+    """Words of the commands that are proposed next, as a shell takes them."""
+    return [
+        shlex.split(step.strip().split("    ")[0]) for step in next_steps(result, directory)[1:]
+    ]
 
 
 def test_of_a_record_no_movement_is_asked(tmp_path: Path) -> None:

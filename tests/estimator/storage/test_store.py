@@ -4,6 +4,7 @@ import json
 import math
 import os
 import resource
+import shlex
 import signal
 import sqlite3
 import subprocess
@@ -79,6 +80,15 @@ def test_a_run_keeps_how_well_its_robot_was_calibrated(tmp_path: Path) -> None:
     with RunStore.open(tmp_path / "run") as store:
         rows = store.problem.table
     assert {row.narrow for row in rows if row.group == "zero_deg"} == {0.002}
+
+
+def test_the_advice_about_a_run_with_a_blank_in_its_name_can_be_typed(tmp_path: Path) -> None:
+    place = tmp_path / "my run"
+    RunStore.create(place, SETTINGS, make_capabilities(), "me").close()
+    with pytest.raises(RunDirectoryError) as caught:
+        RunStore.check_free(place)
+    _, command, _ = str(caught.value).split("`")
+    assert shlex.split(command) == ["estimator", "resume", str(place)]
 
 
 def test_what_was_stored_comes_back_exactly(directory: Path) -> None:

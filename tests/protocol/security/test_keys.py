@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
+import shlex
 import stat
 import subprocess
 import sys
@@ -99,6 +101,19 @@ def test_a_client_has_exactly_one_robot(keys: KeyDirectory) -> None:
     keys.add(person("two", ROBOT))
     with pytest.raises(KeysError, match=r"more than one robot \(one, two\)"):
         keys.client_keys()
+
+
+def test_what_it_advises_can_be_typed_whatever_the_directory_is_called(tmp_path: Path) -> None:
+    place = tmp_path / "my keys"
+    keys = KeyDirectory(place)
+    with pytest.raises(KeysError) as no_pair:
+        keys.pair()
+    with pytest.raises(KeysError) as no_robot:
+        keys.client_keys()
+    for caught in (no_pair, no_robot):
+        command = shlex.split(re.split(r"with: |say ", str(caught.value))[1].rstrip("."))
+        assert command[:2] == ["robotd", "keys"]
+        assert command[-2:] == ["--keys", str(place)]
 
 
 @pytest.mark.parametrize("name", ["", "a b", "../x", "ä", "x" * 65, 'a"b', "a\n", "-x", "-"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from importlib import resources
 from pathlib import Path
 
@@ -53,6 +54,17 @@ def test_run_says_what_comes_first(
     file.write_text(text.replace("/dev/ttyS0", "/dev/none").replace("bus = 1 ", "bus = 250 "))
     assert main(["calibrate", "--config", str(file)]) == 1
     assert "cannot be opened" in capsys.readouterr().err
+
+
+def test_what_it_says_can_be_typed_whatever_the_file_is_called(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "my robot.toml"
+    assert main(["new", "--electronics", "pc104", str(file)]) == 0
+    _, *steps = capsys.readouterr().out.splitlines()
+    assert [shlex.split(step) for step in steps] == [
+        ["robotd", name, "--config", str(file)] for name in ("doctor", "calibrate", "run")
+    ]
 
 
 @pytest.mark.parametrize(
