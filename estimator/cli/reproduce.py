@@ -73,4 +73,5 @@ def command(
         )
     out.print(f"Report: {place / REPORT}", soft_wrap=True)
     if failures:
-        fail(f"{len(failures)} runs failed: the same command tries them again", None)
+        runs_failed = "1 run" if len(failures) == 1 else f"{len(failures)} runs"
+        fail(f"{runs_failed} failed: the same command tries again", None)

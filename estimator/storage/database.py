@@ -181,7 +181,7 @@ def reading(directory: Path) -> Iterator[None]:
         reason = _first_reason(error)
         raise RunDirectoryError(
             f"{directory / DATABASE} is not a run: {reason}. If it was one, it is damaged: take "
-            "back a copy of it, or start the run anew."
+            f"back a copy of it, or delete {directory} and start the run anew."
         ) from error
 
 

@@ -28,7 +28,7 @@ from robot.configuration.device_tables import (
 )
 from robot.configuration.joint_calibration import JointScale
 from robot.drivers.sensors.analogue import read_bridge
-from robot.drivers.sensors.contracts import AXIS_KEYS, MOUNTING_KEYS, read_axes
+from robot.drivers.sensors.contracts import AXIS_KEYS, LAST_INPUT, MOUNTING_KEYS, read_axes
 from robot.errors import ConfigError
 from robot.toml_sections import Section, read_toml, toml_section
 from robot.uncertainty import Uncertainty
@@ -234,7 +234,7 @@ def _axes(section: Section) -> AxesCalibration:
         key: section.text(key) for key in MOUNTING_KEYS if section.has(key)
     }
     if section.has("channels"):
-        wiring["channels"] = section.integers("channels", 0, 31, ())
+        wiring["channels"] = section.integers("channels", 0, LAST_INPUT, ())
     section.done()
     return AxesCalibration(
         wiring=wiring, unit=unit, zero=zero, per_g=gains, uncertainty=uncertainty
@@ -244,7 +244,7 @@ def _axes(section: Section) -> AxesCalibration:
 def _gauge(section: Section) -> tuple[str, GaugeCalibration]:
     tare, gain = read_bridge(section)
     on, off = read_thresholds(section)
-    channel = section.integer("channel", 0, 31)
+    channel = section.integer("channel", 0, LAST_INPUT)
     section.done()
     return section.text("name"), GaugeCalibration(
         channel=channel, tare=tare, volts_per_newton=gain, on=on, off=off

@@ -58,5 +58,21 @@ def test_the_program_identifies_a_robot_with_parts_of_its_own(tmp_path: Path) ->
     assert answered.stdout.count("mean log-likelihood: ") == 2
 
 
+def test_its_physics_serves_the_method_posterior_too(tmp_path: Path) -> None:
+    program = tmp_path / "program.py"
+    with simulator("--seed", "1") as robot:
+        program.write_text(
+            PROGRAM.replace("tcp://127.0.0.1:5750", robot.uri)
+            .replace('    method="paper",\n', "    interactions=1,\n")
+            .replace("    objective=OBJECTIVES.add(SumOfErrors),\n", "")
+            .replace("    explore=RULES.add(height),\n", ""),
+            encoding="utf-8",
+        )
+        ended = run(program)
+    assert ended.returncode == 0, ended.stderr
+    result = json.loads((tmp_path / "runs" / "mine" / "result.json").read_text())
+    assert (result["method"], result["physics"]) == ("posterior", "__main__:WeakServos")
+
+
 def test_the_program_has_no_more_than_25_lines() -> None:
     assert sum(bool(line.strip()) for line in PROGRAM.splitlines()) <= 25

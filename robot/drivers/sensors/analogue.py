@@ -14,7 +14,7 @@ from typing import ClassVar, Final
 
 from robot.drivers.buses import Buses
 from robot.drivers.links.analogue_inputs import AnalogueInputs
-from robot.drivers.sensors.contracts import CalibratedAxes, read_axes
+from robot.drivers.sensors.contracts import LAST_INPUT, CalibratedAxes, read_axes
 from robot.errors import DeviceDataError
 from robot.toml_sections import Section
 
@@ -48,7 +48,7 @@ class AnalogueAxes(CalibratedAxes):
     @classmethod
     def read(cls, table: Section) -> AnalogueAxes:
         """Reads the keys ``channels``, ``zero_v`` and ``volts_per_g``."""
-        channels = table.numbers("channels", 3, 0, 31)
+        channels = table.numbers("channels", 3, 0, LAST_INPUT)
         if any(channel != int(channel) for channel in channels) or len(set(channels)) < 3:
             given = ", ".join(f"{channel:g}" for channel in channels)
             raise table.refuse("channels", f"must be three different integers, not {given}.")
@@ -124,7 +124,9 @@ class StrainGauge:
     def read(cls, table: Section) -> StrainGauge:
         """Reads the keys ``channel``, ``tare_v`` and ``volts_per_newton``."""
         tare, gain = read_bridge(table)
-        return cls(channel=table.integer("channel", 0, 31), tare=tare, volts_per_newton=gain)
+        return cls(
+            channel=table.integer("channel", 0, LAST_INPUT), tare=tare, volts_per_newton=gain
+        )
 
     def open(self, buses: Buses, called: str) -> AnalogueGauge:
         """Connects the gauge to the board's input."""
@@ -193,7 +195,7 @@ class SwitchSettings:
                 f"must differ from free_v, {free:g}, by {LEAST_CHANGE:g} volts at least, "
                 f"not be {pressed:g}.",
             )
-        return cls(channel=table.integer("channel", 0, 31), pressed=pressed, free=free)
+        return cls(channel=table.integer("channel", 0, LAST_INPUT), pressed=pressed, free=free)
 
     def open(self, buses: Buses, called: str) -> Switch:
         """Connects the switch to the board's input."""

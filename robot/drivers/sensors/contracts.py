@@ -134,6 +134,10 @@ class DistanceSettings(SensorSettings, Protocol):
     reach: ClassVar[float]
 
 
+LAST_INPUT: Final = 1023
+"""Largest number of an input in a file; which of these there are, a board's settings say."""
+
+
 class BoardSettings(Protocol):
     """The ``[daq]`` table of one kind of acquisition board; the class that the registry names.
 
