@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import shlex
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
@@ -14,6 +13,7 @@ from estimator.cli.options import CORES
 from estimator.cli.screen import Screen
 from estimator.cluster import Cluster
 from estimator.reproduction.harness import Run, complete
+from protocol.text import command_line
 
 
 def add_options(parser: argparse.ArgumentParser, out: Path) -> None:
@@ -49,7 +49,7 @@ def complete_by_command(
             screen,
             jobs=options.jobs,
             cluster=cluster,
-            command=shlex.join(sys.orig_argv[1:]),
+            command=command_line(*sys.orig_argv[1:]),
             shared=shared,
         )
     if completed.failures:

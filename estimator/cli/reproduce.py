@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 import sys
 from contextlib import nullcontext
 from pathlib import Path
@@ -18,6 +17,7 @@ from estimator.physics.backends import BACKENDS, REFERENCE
 from estimator.reproduction.paper_runs import FIGURES, SEEDS, Budget
 from estimator.reproduction.report import REPORT
 from estimator.reproduction.reproduce import figures_of, reproduce
+from protocol.text import command_line
 
 
 def command(
@@ -69,7 +69,7 @@ def command(
             budget=budget,
             jobs=jobs,
             cluster=cluster,
-            command=shlex.join(["estimator", *sys.argv[1:]]),
+            command=command_line("estimator", *sys.argv[1:]),
         )
     out.print(f"Report: {place / REPORT}", soft_wrap=True)
     if failures:

@@ -186,7 +186,8 @@ def monitor(
                     f"--once is {ONCE} movements without a pause: leave out {option}"
                 )
         every, movements = 0.0, ONCE
-    pause = EVERY if every is None else every
+    elif every is None:
+        every = EVERY
     with errors_as_sentences(None), identified(directory, jobs) as (store, known):
         may_move(yes, f"Move the robot at {robot} now and then, also while nobody looks?")
         rng = np.random.default_rng(seed)
@@ -196,7 +197,7 @@ def monitor(
             while movements is None or watch.movements < movements:
                 number = watch.movements
                 if number:
-                    time.sleep(pause)
+                    time.sleep(every)
                 program = programs[number % patrol] if programs else watch.next_movement()
                 with closing(same_robot(store, robot, screen, keys)) as link:
                     observation = perform(link, tuple(program.tolist()), number, screen)

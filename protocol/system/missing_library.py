@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
-import shlex
 import sys
 from importlib import metadata
 from urllib.parse import unquote, urlsplit
+
+from protocol.text import command_line
 
 
 def install_command(extra: str = "") -> str:
@@ -31,7 +32,7 @@ def install_command(extra: str = "") -> str:
     else:
         package = f"bodyschema{wanted}" + (f" @ {url}" if url else "")
     editable = ["--editable"] if source.get("dir_info", {}).get("editable") else []
-    return shlex.join(["pip", "install", *editable, package])
+    return command_line("pip", "install", *editable, package)
 
 
 def lacking(command: str, extra: str, error: ModuleNotFoundError) -> int:

@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import json
 import math
-import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
 from protocol.system.files import replace_file
+from protocol.text import command_line
 from robot.configuration.device_tables import (
     AXES_SIGMAS,
     DISTANCE_SIGMAS,
@@ -144,7 +144,7 @@ def calibration_command(config: str | Path, *parts: str) -> str:
         parts: Names of the parts to calibrate; none for all of them.
     """
     only = ["--only", *parts] if parts else []
-    return shlex.join(["robotd", "calibrate", "--config", str(config), *only])
+    return command_line("robotd", "calibrate", "--config", config, *only)
 
 
 def read_calibration(path: Path, counts: range) -> Calibration:

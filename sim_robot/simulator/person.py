@@ -18,6 +18,7 @@ from typing import Final
 import numpy as np
 
 from protocol.errors import BodyschemaError
+from protocol.text import command_line
 from robot.calibration.joints import MAX_STEP
 from robot.calibration.questions import Console
 from robot.cli.calibrate import calibrate
@@ -325,7 +326,7 @@ class RehearsalConsole:
                     self._config(),
                     parts.buses,
                     move=bool(arguments),
-                    calibration_command=lambda part: shlex.join(["calibrate", "--only", part]),
+                    calibration_command=lambda part: command_line("calibrate", "--only", part),
                 )
                 print_findings(doctor.examine(), print)
             case "calibrate", [] | ["--only", _, *_]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import shlex
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,6 +32,7 @@ from estimator.report.tables import (
 )
 from estimator.storage.run_config import RunSettings
 from estimator.storage.store import RunStore
+from protocol.text import command_line
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -270,8 +270,8 @@ def commands(settings: RunSettings, directory: Path, recorded: int) -> tuple[str
     """
     replay = settings.model_copy(update={"interactions": recorded})
     return (
-        shlex.join(["estimator", "identify", "--robot", settings.robot, *_options(settings)]),
-        shlex.join(["estimator", "identify", "--robot", f"replay:{directory}", *_options(replay)]),
+        command_line("estimator", "identify", "--robot", settings.robot, *_options(settings)),
+        command_line("estimator", "identify", "--robot", f"replay:{directory}", *_options(replay)),
     )
 
 
