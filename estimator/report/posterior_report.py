@@ -127,15 +127,10 @@ class PosteriorReport(PosteriorSummary):
         return super().explained and not self.contradictions
 
 
-def posterior_report(store: RunStore) -> PosteriorReport | None:
-    """Report on a run's posterior; ``None`` where its method has none, or the run has none yet."""
-    history = FittedPosterior.history(store)
-    if not history:
-        return None
-    fitted = history[-1]
-    stored, problem, genome = fitted.summary, fitted.problem, fitted.genome
-    assert stored is not None
-    summaries = [one.summary for one in history if one.summary is not None]
+def posterior_report(store: RunStore, fitted: FittedPosterior) -> PosteriorReport:
+    """Report on a run's latest posterior."""
+    summaries = [summary for summary, _ in store.posteriors()]
+    stored, problem, genome = summaries[-1], fitted.problem, fitted.genome
     contradictions = tuple(problem.contradictions(fitted.capabilities))
     genes, weights, lengths = fitted.samples, fitted.weights, fitted.leg_lengths
     scales = np.exp(fitted.scales)

@@ -8,8 +8,9 @@ from typing import Final
 
 import numpy as np
 
+from estimator.body.arrays import Bodies
 from estimator.body.limbs import driven_limbs, leg_lengths
-from estimator.body.morphology import BASE, Morphology, Part
+from estimator.body.morphology import BASE, Array, Morphology, Part
 from estimator.identification.paper.reference_check import pairs_turned
 from estimator.posterior.fitted import FittedPosterior
 from estimator.problem.problem import Problem
@@ -41,18 +42,18 @@ def summarise(store: RunStore) -> Result:
     counters = Counters() if latest is None else latest.counters
     if posteriors:
         counters = posteriors[-1][1]
-    fitted, bodies, errors, samples = FittedPosterior.of(store), [], [], []
+    fitted, bodies, errors, samples = FittedPosterior.of(store), [], [], None
     if fitted is not None:
-        bodies = fitted.bodies_at(fitted.model_points[fitted.ranked])
-        errors = _errors(fitted)
+        listed = fitted.ranked[:_BEST_MODELS] if posteriors else fitted.ranked
+        bodies = fitted.bodies_at(fitted.model_points[listed])
+        errors = _errors(fitted)[: len(listed)]
         if posteriors:
-            drawn = fitted.bodies_at(fitted.points)
-            samples = list(zip(drawn, fitted.weights.tolist(), strict=True))
+            samples = fitted.genome.bodies(fitted.samples), fitted.weights
     end = store.search_end.finish()
     if end is not None:
         counters = counters.including(end, len(observations))
     legs = _legs(bodies, observations, capabilities, converges=not posteriors)
-    posterior = posterior_report(store)
+    posterior = None if fitted is None or not posteriors else posterior_report(store, fitted)
     error = errors[0][0] if errors else None
     warnings = (*_contradictions(problem, capabilities), *_warnings(legs, observations))
     if bodies and error is None and posterior is None:
@@ -165,7 +166,7 @@ def _model(
     errors: tuple[float | None, float | None],
     problem: Problem,
     capabilities: Capabilities,
-    samples: Sequence[tuple[Morphology, float]],
+    samples: tuple[Bodies, Array] | None,
 ) -> ModelResult:
     names = [rule.name for rule in problem.parts]
     return ModelResult(
@@ -180,7 +181,7 @@ def _model(
                 hinge=body.hinge(row).name,
                 length_m=part.length,
                 joint=_joint(part.motor, capabilities),
-                agreement=_agreement(row, part, samples) if samples else None,
+                agreement=None if samples is None else _agreement(row, part, *samples),
             )
             for row, (name, part) in enumerate(zip(names, body.parts, strict=True))
         ),
@@ -192,12 +193,11 @@ def _known(error: float) -> float | None:
     return float(error) if math.isfinite(error) else None
 
 
-def _agreement(row: int, part: Part, samples: Sequence[tuple[Morphology, float]]) -> float:
-    """Weight of the samples, each with its own, that attach a part in the same way."""
-    attached = part.parent, part.mount, part.hinge
-    parts = ((sample.parts[row], weight) for sample, weight in samples)
-    weights = [weight for one, weight in parts if (one.parent, one.mount, one.hinge) == attached]
-    return min(1.0, math.fsum(weights))
+def _agreement(row: int, part: Part, samples: Bodies, weights: Array) -> float:
+    """Weight of the samples that attach a part in the same way."""
+    same = samples.parent[:, row] == part.parent
+    same &= (samples.mount[:, row] == part.mount) & (samples.hinge[:, row] == part.hinge)
+    return min(1.0, math.fsum(weights[same]))
 
 
 def _joint(motor: int | None, capabilities: Capabilities) -> str | None:
