@@ -196,12 +196,12 @@ def applied(table: Sequence[Parameter], bodies: Bodies, deviations: Array) -> Bo
         deviations: Deviations of each body from what is stated, shape (n, rows): in SI units, of
             factors their logarithms, of switches 1; 0: as stated.
     """
-    if not table:
-        return bodies
-    draft = Draft(bodies)
-    for column in np.flatnonzero(np.any(deviations != 0, axis=0)).tolist():
-        row, deviation = table[column], deviations[:, column]
-        row.change(draft, deviation if row.switch else row.amounts(1.0, deviation))
+    draft, used = Draft(bodies), np.flatnonzero(np.any(deviations != 0, axis=0)).tolist()
+    rows = [table[column] for column in used]
+    limits = np.array([[row.limit] for row in rows]).reshape(-1, 1)
+    amounts = np.minimum(np.maximum(deviations.T[used], -limits), limits)  # of all at once: faster
+    for row, amount in zip(rows, amounts, strict=True):
+        row.change(draft, np.exp(amount) if row.factor else amount)
     return draft.done()
 
 
