@@ -252,7 +252,7 @@ def pi_config(servos: ServoSettings, scale: Callable[[DrivenJoint], JointScale])
     """The documented robot, with the chips of a Pi in the place of its boards."""
     config = example_config("")
     joints = tuple(
-        replace(joint, output=output, scale=scale(joint))
+        replace(joint, output=output, counts=servos.counts, scale=scale(joint))
         for output, joint in zip(servos.outputs, config.joints, strict=False)
     )
     touch = tuple(
@@ -306,7 +306,7 @@ def still_pi(clock: Clock, *, housekeeping: float | None, log: logging.Logger) -
 
     def scale(joint: DrivenJoint) -> JointScale:
         limits = joint.lower_limit, joint.upper_limit
-        return JointScale(tuple(zip(_ENDS, limits, strict=True)), servos.counts)
+        return JointScale(tuple(zip(_ENDS, limits, strict=True)))
 
     pwm = PCA9685Emulator(clock)
     with _with_pi_sensors(
@@ -335,7 +335,7 @@ def still_on_servos(
         points = ((counts[0], -_TURN / 2), (counts[-1], _TURN / 2))
         robot, _ = stack.enter_context(
             _with_pi_sensors(
-                pi_config(settings, lambda joint: JointScale(points, counts)),
+                pi_config(settings, lambda joint: JointScale(points)),
                 clock,
                 family,
                 line,

@@ -31,6 +31,7 @@ from robot.configuration.calibration_file import (
     DistanceCalibration,
     to_toml,
 )
+from robot.drivers.servos.sv203 import COUNTS
 from sim_robot.simulator.electronics_sets import AXES_INPUTS, RECESS, VOLTS_PER_G, ZERO_VOLTS
 from sim_robot.world.body import DEFAULT
 
@@ -234,7 +235,7 @@ def _believed(seed: int) -> str:
         ),
         distance=DistanceCalibration(zero=RECESS - draw.distance, scale=draw.ruler),
     )
-    return to_toml(calibration)
+    return to_toml(calibration, COUNTS)
 
 
 def _commanded(zero: float, travel: float, angle: float) -> float:

@@ -37,6 +37,7 @@ from robot.configuration.calibration_file import (
     to_toml,
 )
 from robot.configuration.joint_calibration import JointScale
+from robot.drivers.servos.sv203 import COUNTS
 from sim_robot.simulator.electronics_sets import (
     AXES_INPUTS,
     FIRST_FOOT,
@@ -104,7 +105,7 @@ def with_calibration(calibration: Calibration, truth: Callable[[str], str] = str
         body=shipped(DEFAULT),
         truth=truth,
         options=("--calibration", "{folder}/calibration.toml"),
-        files={"calibration.toml": always(to_toml(calibration))},
+        files={"calibration.toml": always(to_toml(calibration, COUNTS))},
     )
 
 
@@ -156,8 +157,7 @@ def servos_calibrated(
             lower_limit=joint.lower_limit,
             upper_limit=joint.upper_limit,
             scale=JointScale(
-                tuple((count, calibrated_at(angle)) for count, angle in joint.scale.points),
-                joint.scale.counts,
+                tuple((count, calibrated_at(angle)) for count, angle in joint.scale.points)
             ),
         )
         for joint, calibrated_at in zip(joints, angles, strict=False)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterator
-from dataclasses import replace
 from functools import partial
 from typing import Any, Final
 
@@ -152,8 +151,7 @@ class GuidedSession:
             mover = self._dialogue.attempt(make)
             measured = calibrate_joint(joint, mover, self._dialogue)
             if measured is not None:
-                scale = replace(measured.scale, counts=self._config.servos.known_counts)
-                yield joint.name, replace(measured, scale=scale)
+                yield joint.name, measured
 
     def _accelerometer(self) -> AxesCalibration | None:
         axes = self._config.axes

@@ -79,9 +79,9 @@ class Mover:
     def __init__(self, servos: ServoBus, joint: DrivenJoint, clock: Clock):
         self._servos = servos
         self._output = joint.output
+        self._nearest = joint.nearest
         self._step = step_of(joint.scale)
         self._clock = clock
-        self._counts = joint.scale.counts
         self._answering = answering(servos)
         self.measures = self._answering is not None
         self.count = servos.read_counts([self._output])[self._output]
@@ -94,8 +94,7 @@ class Mover:
         """
         if self.count or self._answering is None:
             return self.count
-        position = self._answering.read_states([self._output])[self._output].position
-        return min(max(round(position), self._counts[0]), self._counts[-1])
+        return self._nearest(self._answering.read_states([self._output])[self._output].position)
 
     def go(self, target: int) -> None:
         """Moves to a count; a limp servo jumps there, unless it reports its position.
@@ -168,7 +167,7 @@ def calibrate_joint(
         prompt = f"{joint.name} is limp; hold it, then Enter drives it to its middle; or skip"
         if dialogue.choose(prompt, "", "skip"):
             return None
-        dialogue.attempt(lambda: mover.go(middle(joint.scale.counts)))
+        dialogue.attempt(lambda: mover.go(middle(joint.counts)))
     start = mover.count
     measuring = _Measuring(joint, mover, dialogue)
     while True:
@@ -191,7 +190,7 @@ class _Measuring:
         self._joint = joint
         self._mover = mover
         self._dialogue = dialogue
-        self._counts = joint.scale.counts
+        self._counts = joint.counts
         self._step = step_of(joint.scale)
         self._points: list[tuple[int, float]] = []  # count, degrees
         self._limits: dict[str, int] = {}
@@ -281,7 +280,7 @@ class _Measuring:
 
     def _table(self) -> DrivenJoint:
         points = tuple((count, math.radians(angle)) for count, angle in self._points)
-        scale = JointScale(points, self._counts)
+        scale = JointScale(points)
         limits = {name: scale.angle(count) for name, count in self._limits.items()}
         lower = limits.get("lower", self._joint.lower_limit)
         upper = limits.get("upper", self._joint.upper_limit)

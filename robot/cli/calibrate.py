@@ -97,7 +97,12 @@ def calibrate(
         calibration = replace(calibration, revision=before.revision + 1, made=made_at)
         # A full disk is no reason to measure everything again.
         backup = dialogue.attempt(
-            lambda: save_calibration(file, calibration, keep=not written)  # one revision a session
+            lambda: save_calibration(
+                file,
+                calibration,
+                config.servos.known_counts,
+                keep=not written,  # one revision a session
+            )
         )
         written.append(name)
         backups.extend([backup.name] if backup else [])

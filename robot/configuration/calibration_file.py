@@ -50,7 +50,7 @@ _FOOT: Final = """
 class JointCalibration:
     """Mechanical limits of a joint, rad, the scale of its counts, and how well these are known.
 
-    It holds for one output, and for a driver that knows the counts of ``scale``.
+    It holds for one output, and for a driver that knows the counts that the file names.
     """
 
     output: int
@@ -170,7 +170,7 @@ def check_calibration(calibration: Calibration, counts: range) -> None:
     Raises:
         ConfigError: It holds what no robot has; names key and reason.
     """
-    _calibration(toml_section(to_toml(replace(calibration, revision=1)), ""), counts)
+    _calibration(toml_section(to_toml(replace(calibration, revision=1), counts), ""), counts)
 
 
 def _calibration(root: Section, counts: range) -> Calibration:
@@ -258,8 +258,8 @@ def _distance(section: Section) -> DistanceCalibration:
     return DistanceCalibration(zero=zero, scale=scale, uncertainty=uncertainty)
 
 
-def to_toml(calibration: Calibration) -> str:
-    """The text of the file."""
+def to_toml(calibration: Calibration, counts: range) -> str:
+    """The text of the file; ``counts`` are those that the robot's servo driver knows."""
     lines = [
         f"schema = {SCHEMA}",
         f"revision = {calibration.revision}",
@@ -289,7 +289,7 @@ def to_toml(calibration: Calibration) -> str:
             "\n[[joint]]",
             f"name = {_text(name)}",
             f"output = {joint.output}",
-            f"counts = [{joint.scale.counts[0]}, {joint.scale.counts[-1]}]",
+            f"counts = [{counts[0]}, {counts[-1]}]",
             f"limits_deg = {_numbers(limits)}",
             f"calibration = [{', '.join(points)}]",
             *_sigmas(joint.uncertainty, JOINT_SIGMAS),
@@ -307,12 +307,15 @@ def to_toml(calibration: Calibration) -> str:
     return _HEAD + "\n".join(lines) + _FOOT
 
 
-def save_calibration(path: Path, calibration: Calibration, *, keep: bool = True) -> Path | None:
+def save_calibration(
+    path: Path, calibration: Calibration, counts: range, *, keep: bool = True
+) -> Path | None:
     """Writes a calibration file in one step: at any moment there is the old one or the new one.
 
     Args:
         path: The file.
         calibration: Calibration to write.
+        counts: Counts that the robot's servo driver knows.
         keep: Whether the previous file is kept under a number.
 
     Returns:
@@ -327,7 +330,7 @@ def save_calibration(path: Path, calibration: Calibration, *, keep: bool = True)
         if keep and path.exists():
             backup = _free_name(path)
             _write(backup, path.read_bytes())
-        _write(path, to_toml(calibration).encode())
+        _write(path, to_toml(calibration, counts).encode())
     except OSError as error:
         raise ConfigError(
             f"cannot be written: {error.strerror}. The file before, if any, still stands.",

@@ -70,7 +70,8 @@ def read_joint(section: Section, servos: ServoSettings) -> DrivenJoint:
         lower_limit=lower,
         upper_limit=upper,
         part_radius=section.number("part_radius_mm", 1, 200) / 1000,
-        scale=replace(read_scale(section, servos.known_counts), counts=servos.counts),
+        counts=servos.counts,
+        scale=read_scale(section, servos.known_counts),
         uncertainty=Uncertainty.read(section, *JOINT_SIGMAS),
     )
     try:
@@ -100,7 +101,7 @@ def read_scale(section: Section, counts: range) -> JointScale:
     pairs = section.pairs("calibration")
     least_slope, most_slope = slopes(counts)
     try:
-        scale = JointScale(tuple((count, math.radians(angle)) for count, angle in pairs), counts)
+        scale = JointScale(tuple((count, math.radians(angle)) for count, angle in pairs))
     except ValueError as error:
         raise section.refuse("calibration", f"{error}.") from error
     first, last = scale.points[0][0], scale.points[-1][0]

@@ -40,14 +40,12 @@ class JointScale:
 
     Attributes:
         points: Counts and their angles, rad, at least two; sorted by count.
-        counts: Counts that can be commanded; a point may be another.
 
     Raises:
         ValueError: Fewer than two points, or a table that is not strictly monotone in both columns.
     """
 
     points: tuple[tuple[float, float], ...]
-    counts: range
 
     def __post_init__(self) -> None:
         ordered = tuple(sorted(self.points))
@@ -66,11 +64,11 @@ class JointScale:
         return _interpolate(self.points, count)
 
     def count(self, angle: float) -> int:
-        """The driver's nearest count to an angle."""
-        return min(self.counts[-1], max(self.counts[0], math.floor(self.exact(angle) + 0.5)))
+        """The nearest whole count to an angle, whether or not it can be commanded."""
+        return math.floor(self.exact(angle) + 0.5)
 
     def exact(self, angle: float) -> float:
-        """The fractional count of an angle, also beyond the driver's counts."""
+        """The fractional count of an angle."""
         return _interpolate(sorted((value, count) for count, value in self.points), angle)
 
     @property
@@ -95,6 +93,7 @@ def _interpolate(table: Sequence[tuple[float, float]], x: float) -> float:
 class DrivenJoint:
     """A joint, the output that drives it, its mechanical limits (rad) and its calibration.
 
+    ``counts`` are those that can be commanded; a point of ``scale`` may have another.
     ``part_radius`` is the radius of the part that it moves, m, ``None`` where nobody knows it;
     ``uncertainty`` is that of its zero and of how far it turns.
     """
@@ -104,13 +103,14 @@ class DrivenJoint:
     lower_limit: float
     upper_limit: float
     part_radius: float | None
+    counts: range
     scale: JointScale
     uncertainty: Uncertainty = Uncertainty()
 
     @cached_property
     def reachable(self) -> tuple[float, float]:
         """The angles that are both within the limits and within the counts, rad."""
-        angles = [self.scale.angle(count) for count in self.scale.counts]
+        angles = [self.scale.angle(count) for count in self.counts]
         reachable = [a for a in angles if self.lower_limit - 1e-9 <= a <= self.upper_limit + 1e-9]
         if not reachable:
             raise ValueError("the calibration reaches no angle within the limits")
@@ -129,6 +129,10 @@ class DrivenJoint:
         """The reachable count that comes nearest to an angle."""
         lower, upper = self.reachable
         return self.scale.count(min(upper, max(lower, angle)))
+
+    def nearest(self, position: float) -> int:
+        """The count that can be commanded and comes nearest to a position in counts."""
+        return min(max(round(position), self.counts[0]), self.counts[-1])
 
     def at_end(self, count: int) -> bool:
         """Whether a count is the last reachable one in either direction, or beyond."""

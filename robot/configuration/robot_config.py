@@ -358,8 +358,7 @@ def _calibrated(joint: DrivenJoint, calibration: Calibration, file: str) -> Driv
         return joint
     measured = calibration.joints[joint.name]
     _check_wiring("joint", joint.name, {"output": measured.output}, {"output": joint.output}, file)
-    scale = replace(measured.scale, counts=joint.scale.counts)
-    calibrated = replace(joint, **vars(replace(measured, scale=scale)))
+    calibrated = replace(joint, **vars(measured))
     try:
         calibrated.check_zero()
     except ValueError as error:

@@ -93,7 +93,6 @@ class MotorProgramRunner:
         self._clock = clock
         self._revive = revive
         self._operator = operator
-        self._all_counts = config.servos.counts
         self._outputs = [joint.output for joint in self._joints]
         # Where the board stands now: the motion slews from there and never jumps.
         self._counts = self._board_counts()
@@ -261,11 +260,11 @@ class MotorProgramRunner:
         own speed; one that was limp when the daemon started returns to zero.
         """
         if self._answering is not None:
-            self._counts = {
-                output: min(max(round(state.position), self._all_counts[0]), self._all_counts[-1])
-                if not state.driven
-                else self._counts[output]
-                for output, state in self._answering.read_states(self._outputs).items()
+            states = self._answering.read_states(self._outputs)
+            self._counts = self._counts | {
+                joint.output: joint.nearest(states[joint.output].position)
+                for joint in self._joints
+                if not states[joint.output].driven
             }
         self._counts = {
             joint.output: self._counts[joint.output] or joint.scale.count(0.0)

@@ -157,7 +157,7 @@ def _check_joint(
             f"{text}. That is outside its limits, {limits[0]:.1f}° to {limits[1]:.1f}°.",
             f"Look where it really stands, then: {calibration_command(joint.name)}",
         )
-    usual_size = USUAL_SPAN / (len(joint.scale.counts) - 1)
+    usual_size = USUAL_SPAN / (len(joint.counts) - 1)
     if not _SIZES[0] <= size / usual_size <= _SIZES[1]:
         return look(
             subject,

@@ -189,7 +189,8 @@ class JointsUnderTest:
         """
         self.ask()
         joint = self.chosen
-        self._send({joint.output: joint.scale.count(self.measured(joint) or 0.0)})
+        count = joint.scale.count(self.measured(joint) or 0.0)
+        self._send({joint.output: joint.nearest(count)})
 
     def stop(self) -> None:
         """Ends a motion: the joint holds the count that it was last sent."""

@@ -191,11 +191,11 @@ def _configuration(
 
     def scale(motor: Motor) -> JointScale:
         if turn is None:
-            return JointScale(((ends[0], motor.lower), (ends[1], motor.upper)), counts)
+            return JointScale(((ends[0], motor.lower), (ends[1], motor.upper)))
         zero = middle(counts)
         step = turn / len(counts)
         return JointScale(
-            tuple((count, step * (count - zero)) for count in (counts[0], counts[-1])), counts
+            tuple((count, step * (count - zero)) for count in (counts[0], counts[-1]))
         )
 
     sensitivity = min(VOLTS_PER_NEWTON, full_load / (2 * body.mass * GRAVITY))
@@ -215,6 +215,7 @@ def _configuration(
                 lower_limit=motor.lower,
                 upper_limit=motor.upper,
                 part_radius=motor.radius,
+                counts=counts,
                 scale=scale(motor),
             )
             for output, motor in zip(servos.outputs, body.motors, strict=False)

@@ -231,14 +231,14 @@ def _gauge(config: RobotConfig, point: TouchPoint, rng: np.random.Generator) -> 
 def _joint(joint: DrivenJoint, rng: np.random.Generator) -> DrivenJoint:
     """A joint with its line of counts shifted, stretched and perhaps turned round."""
     (low, start), (high, end) = joint.scale.points[0], joint.scale.points[-1]
-    counts = joint.scale.counts
+    counts = joint.counts
     middle = (low + high) / 2 + _off(rng, COUNTS_OFF * len(counts))
     slope = (end - start) / (high - low) * _gain(rng, JOINT_GAIN) * _sign(rng)
     points = tuple(
         (float(count), (start + end) / 2 + slope * (count - middle))
         for count in (counts[0], counts[-1])
     )
-    return replace(joint, scale=JointScale(points, counts))
+    return replace(joint, scale=JointScale(points))
 
 
 def _off(rng: np.random.Generator, most: float) -> float:

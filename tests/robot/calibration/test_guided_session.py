@@ -149,7 +149,7 @@ class Leaving(Script):
 @pytest.mark.parametrize("way", ["q", "interrupt", "end"])
 def test_it_can_be_left_at_every_question(desk: Desk, tmp_path: Path, way: str) -> None:
     file = tmp_path / "calibration.toml"
-    save_calibration(file, Calibration(robot="quadruped", revision=1, made="once"))
+    save_calibration(file, Calibration(robot="quadruped", revision=1, made="once"), COUNTS)
     before = file.read_bytes()
     whole = Script(*desk.answers())
     desk.measured(Calibration(robot="quadruped"), whole, *ONLY)

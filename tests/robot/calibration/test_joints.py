@@ -30,7 +30,8 @@ JOINT = DrivenJoint(
     lower_limit=math.radians(-96),
     upper_limit=math.radians(74),
     part_radius=0.01,
-    scale=JointScale(((3, math.radians(-96)), (253, math.radians(74))), COUNTS),
+    counts=COUNTS,
+    scale=JointScale(((3, math.radians(-96)), (253, math.radians(74)))),
 )
 # A servo that turns the other way, 0.75° a count, with its zero at count 108.
 GOOD: tuple[Answer, ...] = ("-15", "u 20", "u 20", "-45", "d 20", "d 20", "d 20", "d 20", "15")
@@ -231,7 +232,8 @@ def test_a_pca9685_that_was_altered_is_set_up_anew_and_the_next_try_starts_there
     settings = PCA9685Settings(bus=1, boards=(0x40,), prescale=121, widths_us=(500.0, 2500.0))
     servos = settings.open(Buses(clock=clock, open_i2c=lambda path: board))
     points = ((106, JOINT.lower_limit), (509, JOINT.upper_limit))
-    mover = Mover(servos, replace(JOINT, scale=JointScale(points, settings.counts)), clock)
+    joint = replace(JOINT, counts=settings.counts, scale=JointScale(points))
+    mover = Mover(servos, joint, clock)
     mover.go(300)
     board.inject(event, 2 if event == "full_on" else 0)
     with pytest.raises(DeviceDataError):

@@ -19,6 +19,7 @@ from robot.configuration.calibration_file import (
 )
 from robot.configuration.robot_config import load_config
 from robot.diagnosis.findings import Severity, bad, look, ok
+from robot.drivers.servos.sv203 import COUNTS
 
 EXAMPLE = Path(str(resources.files("robot") / "robot.toml"))
 
@@ -45,7 +46,7 @@ def test_the_configuration_says_how_old_its_calibration_is(tmp_path: Path) -> No
     assert "robotd calibrate" in plain.advice
     file = robot_toml(tmp_path)
     calibration = Calibration(robot="quadruped", revision=7, made="2026-11-20T03:57:20Z")
-    save_calibration(tmp_path / "calibration.toml", calibration)
+    save_calibration(tmp_path / "calibration.toml", calibration, COUNTS)
     finding = describe_config(load_config(file), file)
     assert finding.verdict is Severity.LOOK
     assert "revision 7 of 2026-11-20" in finding.text
@@ -75,7 +76,7 @@ def test_the_configuration_says_how_old_its_calibration_is(tmp_path: Path) -> No
         },
         distance=DistanceCalibration(zero=0.01, scale=1.0),
     )
-    save_calibration(tmp_path / "calibration.toml", whole)
+    save_calibration(tmp_path / "calibration.toml", whole, COUNTS)
     assert describe_config(load_config(file), file).verdict is Severity.OK
 
 
@@ -91,7 +92,7 @@ def test_a_gauge_is_not_calibrated_because_a_joint_of_its_name_is(tmp_path: Path
         scale=joint.scale,
     )
     calibration = Calibration(robot="quadruped", revision=1, joints={"hip_left": measured})
-    save_calibration(tmp_path / "calibration.toml", calibration)
+    save_calibration(tmp_path / "calibration.toml", calibration, COUNTS)
     remaining = describe_config(load_config(file), file).text.split("not calibrated yet: ")[1]
     assert remaining.startswith("hip_front")
     assert "accelerometer, hip_left, lower_front" in remaining
@@ -115,7 +116,9 @@ def test_without_hardware_every_device_is_missed_by_name(
 ) -> None:
     file = robot_toml(tmp_path)
     save_calibration(
-        tmp_path / "calibration.toml", Calibration(robot="quadruped", revision=1, made="now")
+        tmp_path / "calibration.toml",
+        Calibration(robot="quadruped", revision=1, made="now"),
+        COUNTS,
     )
     text = file.read_text(encoding="utf-8").replace("bus = 1 ", "bus = 250 ")
     file.write_text(text, encoding="utf-8")

@@ -37,7 +37,7 @@ HIP = JointCalibration(
     output=1,
     lower_limit=math.radians(-90),
     upper_limit=math.radians(70),
-    scale=JointScale(((10, math.radians(72)), (131, 0.0), (250, math.radians(-85))), COUNTS),
+    scale=JointScale(((10, math.radians(72)), (131, 0.0), (250, math.radians(-85)))),
     uncertainty=Uncertainty(zero=math.radians(0.3), gain=0.003),
 )
 WHOLE = Calibration(
@@ -74,7 +74,7 @@ def written(folder: Path, text: str) -> Path:
 
 
 def test_its_values_take_the_place_of_those_in_robot_toml(tmp_path: Path) -> None:
-    before, after = load_config(EXAMPLE), load_config(written(tmp_path, to_toml(WHOLE)))
+    before, after = load_config(EXAMPLE), load_config(written(tmp_path, to_toml(WHOLE, COUNTS)))
     hip = after.joints[0]
     assert hip.scale.count(0.0) == 131
     assert [math.degrees(hip.lower_limit), math.degrees(hip.upper_limit)] == pytest.approx(
@@ -94,7 +94,7 @@ def test_its_values_take_the_place_of_those_in_robot_toml(tmp_path: Path) -> Non
 
 
 def test_how_well_it_is_known_is_announced_where_it_is_stated(tmp_path: Path) -> None:
-    said = describe(load_config(written(tmp_path, to_toml(WHOLE))))
+    said = describe(load_config(written(tmp_path, to_toml(WHOLE, COUNTS))))
     hip, *others = said.joints
     assert (hip.zero_sigma, hip.travel_sigma) == pytest.approx((math.radians(0.3), 0.003))
     assert {(one.zero_sigma, one.travel_sigma) for one in others} == {(None, None)}
@@ -106,7 +106,7 @@ def test_how_well_it_is_known_is_announced_where_it_is_stated(tmp_path: Path) ->
 
 def test_what_robot_toml_states_of_its_values_does_not_hold_for_others(tmp_path: Path) -> None:
     unstated = replace(WHOLE, distance=DistanceCalibration(zero=0.0125, scale=0.98))
-    file = written(tmp_path, to_toml(unstated))
+    file = written(tmp_path, to_toml(unstated, COUNTS))
     text = file.read_text(encoding="utf-8")
     stated = "zero_sigma_deg = 0.2\ntravel_sigma = 0.001\n"
     text = text.replace("\nscale = 1.0 ", "\nzero_sigma_mm = 0.4\nscale = 1.0 ")
@@ -134,9 +134,7 @@ names = st.text(st.characters(codec="utf-8"), min_size=1, max_size=8)
 def scales(draw: st.DrawFn) -> JointScale:
     counts = draw(st.lists(st.integers(1, 255), min_size=2, max_size=9, unique=True))
     sign = draw(st.sampled_from((-1, 1)))
-    return JointScale(
-        tuple((count, sign * math.radians(count * 0.7 - 90)) for count in counts), COUNTS
-    )
+    return JointScale(tuple((count, sign * math.radians(count * 0.7 - 90)) for count in counts))
 
 
 uncertainties = st.builds(
@@ -198,7 +196,7 @@ calibrations = st.builds(
 @given(calibrations)
 def test_what_is_written_comes_back(tmp_path: Path, calibration: Calibration) -> None:
     file = tmp_path / "calibration.toml"
-    file.write_text(to_toml(calibration), encoding="utf-8")
+    file.write_text(to_toml(calibration, COUNTS), encoding="utf-8")
     read = read_calibration(file, COUNTS)
     assert (read.robot, read.revision, read.made) == (
         calibration.robot,
@@ -271,7 +269,7 @@ def same(read: Uncertainty, written: Uncertainty) -> None:
     ],
 )
 def test_a_wrong_value_is_named(tmp_path: Path, old: str, new: str, words: list[str]) -> None:
-    text = to_toml(WHOLE)
+    text = to_toml(WHOLE, COUNTS)
     assert old in text
     with pytest.raises(ConfigError) as caught:
         load_config(written(tmp_path, text.replace(old, new, 1)))
@@ -283,15 +281,15 @@ def test_a_wrong_value_is_named(tmp_path: Path, old: str, new: str, words: list[
 def test_a_file_made_for_other_counts_is_refused(tmp_path: Path) -> None:
     """The joints of a PCA9685 turn further per count at another update rate."""
     path = tmp_path / "calibration.toml"
-    joint = replace(HIP, scale=JointScale(((120, -1.4), (500, 1.4)), range(91, 574)))
-    path.write_text(to_toml(replace(WHOLE, joints={"hip_left": joint})), encoding="utf-8")
-    assert "hip_left" in read_calibration(path, range(91, 574)).joints
+    joint, counts = replace(HIP, scale=JointScale(((120, -1.4), (500, 1.4)))), range(91, 574)
+    path.write_text(to_toml(replace(WHOLE, joints={"hip_left": joint}), counts), encoding="utf-8")
+    assert "hip_left" in read_calibration(path, counts).joints
     with pytest.raises(
         ConfigError,
         match=r"joint 1 \(hip_left\)\.counts: are 91 to 573, .* 108 to 686 .* remove this table",
     ):
         read_calibration(path, range(108, 687))
-    path.write_text(to_toml(replace(WHOLE, joints={})), encoding="utf-8")
+    path.write_text(to_toml(replace(WHOLE, joints={}), counts), encoding="utf-8")
     assert read_calibration(path, range(108, 687)).gauges
 
 
@@ -306,7 +304,7 @@ def test_a_file_made_for_other_counts_is_refused(tmp_path: Path) -> None:
 def test_what_was_wired_otherwise_since_is_refused(
     tmp_path: Path, old: str, new: str, words: list[str]
 ) -> None:
-    file = written(tmp_path, to_toml(WHOLE))
+    file = written(tmp_path, to_toml(WHOLE, COUNTS))
     load_config(file)
     robot = file.read_text(encoding="utf-8").replace("board = 1 ", "board = [1, 2] ")
     assert old in robot
@@ -328,7 +326,7 @@ def test_a_chip_that_is_mounted_otherwise_since_is_refused(tmp_path: Path) -> No
         wiring=config.axes.wiring, unit="g", zero=(0.0,) * 3, per_g=(-0.972, -1.0, 1.0)
     )
     calibration = Calibration(robot="quadruped", revision=1, accelerometer=axes)
-    save_calibration(tmp_path / "calibration.toml", calibration)
+    save_calibration(tmp_path / "calibration.toml", calibration, COUNTS)
     load_config(robot)
     text = text.replace('forward = "x"', 'forward = "-x"').replace('left = "y"', 'left = "-y"')
     robot.write_text(text, encoding="utf-8")
@@ -339,14 +337,14 @@ def test_a_chip_that_is_mounted_otherwise_since_is_refused(tmp_path: Path) -> No
 
 
 def test_a_truncated_file_is_refused_wherever_it_was_cut(tmp_path: Path) -> None:
-    text = to_toml(WHOLE)
+    text = to_toml(WHOLE, COUNTS)
     for cut in range(0, text.rindex("[end]") + 5, 3):
         with pytest.raises(ConfigError):
             load_config(written(tmp_path, text[:cut]))
 
 
 def test_a_sensor_that_the_robot_does_not_have_is_refused(tmp_path: Path) -> None:
-    file = written(tmp_path, to_toml(WHOLE))
+    file = written(tmp_path, to_toml(WHOLE, COUNTS))
     robot = file.read_text(encoding="utf-8")
     start, end = robot.index("[distance]"), robot.index("[settling]")
     file.write_text(robot[:start] + robot[end:], encoding="utf-8")
@@ -355,7 +353,7 @@ def test_a_sensor_that_the_robot_does_not_have_is_refused(tmp_path: Path) -> Non
 
 
 def test_a_file_that_nobody_may_look_at_is_not_taken_for_missing(tmp_path: Path) -> None:
-    robot = written(tmp_path, to_toml(WHOLE)).read_text(encoding="utf-8")
+    robot = written(tmp_path, to_toml(WHOLE, COUNTS)).read_text(encoding="utf-8")
     long = tmp_path / "long.toml"
     long.write_text(robot.replace("calibration.toml", 256 * "n"), encoding="utf-8")
     for uncalibrated in (False, True):
@@ -372,13 +370,13 @@ def test_a_file_that_is_named_and_missing_stops_the_robot(tmp_path: Path) -> Non
 
 def test_the_files_before_are_kept_under_numbers(tmp_path: Path) -> None:
     file = tmp_path / "calibration.toml"
-    assert save_calibration(file, WHOLE) is None
+    assert save_calibration(file, WHOLE, COUNTS) is None
     first = file.read_bytes()
-    assert save_calibration(file, Calibration(robot="quadruped", revision=4)) == (
+    assert save_calibration(file, Calibration(robot="quadruped", revision=4), COUNTS) == (
         tmp_path / "calibration.toml.1"
     )
     second = file.read_bytes()
-    save_calibration(file, WHOLE)
+    save_calibration(file, WHOLE, COUNTS)
     assert (tmp_path / "calibration.toml.1").read_bytes() == first
     assert (tmp_path / "calibration.toml.2").read_bytes() == second
     assert read_calibration(file, COUNTS).revision == 3
@@ -386,7 +384,7 @@ def test_the_files_before_are_kept_under_numbers(tmp_path: Path) -> None:
 
 def test_a_daemon_of_another_user_can_read_it(tmp_path: Path) -> None:
     file = tmp_path / "calibration.toml"
-    save_calibration(file, WHOLE)
+    save_calibration(file, WHOLE, COUNTS)
     assert stat.S_IMODE(file.stat().st_mode) == 0o644
 
 
@@ -397,7 +395,7 @@ def test_whatever_fails_the_old_file_stands_and_nothing_lies_about(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, call: str, at: int, error: BaseException
 ) -> None:
     file = tmp_path / "calibration.toml"
-    save_calibration(file, WHOLE)
+    save_calibration(file, WHOLE, COUNTS)
     before = file.read_bytes()
     calls = 0
     original = getattr(os, call)
@@ -412,7 +410,7 @@ def test_whatever_fails_the_old_file_stands_and_nothing_lies_about(
     monkeypatch.setattr(os, call, failing)
     expected = ConfigError if isinstance(error, OSError) else KeyboardInterrupt
     with pytest.raises(expected):
-        save_calibration(file, Calibration(robot="quadruped", revision=4))
+        save_calibration(file, Calibration(robot="quadruped", revision=4), COUNTS)
     assert file.read_bytes() == before
     assert {path.name for path in tmp_path.iterdir()} <= {file.name, f"{file.name}.1"}
 
@@ -421,7 +419,7 @@ def test_a_link_stays_a_link(tmp_path: Path) -> None:
     (tmp_path / "there").mkdir()
     link = tmp_path / "calibration.toml"
     link.symlink_to(tmp_path / "there" / "real.toml")
-    save_calibration(link, WHOLE)
+    save_calibration(link, WHOLE, COUNTS)
     assert link.is_symlink()
     assert read_calibration(tmp_path / "there" / "real.toml", COUNTS) == read_calibration(
         link, COUNTS

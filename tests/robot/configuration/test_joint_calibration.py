@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from robot.configuration.joint_calibration import DrivenJoint, JointScale
 from robot.drivers.servos.sv203 import COUNTS
 
-HIP = JointScale(((3, math.radians(-96)), (253, math.radians(74))), COUNTS)
+HIP = JointScale(((3, math.radians(-96)), (253, math.radians(74))))
 
 
 def joint(scale: JointScale, lower: float = -96, upper: float = 74) -> DrivenJoint:
@@ -21,6 +21,7 @@ def joint(scale: JointScale, lower: float = -96, upper: float = 74) -> DrivenJoi
         lower_limit=math.radians(lower),
         upper_limit=math.radians(upper),
         part_radius=0.01,
+        counts=COUNTS,
         scale=scale,
     )
 
@@ -41,11 +42,14 @@ def test_no_angle_is_further_than_half_a_count(angle: float) -> None:
 
 
 def test_a_table_may_bend_and_fall() -> None:
-    scale = JointScale(((10, 1.0), (100, 0.0), (200, -3.0)), COUNTS)
+    scale = JointScale(((10, 1.0), (100, 0.0), (200, -3.0)))
     assert scale.angle(55) == pytest.approx(0.5)
     assert scale.angle(150) == pytest.approx(-1.5)
     assert scale.count(-1.5) == 150
-    assert scale.count(9.0) == 1
+
+
+def test_no_position_is_nearest_to_a_count_that_cannot_be_commanded() -> None:
+    assert [joint(HIP).nearest(position) for position in (-3, 0.4, 17.6, 300)] == [1, 1, 18, 255]
 
 
 def test_a_joint_stays_within_limits_and_says_when_it_is_at_the_end() -> None:
@@ -70,4 +74,4 @@ def test_a_joint_stays_within_limits_and_says_when_it_is_at_the_end() -> None:
 )
 def test_an_impossible_table_is_refused(points: tuple[tuple[float, float], ...]) -> None:
     with pytest.raises(ValueError, match=r"point|count|angles"):
-        JointScale(points, COUNTS)
+        JointScale(points)

@@ -9,9 +9,15 @@ from robot.control.joint_watch import BLOCKED, JAMMED, SAGGING, STOPPED, JointWa
 from robot.drivers.servos.servo_bus import ServoState
 
 LIMIT = math.radians(90)
-SCALE = JointScale(((1, -LIMIT), (4095, LIMIT)), range(1, 4096))
+SCALE = JointScale(((1, -LIMIT), (4095, LIMIT)))
 HIP = DrivenJoint(
-    name="hip", output=1, lower_limit=-LIMIT, upper_limit=LIMIT, part_radius=0.01, scale=SCALE
+    name="hip",
+    output=1,
+    lower_limit=-LIMIT,
+    upper_limit=LIMIT,
+    part_radius=0.01,
+    counts=range(1, 4096),
+    scale=SCALE,
 )
 
 

@@ -23,7 +23,8 @@ def joints(number: int) -> list[DrivenJoint]:
             lower_limit=-2.0,
             upper_limit=2.0,
             part_radius=0.01,
-            scale=JointScale(((1, -1.6), (255, 1.6 if output % 2 else 1.2)), COUNTS),
+            counts=COUNTS,
+            scale=JointScale(((1, -1.6), (255, 1.6 if output % 2 else 1.2))),
         )
         for output in range(1, number + 1)
     ]

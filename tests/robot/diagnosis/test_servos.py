@@ -9,7 +9,7 @@ import pytest
 from robot.configuration.joint_calibration import JointScale
 from robot.diagnosis.findings import Finding, Severity
 from robot.diagnosis.servos import QUERIES, check_board, check_joints, move_joints
-from robot.drivers.servos.sv203 import COUNTS, SV203Settings
+from robot.drivers.servos.sv203 import SV203Settings
 from tests.robot.calibration.desk import Board
 from tests.robot.diagnosis.clinic import COMMAND, Clinic
 
@@ -40,7 +40,7 @@ def test_a_joint_outside_its_limits_is_one(clinic: Clinic) -> None:
 
 
 def test_an_unusual_scale_is_mentioned(clinic: Clinic) -> None:
-    flat = replace(clinic.config.joints[0], scale=JointScale(((1, -0.5), (255, 0.5)), COUNTS))
+    flat = replace(clinic.config.joints[0], scale=JointScale(((1, -0.5), (255, 0.5))))
     (finding,) = check_joints([flat], {1: 128}, Board(), calibration_command=COMMAND)
     assert finding.verdict is Severity.LOOK
 
