@@ -23,9 +23,10 @@ from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 
-from protocol.errors import CLEAR, RobotError
+from protocol.errors import CLEAR, RobotError, with_address
 from protocol.rules.robot_interface import FinalReply, RobotEvent, Snapshot
 from protocol.rules.transitions import TRANSITIONS, Event
+from protocol.sockets.zmq_sockets import DEFAULT_BIND
 from protocol.text import brief, error_text
 from protocol.wire.capabilities import Capabilities
 from protocol.wire.messages import Ok, Perform, RobotRequest, State
@@ -53,6 +54,10 @@ class Controller:
         log: Log for what a person may want to know.
         manager: Service manager; it is told that the control loop turns, and what became of the
             robot.
+
+    Attributes:
+        capabilities: The capabilities, as given.
+        address: The robot's address on this computer, for the commands that the log advises.
     """
 
     def __init__(
@@ -65,6 +70,7 @@ class Controller:
         manager: ServiceManager | None = None,
     ):
         self.capabilities = capabilities
+        self.address = DEFAULT_BIND
         self._interaction = interaction
         self._housekeeping = housekeeping
         self._log = log
@@ -399,5 +405,6 @@ class Controller:
             self._outbox.finish(job, job.error(job_error))
 
     def _announce(self, level: int, sentence: str) -> None:
+        sentence = with_address(sentence, self.address)
         self._log.log(level, "%s", sentence)
         self._manager.status(sentence)

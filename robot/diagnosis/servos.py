@@ -7,7 +7,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
-from protocol.errors import HOLD
+from protocol.errors import HOLD, with_address
+from protocol.sockets.zmq_sockets import DEFAULT_BIND
 from robot.calibration.joints import Mover
 from robot.configuration.joint_calibration import USUAL_SPAN, DrivenJoint, middle
 from robot.control.joint_watch import LIMITED, OFF, JointWatch, cut_short, told
@@ -146,7 +147,8 @@ def _check_joint(
         return look(
             subject,
             f"output {joint.output} is limp; {reach}",
-            f"robotd try makes it stiff, joint by joint; where robotd runs: {HOLD}",
+            "robotd try makes it stiff, joint by joint; where robotd runs with its usual --bind: "
+            f"{with_address(HOLD, DEFAULT_BIND)}",
         )
     angle = joint.scale.angle(count)
     text = f"output {joint.output} at count {count}, {math.degrees(angle):.1f}°; {reach}"

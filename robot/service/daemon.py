@@ -12,6 +12,7 @@ from functools import partial
 from importlib import metadata
 from types import FrameType
 
+from protocol.sockets.zmq_sockets import DEFAULT_BIND, Endpoint
 from protocol.transport.server import Server
 from protocol.wire.capabilities import Capabilities, Joint, Sensor
 from robot.configuration.robot_config import RobotConfig
@@ -199,6 +200,7 @@ def serve(
         ended_well = controller.shut_down()
         server.request_stop()
 
+    controller.address = str(Endpoint.parse(server.endpoint).seen_from(DEFAULT_BIND))
     with _quick_turns(), _on_signals(shut_down):
         controller.start()
         status = f"serving {controller.capabilities.robot} on {server.endpoint}"

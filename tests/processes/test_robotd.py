@@ -99,7 +99,7 @@ def test_the_service_manager_and_the_journal_hear_what_happened(tmp_path: Path) 
         rf"<6>serving quadruped \(dry run\) on {uri}, telemetry on tcp://127.0.0.1:\d+",
         r"<6>refused: hold of client operator: not_controller: .*",
         r"<6>control: .*client operator.* acquired it",
-        r"<4>stopped by client operator; frozen until: python -m protocol URI clear",
+        rf"<4>stopped by client operator; frozen until: python -m protocol {uri} clear",
         r"<6>refused: relax of client operator: stopped: .*",  # once, not three times
         r"<6>cleared by client operator",
         r"<6>control: .*client operator.* released it",

@@ -29,7 +29,9 @@ def test_a_joint_shows_where_it_stands_and_how_far_it_goes(clinic: Clinic) -> No
 
 
 def test_a_limp_joint_is_no_fault(clinic: Clinic) -> None:
-    assert joint(clinic, 0).verdict is Severity.LOOK
+    finding = joint(clinic, 0)
+    assert finding.verdict is Severity.LOOK
+    assert "python -m protocol tcp://127.0.0.1:5750 hold" in finding.advice
 
 
 def test_a_joint_outside_its_limits_is_one(clinic: Clinic) -> None:

@@ -46,6 +46,15 @@ def test_threads_take_quick_turns_while_it_serves_and_only_then() -> None:
     assert (sys.getswitchinterval(), signal.getsignal(signal.SIGTERM)) == before
 
 
+def test_what_the_log_advises_can_be_typed_where_the_robot_serves_every_address() -> None:
+    with still_robot(SteppedClock(), housekeeping=None, log=logging.getLogger("test")) as robot:
+        server = BriefServer()
+        server.endpoint = "tcp://*:5761"
+        serve(robot.controller, server, logging.getLogger("test"))  # type: ignore[arg-type]
+        assert robot.controller.shut_down()
+    assert robot.controller.address == "tcp://127.0.0.1:5761"
+
+
 def test_a_signal_that_nohup_has_taken_stays_ignored() -> None:
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
