@@ -11,7 +11,8 @@ from collections.abc import Callable, Collection, Iterator
 from functools import partial
 from typing import Any, Final
 
-from robot.calibration.joints import HELP, Mover, calibrate_joint, measure_oscillators
+from robot.calibration.joints import HELP, Mover, calibrate_joint
+from robot.calibration.oscillators import measure_oscillators
 from robot.calibration.questions import Questions
 from robot.calibration.sensors import AccelerometerSession, DistanceSession, GaugeSession
 from robot.configuration.calibration_file import (
