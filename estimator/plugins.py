@@ -16,14 +16,15 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib import metadata
 from typing import Final, Generic, TypeVar, cast
 
 from estimator.errors import EstimatorError, RunDirectoryError
+from protocol.text import error_text
 
 _GROUPS: Final = "bodyschema."
 _ADDED: Final = "of the calling program"  # takes the place of a package's version
@@ -125,7 +126,21 @@ class Registry(Generic[T]):
         except Exception as error:  # whatever a module of somebody else's raises
             raise EstimatorError(
                 f"the {self.kind} {self.described(name)} cannot be loaded from {entry.value}: "
-                f"{type(error).__name__}: {error}"
+                f"{error_text(error)}"
+            ) from error
+
+    @contextmanager
+    def named_when_failing(self, name: str) -> Iterator[None]:
+        """Turns whatever an implementation raises in the block into a sentence that names it.
+
+        Raises:
+            EstimatorError: It raised something.
+        """
+        try:
+            yield
+        except Exception as error:
+            raise EstimatorError(
+                f"the {self.kind} {self.described(name)} failed: {error_text(error)}"
             ) from error
 
     def package(self, name: str) -> dict[str, str]:

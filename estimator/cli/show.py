@@ -37,19 +37,23 @@ def show(
 ) -> None:
     """Show how far a run has come; writes the files of one that was broken off, if it can."""
     with errors_as_sentences(None), RunStore.open(directory, to_write=False) as store:
-        write = None if form is None else FORMATS.load(form)
+        if form is not None:
+            FORMATS.load(form)  # one that there is not is refused before anything is computed
         is_worked_on = is_locked(directory, LOCK)  # asked first, since the writer may end meanwhile
         finished_result = Result.of_finished(store)
         result = _summarised(store) if finished_result is None else finished_result
-        if write is None:
+        if form is None:
             print_result(out, result, directory, details=details)
         if finished_result is None and not is_worked_on:
             with unless_unwritable(directory):
                 _write_files(store, result)
-        if write is None:
+        if form is None:
             print_run_directory(directory)
         else:
-            typer.echo(printable(write(result, directory), keep="\n\t"))
+            write = FORMATS.load(form)
+            with FORMATS.named_when_failing(form):
+                text = printable(write(result, directory), keep="\n\t")
+            typer.echo(text)
 
 
 def _summarised(store: RunStore) -> Result:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +28,7 @@ from tests.estimator import outside_parts
 from tests.estimator.identification.test_run import Witness, outcome
 from tests.estimator.model_robot import ModelRobot, make_order, serving, without_plots
 from tests.estimator.outside_package import PHYSICS, THUMB, install, put_on_path
+from tests.estimator.report.made_runs import made_run
 
 SEARCH: type[Search] = outside_parts.RandomSearch
 OBJECTIVE: type[Objective] = outside_parts.WrongTouches
@@ -121,6 +123,25 @@ def test_a_report_in_html(tmp_path: Path) -> None:
     assert '<img src="plots/lengths.png">' in html
     assert Result.model_validate(json.loads(show(tmp_path / "run", "json"))) == result
     assert "there is no report format 'pdf': choose json, html" in show(tmp_path / "run", "pdf")
+
+
+@pytest.mark.parametrize(
+    ("body", "reason"),
+    [
+        ("raise LookupError('no such leg')", "LookupError: no such leg"),
+        ("raise OSError(28, 'No space left', 'legs.svg')", r"OSError: \[Errno 28\] No space left"),
+        ("return None", "TypeError: 'NoneType' object is not iterable"),
+    ],
+)
+def test_a_report_format_that_fails_is_named(
+    body: str, reason: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    points = "[bodyschema.report]\nsvg = bodyschema_svg:write\n"
+    code = f"def write(result, directory):\n    {body}\n"
+    folder = install(tmp_path / "svg", points, name="bodyschema-svg", version="0.1", code=code)
+    put_on_path(folder, monkeypatch)
+    sentence = f"estimator: the report format 'svg' of bodyschema-svg 0.1 failed: {reason}"
+    assert re.match(sentence, show(made_run(tmp_path / "run", "parametric", "posterior"), "svg"))
 
 
 def test_all_together_and_a_physics_of_a_second_package(
