@@ -305,6 +305,7 @@ class GaugeSession:
             if value is not None:
                 load = value * GRAVITY / 1000 if answer.endswith("g") else value
                 if LOADS[0] <= load <= LOADS[1]:
+                    self.dialogue.say(f"{load:g} N ({1000 * load / GRAVITY:.0f} g)")
                     return load
             self.dialogue.say(
                 f"Answer a load from {LOADS[0]:g} to {LOADS[1]:g} N, grams with their unit as in "

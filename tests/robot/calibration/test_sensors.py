@@ -199,6 +199,17 @@ def test_a_known_load_gives_the_gain(gain: float, typed: str, newtons: float) ->
     assert (calibration.on, calibration.off) == (0.1, 0.05)
 
 
+@pytest.mark.parametrize(
+    ("typed", "understood"),
+    [("5", "5 N (510 g)"), ("50", "50 N (5097 g)"), ("200 g", "1.962 N (200 g)")],
+)
+def test_a_load_is_said_in_both_units(typed: str, understood: str) -> None:
+    foot = Foot(0.05)
+    script = Script("", (lambda: foot.load(5), typed))
+    assert calibrate_gauge(foot, script) is not None
+    assert script.heard(understood)
+
+
 def test_a_noisy_foot_gets_a_higher_threshold_and_says_so() -> None:
     foot = Foot(0.1, noise=0.005)  # 0.05 N of noise; a threshold of 0.1 N would be crossed
     script = Script("", (lambda: foot.load(2), "2"))
