@@ -39,12 +39,13 @@ def show(
     with errors_as_sentences(None), RunStore.open(directory, to_write=False) as store:
         if form is not None:
             FORMATS.load(form)  # one that there is not is refused before anything is computed
+        version = store.version
         is_worked_on = is_locked(directory, LOCK)  # asked first, since the writer may end meanwhile
         finished_result = Result.of_finished(store)
         result = _summarised(store) if finished_result is None else finished_result
         if form is None:
             print_result(out, result, directory, details=details)
-        if finished_result is None and not is_worked_on:
+        if finished_result is None and not is_worked_on and store.version == version:
             with unless_unwritable(directory):
                 _write_files(store, result)
         if form is None:

@@ -386,6 +386,12 @@ class RunStore(Closable):
 
     # --- the database -----------------------------------------------------------------------------
 
+    @property
+    def version(self) -> int:
+        """A number that changes as soon as another process begins to write to the run."""
+        with reading(self.directory):
+            return int(self._database.execute("PRAGMA data_version").fetchone()[0])
+
     def _meta(self, key: str) -> str:
         row = self._database.execute("SELECT value FROM meta WHERE key = ?", (key,)).fetchone()
         if row is None:

@@ -309,20 +309,21 @@ def test_a_run_that_another_process_works_on_is_left_alone(run: Path) -> None:
         assert estimator("show", run).exit_code == 0
 
 
+@pytest.mark.parametrize("begins", ["before", "meanwhile"])
 def test_show_leaves_the_files_of_a_run_to_the_process_that_works_on_it(
-    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    begins: str, run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Which may end just when ``show`` has read the run, and then has written what is final."""
     copy = tmp_path / "copy"
     shutil.copytree(run, copy)
     final = (copy / "result.json").read_bytes()
     (copy / "result.json").unlink()
-    writer, summary = RunStore.open(copy), summarise.summarise
+    writer, summary = RunStore.open(copy) if begins == "before" else None, summarise.summarise
 
     def summarised_while_the_writer_ends(store: RunStore) -> result.Result:
         found = summary(store)
-        (copy / "result.json").write_bytes(final)
-        writer.close()
+        with writer or RunStore.open(copy):
+            (copy / "result.json").write_bytes(final)
         return found.model_copy(update={"complete": False})
 
     monkeypatch.setattr(summarise, "summarise", summarised_while_the_writer_ends)
