@@ -7,7 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from bench.after import AfterRun, Damaged, Figures, Reached, fell_elsewhere, tables, write_runs
+from bench.after import tables, write_runs
+from bench.after_figures import Damaged, Figures, Reached
+from bench.after_run import AfterRun, fell_elsewhere
 from estimator.readings.observation import Observation
 from estimator.use.diagnosis import Verdict
 from estimator.use.pose import Pose
