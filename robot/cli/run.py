@@ -4,22 +4,19 @@ from __future__ import annotations
 
 import argparse
 import logging
-from collections.abc import Iterator
-from contextlib import contextmanager
 from importlib import metadata, resources
 from pathlib import Path
 from typing import Final
 
 from protocol.sockets.zmq_sockets import DEFAULT_BIND
 from protocol.transport.server import Server
-from robot.configuration.robot_config import RobotConfig, load_config
-from robot.control.controller import Controller
+from robot.configuration.robot_config import load_config
 from robot.devices import open_devices, report_devices
 from robot.drivers.buses import Buses
-from robot.host.clock import Clock, WallClock, WatchedClock
+from robot.host.clock import WallClock, WatchedClock
 from robot.host.service_manager import ServiceManager
 from robot.service.daemon import HOUSEKEEPING, build_controller, serve
-from robot.service.dry_run import dry_config, dry_controller
+from robot.service.dry_run import dry_config, dry_devices
 
 HELP = "serve the robot until SIGTERM or Ctrl-C"
 EXAMPLE: Final = Path(str(resources.files("robot") / "robot.toml"))
@@ -81,33 +78,11 @@ def run(options: argparse.Namespace) -> int:
     )
     manager = ServiceManager()
     clock = WatchedClock(WallClock(), manager.alive)
-    with _controller(config, path, clock, log, manager, dry=options.dry) as controller:
-        server = Server(
-            controller,
-            bind=options.bind,
-            keys=options.keys,
-            insecure=options.insecure,
-            log=log,
-        )
-        serve(controller, server, log, manager=manager)
-    return 0
-
-
-@contextmanager
-def _controller(
-    config: RobotConfig,
-    path: Path,
-    clock: Clock,
-    log: logging.Logger,
-    manager: ServiceManager,
-    *,
-    dry: bool,
-) -> Iterator[Controller]:
-    if dry:
+    if options.dry:
         log.warning("dry run: no hardware is touched, and there are no sensors")
-        yield dry_controller(config, clock=clock, log=log, manager=manager)
-        return
-    devices = open_devices(config, Buses(clock=clock), file=str(path))
+        devices = dry_devices(config)
+    else:
+        devices = open_devices(config, Buses(clock=clock), file=str(path))
     try:
         controller = build_controller(
             config,
@@ -118,7 +93,16 @@ def _controller(
             log=log,
             manager=manager,
         )
-        report_devices(config, log)
-        yield controller
+        if not options.dry:
+            report_devices(config, log)
+        server = Server(
+            controller,
+            bind=options.bind,
+            keys=options.keys,
+            insecure=options.insecure,
+            log=log,
+        )
+        serve(controller, server, log, manager=manager)
     finally:
         devices.close()
+    return 0

@@ -29,7 +29,7 @@ from robot.drivers.servos.servo_bus import ServoBus, answering
 from robot.errors import DeviceDataError
 from robot.host.clock import MAX_GAP, SteadyClock
 from robot.sensing.samples import RestDetector
-from robot.sensing.sensors import OnProgress, Reading, SensorReader
+from robot.sensing.sensors import OnProgress, Reading, RobotSensors
 
 LATENESS: Final = 1.25  # times the line's own period: an update may be that late and lose no way
 FLAT_TILT: Final = math.radians(3)
@@ -78,7 +78,7 @@ class MotorProgramRunner:
         config: RobotConfig,
         *,
         servos: ServoBus,
-        sensing: SensorReader,
+        sensing: RobotSensors,
         clock: SteadyClock,
         revive: Callable[[], None],
         operator: Operator | None,

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final, Protocol, TypeAlias
+from typing import Final, TypeAlias
 
 from protocol.wire.readings import tilt_of, up_of
 from robot.drivers.sensors.contracts import (
@@ -204,20 +204,6 @@ class Underside:
                 f"a body that leans by {lean:.0f}° is at least {least * 1000:.0f} mm up.",
                 "One of the two is wrong: check the distance sensor, then the accelerometer.",
             )
-
-
-class SensorReader(Protocol):
-    """What an interaction reads: the robot's sensors, or none."""
-
-    def tilt(self) -> tuple[float, float] | None:
-        """One sample of both tilt angles, rad, while the robot may still move; or ``None``."""
-
-    def average(self, samples: int, report: OnProgress = ignore) -> Reading:
-        """Averages ``samples`` samples of everything.
-
-        ``report`` is told the share that is done, before each sample and at the end; it may raise
-        to end it.
-        """
 
 
 class RobotSensors:

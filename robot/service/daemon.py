@@ -19,11 +19,11 @@ from robot.configuration.robot_config import RobotConfig
 from robot.control.controller import Controller
 from robot.control.interaction import MotorProgramRunner, Operator
 from robot.devices import Devices, revive
-from robot.drivers.servos.servo_bus import ServoBus, answering
+from robot.drivers.servos.servo_bus import answering
 from robot.errors import DeviceTimeoutError
 from robot.host.clock import Clock, SteadyClock
 from robot.host.service_manager import ServiceManager
-from robot.sensing.sensors import RobotSensors, SensorReader
+from robot.sensing.sensors import RobotSensors
 from robot.uncertainty import Uncertainty
 
 HOUSEKEEPING = 3.0  # s between checks that the servo board was not reset
@@ -63,48 +63,17 @@ def build_controller(
         rate=config.settling.rate,
         underside=config.underside,
     )
-    return assemble(
+    interaction = MotorProgramRunner(
         config,
         servos=devices.servos,
         sensing=sensing,
-        capabilities=describe(config, measured=answering(devices.servos) is not None),
         clock=steady,
         revive=partial(revive, config, devices),
-        operator=operator,
-        housekeeping=housekeeping,
-        log=log,
-        manager=manager,
-    )
-
-
-def assemble(
-    config: RobotConfig,
-    *,
-    servos: ServoBus,
-    sensing: SensorReader,
-    capabilities: Capabilities,
-    clock: SteadyClock,
-    operator: Operator | None,
-    housekeeping: float | None,
-    log: logging.Logger,
-    manager: ServiceManager | None,
-    revive: Callable[[], None] = lambda: None,
-) -> Controller:
-    """The control loop around given servos and sensors; arguments as in ``build_controller``.
-
-    ``revive`` makes the devices work again after a fault, or raises ``DeviceError``.
-    """
-    interaction = MotorProgramRunner(
-        config,
-        servos=servos,
-        sensing=sensing,
-        clock=clock,
-        revive=revive,
         operator=operator,
     )
     return Controller(
         interaction,
-        capabilities=capabilities,
+        capabilities=describe(config, measured=answering(devices.servos) is not None),
         housekeeping=housekeeping,
         log=log,
         manager=manager,

@@ -7,18 +7,13 @@ observations carry no touch, tilt or clearance, and no motion is ever said to ha
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Final
 
 from protocol.wire.field_checks import MAX_NAME
 from robot.configuration.robot_config import RobotConfig
-from robot.control.controller import Controller
-from robot.host.clock import Clock, SteadyClock
-from robot.host.service_manager import ServiceManager
-from robot.sensing.sensors import OnProgress, Reading, ignore
-from robot.service.daemon import HOUSEKEEPING, assemble, describe
+from robot.devices import Devices
 
 SUFFIX: Final = " (dry run)"
 _SECONDS_PER_SERVO: Final = 0.01  # s; that of an SV-203B at 9600 baud
@@ -64,51 +59,23 @@ class NullServos:
         """Does nothing: there is no link."""
 
 
-class NoSensors:
-    """Sensors of a robot without hardware: their readings are empty."""
-
-    def __init__(self, clock: Clock):
-        self._clock = clock
-
-    def tilt(self) -> tuple[float, float] | None:
-        """Returns ``None``: nothing is measured."""
-        return None
-
-    def average(self, samples: int, report: OnProgress = ignore) -> Reading:
-        """Returns an empty reading."""
-        del samples
-        report(1.0)
-        return Reading(robot_time=self._clock.now())
-
-
 def dry_config(config: RobotConfig) -> RobotConfig:
-    """The configuration under a name that says that it is a dry run, without waiting for rest."""
+    """The configuration without sensors, under a name that says so, without waiting for rest."""
     return replace(
         config,
         name=config.name[: MAX_NAME - len(SUFFIX)] + SUFFIX,
+        daq=None,
+        accelerometer=None,
+        touch=(),
+        distance=None,
         settling=replace(config.settling, timeout=_NO_WAIT),
+        samples=1,
     )
 
 
-def dry_controller(
-    config: RobotConfig, *, clock: Clock, log: logging.Logger, manager: ServiceManager
-) -> Controller:
-    """The control loop of a robot that is not there, not yet started; it begins at zero.
-
-    Args:
-        config: Configuration from ``dry_config``.
-        clock: The robot clock.
-        log: Log for what a person may want to know.
-        manager: Service manager, which is told that the control loop turns.
-    """
-    return assemble(
-        config,
-        servos=NullServos({joint.output: joint.quantise(0.0) for joint in config.joints}),
-        sensing=NoSensors(clock),
-        capabilities=replace(describe(config), sensors=()),
-        clock=SteadyClock(clock),
-        operator=None,
-        housekeeping=HOUSEKEEPING,
-        log=log,
-        manager=manager,
+def dry_devices(config: RobotConfig) -> Devices:
+    """Servos that are not there, at zero, and no sensors; ``config`` is one of ``dry_config``."""
+    zero = {joint.output: joint.quantise(0.0) for joint in config.joints}
+    return Devices(
+        servos=NullServos(zero), inputs=None, accelerometer=None, touch=(), distance=None
     )
