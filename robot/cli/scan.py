@@ -3,28 +3,24 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from functools import partial
 from types import MappingProxyType
-from typing import Final, TypeAlias
+from typing import Final
 
 from robot.drivers.links.device_files import open_serial
-from robot.drivers.servos import dynamixel, feetech
-from robot.drivers.servos.servo_chain import Chain
+from robot.drivers.servos.answering_servos import AnsweringServoSettings
+from robot.drivers.servos.dynamixel import DynamixelSettings
+from robot.drivers.servos.feetech import FeetechSettings
 from robot.errors import CommandError, DeviceTimeoutError
 from robot.host.clock import WallClock
 
 HELP = "list the serial bus servos that answer on a line, by baud rate"
 
-Family: TypeAlias = tuple[Callable[..., Chain], Sequence[int], Sequence[int]]
-
-FAMILIES: Final[Mapping[str, Family]] = MappingProxyType(
-    {
-        "feetech": (feetech.FeetechChain, feetech.BAUDS, feetech.OUTPUTS),
-        "dynamixel": (dynamixel.DynamixelChain, dynamixel.BAUDS, dynamixel.OUTPUTS),
-    }
+FAMILIES: Final[Mapping[str, type[AnsweringServoSettings]]] = MappingProxyType(
+    {"feetech": FeetechSettings, "dynamixel": DynamixelSettings}
 )
-"""By the name of the driver, its line, the possible baud rates and the possible ids."""
+"""Settings by the name of the driver."""
 
 _PATIENCE: Final = 0.02  # s; an adapter may hold an answer back for 16 ms
 _USUAL_IDS: Final = 20
@@ -50,16 +46,16 @@ def run(options: argparse.Namespace) -> int:
     if options.baud is not None:
         _check_baud(options.baud, families)
     servo_count = 0
-    for name, (chain, bauds, ids) in families.items():
-        for baud in bauds:
+    for name, family in families.items():
+        for baud in family.bauds:
             if options.baud in (None, baud):
-                line = chain(
+                line = family.chain(
                     partial(open_serial, options.port, baud),
                     clock=WallClock(),
                     reply_timeout=_PATIENCE,
                 )
                 try:
-                    answering = [n for n in ids if n <= options.ids and line.ping(n)]
+                    answering = [n for n in family.outputs if n <= options.ids and line.ping(n)]
                 finally:
                     line.close()
                 servo_count += len(answering)
@@ -74,11 +70,11 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _check_baud(baud: int, families: Mapping[str, Family]) -> None:
+def _check_baud(baud: int, families: Mapping[str, type[AnsweringServoSettings]]) -> None:
     """Refuses a baud rate that no servo has."""
-    if not any(baud in bauds for _, bauds, _ in families.values()):
+    if not any(baud in family.bauds for family in families.values()):
         known = "; ".join(
-            f"{name} has {', '.join(map(str, sorted(bauds)))}"
-            for name, (_, bauds, _) in families.items()
+            f"{name} has {', '.join(map(str, sorted(family.bauds)))}"
+            for name, family in families.items()
         )
         raise CommandError(f"--baud {baud} is no rate of these servos: {known}")

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar, Final, Self
+from typing import Any, ClassVar, Final, Self
 
 from robot.drivers.buses import Buses
 from robot.drivers.servos.servo_bus import ServoState, check_counts, check_outputs
@@ -29,18 +29,20 @@ class AnsweringServoSettings:
     """The serial line to servos; each family is a subclass.
 
     Attributes:
+        counts: Positions of a turn; 0 means limp here, and is left out.
+        outputs: The IDs that a servo can have, and that joints name.
         bauds: Baud rates that the servos know.
         usual_baud: Baud rate for a table that names none.
         chain: Class of the line, which speaks the family's protocol.
     """
 
     name: ClassVar[str]
-    counts: ClassVar[range]
-    known_counts: ClassVar[range]
+    counts: ClassVar = range(1, 4096)
+    known_counts: ClassVar = counts
     outputs: ClassVar[range]
     bauds: ClassVar[Sequence[int]]
     usual_baud: ClassVar[int]
-    chain: ClassVar[type[Chain]]
+    chain: ClassVar[type[Chain[Any]]]
     reads_back: ClassVar = True
     port: str = field(repr=False)  # a re-plugged adapter may have another name
     baud: int
@@ -73,7 +75,7 @@ class AnsweringServos:
         counts: Goals that servos can be sent.
     """
 
-    def __init__(self, chain: Chain, *, outputs: range, counts: range):
+    def __init__(self, chain: Chain[Any], *, outputs: range, counts: range):
         self._chain = chain
         self._outputs = outputs
         self._counts = counts

@@ -20,12 +20,10 @@ Source: ROBOTIS e-Manual, XL430-W250, XL330-M288 and DYNAMIXEL Protocol 2.0.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final
-
-import serial
 
 from robot.drivers.servos.answering_servos import AnsweringServoSettings
 from robot.drivers.servos.dynamixel_packets import (
@@ -42,14 +40,7 @@ from robot.drivers.servos.dynamixel_packets import (
 )
 from robot.drivers.servos.servo_bus import ServoState
 from robot.drivers.servos.servo_chain import Chain, Registers
-from robot.host.clock import Clock
 
-NAME: Final = "DYNAMIXEL"
-BAUDS: Final = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000)
-COUNTS: Final = range(1, 4096)
-"""Positions of a turn; 0 means limp here, and is left out."""
-OUTPUTS: Final = range(1, 253)
-"""The IDs that a servo can have, and that joints name."""
 TOP_SPEED: Final = 55
 """Profile velocity, in the servo's unit: 75°/s."""
 
@@ -131,21 +122,12 @@ class _Known:
     volts: tuple[int, int]
 
 
-class DynamixelChain(Chain):
+class DynamixelChain(Chain[_Known]):
     """The servos of one line, as ``AnsweringServos`` uses them."""
 
-    name = NAME
+    name = "DYNAMIXEL"
     overhead = OVERHEAD
-
-    def __init__(
-        self,
-        open_port: Callable[[], serial.Serial],
-        *,
-        clock: Clock,
-        reply_timeout: float = 0.2,
-    ):
-        super().__init__(open_port, clock=clock, reply_timeout=reply_timeout)
-        self._known: dict[int, _Known] = {}
+    decoder = Decoder
 
     def ping(self, servo: int) -> bool:
         """Whether a servo answers, asked once; a damaged answer, as of two at once, counts."""
@@ -153,11 +135,7 @@ class DynamixelChain(Chain):
         return servo in answers or damaged
 
     def set_up(self, servos: Sequence[int]) -> None:
-        """Identifies servos, refuses one that is not fit for use, and limits their speed.
-
-        Raises:
-            DeviceError: A servo does not answer, is no X servo, is set up otherwise or failed.
-        """
+        """Identifies servos, refuses one that is not fit for use, and limits their speed."""
         self._write(_RETURN_LEVEL, servos, 2, 1)
         identities = self._read_all(servos, _IDENTITY, 12)
         limits = self._read_all(servos, _LIMITS, 8)
@@ -189,13 +167,7 @@ class DynamixelChain(Chain):
                 break  # else a packet was damaged; if none arrives, the servo's speed shows it
 
     def read(self, servos: Sequence[int]) -> dict[int, Registers]:
-        """Goal, speed and state of some servos, in two queries for all of them.
-
-        Raises:
-            DeviceTimeoutError: A servo does not answer.
-            DeviceDataError: A servo's answer is damaged, or a refusal.
-            DeviceMissingError: The line failed.
-        """
+        """Goal, speed and state of some servos, in two queries for all of them."""
         state = self._read_all(servos, _STATE, _STATE_END - _STATE)
         torque = self._read_all(servos, _TORQUE, 1)
         alerted = [n for n in servos if (state[n][0] | torque[n][0]) & ALERT]
@@ -203,19 +175,11 @@ class DynamixelChain(Chain):
         return {n: self._registers(n, state[n][1:], torque[n][1], errors[n][1]) for n in servos}
 
     def send(self, goals: Mapping[int, int]) -> None:
-        """Writes goals, in one packet.
-
-        Raises:
-            DeviceError: The line failed.
-        """
+        """Writes goals, in one packet."""
         self._line.write(encode(sync_write(_GOAL, goals, 4)))
 
     def switch(self, servos: Sequence[int], *, on: bool) -> None:
-        """Switches torque, in one packet.
-
-        Raises:
-            DeviceError: The line failed.
-        """
+        """Switches torque, in one packet."""
         self._write(_TORQUE, servos, int(on), 1)
 
     def seconds_for(self, servos: int) -> float:
@@ -224,10 +188,6 @@ class DynamixelChain(Chain):
         sent = 3 * len(encode(sync_read(0, 0, ()))) + servos * (1 + 1 + 5)
         answers = servos * (2 * OVERHEAD + state)
         return self._line.seconds_for(sent + answers) + self._delay(2 * servos)
-
-    def _decoder(self) -> Decoder:
-        """Decoder that finds the answers in what comes in."""
-        return Decoder()
 
     def _registers(self, servo: int, state: bytes, torque: int, error: int) -> Registers:
         def number(address: int, size: int) -> int:
@@ -335,9 +295,8 @@ def _in_words(error: int) -> str:
 class DynamixelSettings(AnsweringServoSettings):
     """The serial line to the servos; their outputs are their IDs."""
 
-    name = NAME
-    counts = known_counts = COUNTS
-    outputs = OUTPUTS
-    bauds = BAUDS
+    name = DynamixelChain.name
+    outputs = range(1, 253)
+    bauds = (9600, 57600, 115200, 1_000_000, 2_000_000, 3_000_000, 4_000_000)
     usual_baud = 57600
     chain = DynamixelChain

@@ -8,7 +8,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Final, Protocol
+from typing import ClassVar, Final, Generic, Protocol, TypeVar
 
 import serial
 
@@ -18,6 +18,7 @@ from robot.drivers.servos.servo_bus import ServoState
 from robot.errors import DeviceDataError, DeviceError, DeviceTimeoutError
 from robot.host.clock import Clock
 
+Known = TypeVar("Known")
 _ATTEMPTS: Final = 3  # at a query; a sound line needs one, and the doctor counts the others
 _USUAL_DELAY: Final = 500e-6  # s before an answer of a servo that did not tell
 
@@ -51,10 +52,11 @@ class Answers(Protocol):
         """Takes bytes; returns the answers complete with them: ID, and error with data."""
 
 
-class Chain(ABC):
+class Chain(ABC, Generic[Known]):
     """The servos of one line, in the packets of their family.
 
-    Every method raises ``DeviceError``, with a sentence that names line and servo.
+    Every method raises ``DeviceError``, with a sentence that names line and servo. ``Known`` is
+    what a family remembers of a servo that was set up.
 
     Args:
         open_port: Opens the line, which this object closes.
@@ -64,11 +66,13 @@ class Chain(ABC):
     Attributes:
         name: Name of the servos, for messages.
         overhead: Number of bytes of an answer around its data.
+        decoder: Class that finds the answers in what comes in.
         repeats: Number of questions asked again: an answer was damaged or did not come.
     """
 
     name: ClassVar[str]
     overhead: ClassVar[int]
+    decoder: ClassVar[type[Answers]]
 
     def __init__(
         self,
@@ -79,7 +83,8 @@ class Chain(ABC):
     ):
         self.repeats = 0
         self._clock = clock
-        self._answers = self._decoder()
+        self._answers = self.decoder()
+        self._known: dict[int, Known] = {}
         self._delays: dict[int, float] = {}  # s before an answer, by servo, where it told
         self._line = SerialLine(open_port, clock=clock, reply_timeout=reply_timeout)
 
@@ -127,10 +132,6 @@ class Chain(ABC):
     def close(self) -> None:
         """Closes the line; the servos hold their goals."""
         self._line.close()
-
-    @abstractmethod
-    def _decoder(self) -> Answers:
-        """Decoder that finds the answers in what comes in."""
 
     def _delay(self, servos: int) -> float:
         """Longest time that so many servos wait before they answer, in all, s."""
