@@ -7,10 +7,10 @@ registers are.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from types import MappingProxyType
 from typing import ClassVar, Final
 
 from robot.host.clock import Clock
+from sim_robot.electronics.fault_switch import Fault
 from sim_robot.electronics.i2c_bus import I2CDevice
 
 _CONVERSION: Final = 0
@@ -33,23 +33,20 @@ class ADS1115Emulator(I2CDevice):
         address: Address that the chip's pin sets.
     """
 
-    FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
-        {
-            **I2CDevice.FAULTS,
-            "busy": "no conversion ever ends",
-            "stuck_channel": "input n keeps the voltage that it has when the fault begins",
-            "railed_channel": "input n reads the top of the range",
-        }
-    )
-    NUMBERS: ClassVar[Mapping[str, range]] = MappingProxyType(
-        {**I2CDevice.NUMBERS, "stuck_channel": range(4), "railed_channel": range(4)}
-    )
-    EVENTS: ClassVar[Mapping[str, str]] = MappingProxyType(
-        {
-            "reset": "the supply dips: the chip forgets its settings, and a conversion under way",
-            "comparing": "another program uses the comparator and converts input 0 on and on",
-        }
-    )
+    FAULTS: ClassVar[Mapping[str, Fault]] = {
+        **I2CDevice.FAULTS,
+        "busy": Fault("no conversion ever ends"),
+        "stuck_channel": Fault(
+            "input n keeps the voltage that it has when the fault begins", range(4)
+        ),
+        "railed_channel": Fault("input n reads the top of the range", range(4)),
+        "reset": Fault(
+            "the supply dips: the chip forgets its settings, and a conversion under way", once=True
+        ),
+        "comparing": Fault(
+            "another program uses the comparator and converts input 0 on and on", once=True
+        ),
+    }
 
     def __init__(self, volts: Callable[[int], float], clock: Clock, *, address: int = 0x48):
         super().__init__(clock)

@@ -10,11 +10,10 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import zip_longest
-from types import MappingProxyType
 from typing import ClassVar, Final, Generic, TypeVar
 
 from robot.host.clock import Clock
-from sim_robot.electronics.fault_switch import EVERY_NTH
+from sim_robot.electronics.fault_switch import EVERY_NTH, Fault
 from sim_robot.electronics.serial_device import SerialDevice
 from sim_robot.electronics.servos import Felt
 
@@ -126,28 +125,21 @@ class BusServos(SerialDevice, Generic[S]):
         servos: The servos, as given.
     """
 
-    FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
-        {
-            **SerialDevice.FAULTS,
-            "silent": "servo n answers nothing and has no torque, as without its cable",
-            "garbage": "every n-th answer arrives with a bit flipped",
-            "lost": "every n-th answer is lost",
-            "twin": "another servo on the line has the id n, too",
-            "hot": f"servo n is at {_HOT} °C: it switches its torque off",
-            "dip": "the supply gives less than the servos are set to bear",
-            "wheel_mode": "another program makes a wheel of servo n, its torque off",
-        }
-    )
-    EVENTS: ClassVar[Mapping[str, str]] = MappingProxyType(
-        {
-            "reboot": "the supply of servo n dips, of all without a number: it comes back limp",
-            "overload": "servo n is overloaded, and switches its torque off",
-            "moved": f"another program on the line sends servo n to {_MOVED_GOAL}",
-        }
-    )
-    NUMBERS: ClassVar[Mapping[str, range]] = MappingProxyType(
-        {**SerialDevice.NUMBERS, "garbage": EVERY_NTH, "lost": EVERY_NTH}
-    )
+    FAULTS: ClassVar[Mapping[str, Fault]] = {
+        **SerialDevice.FAULTS,
+        "silent": Fault("servo n answers nothing and has no torque, as without its cable"),
+        "garbage": Fault("every n-th answer arrives with a bit flipped", EVERY_NTH),
+        "lost": Fault("every n-th answer is lost", EVERY_NTH),
+        "twin": Fault("another servo on the line has the id n, too"),
+        "hot": Fault(f"servo n is at {_HOT} °C: it switches its torque off"),
+        "dip": Fault("the supply gives less than the servos are set to bear"),
+        "wheel_mode": Fault("another program makes a wheel of servo n, its torque off"),
+        "reboot": Fault(
+            "the supply of servo n dips, of all without a number: it comes back limp", once=True
+        ),
+        "overload": Fault("servo n is overloaded, and switches its torque off", once=True),
+        "moved": Fault(f"another program on the line sends servo n to {_MOVED_GOAL}", once=True),
+    }
 
     def __init__(self, servos: Iterable[S]):
         self.servos = list(servos)

@@ -12,11 +12,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from types import MappingProxyType
 from typing import ClassVar
 
 from robot.host.clock import Clock
-from sim_robot.electronics.fault_switch import FaultSwitch
+from sim_robot.electronics.fault_switch import Fault, FaultSwitch
 
 TICK = 2.0**-30  # s; differences of its multiples are exact: equal durations stay equal
 MAX_SLICE = 0.02  # s of real time between two advances of a real-time world
@@ -92,10 +91,13 @@ class HostClock(FaultSwitch):
         clock: Clock by which the world goes on.
     """
 
-    EVENTS: ClassVar[Mapping[str, str]] = MappingProxyType(
-        {"jump": "the robot clock jumps by n seconds, which may be negative"}
-    )
-    NUMBERS: ClassVar[Mapping[str, range]] = MappingProxyType({"jump": range(1 - 10**9, 10**9)})
+    FAULTS: ClassVar[Mapping[str, Fault]] = {
+        "jump": Fault(
+            "the robot clock jumps by n seconds, which may be negative",
+            range(1 - 10**9, 10**9),
+            once=True,
+        )
+    }
 
     def __init__(self, clock: Clock):
         super().__init__()

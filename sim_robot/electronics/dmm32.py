@@ -14,7 +14,7 @@ from types import MappingProxyType
 from typing import ClassVar, Final
 
 from robot.host.clock import Clock
-from sim_robot.electronics.fault_switch import FaultSwitch
+from sim_robot.electronics.fault_switch import Fault, FaultSwitch
 
 WINDOW: Final = 16  # ports
 ACCESS_TIME: Final = 1e-6  # s; of an ISA bus cycle
@@ -60,21 +60,18 @@ class DMM32Emulator(FaultSwitch):
         fifo_depth: Number of samples that the FIFO holds.
     """
 
-    FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
-        {
-            "absent": "no board answers: every port reads 0xFF",
-            "stuck_wait": "WAIT never falls",
-            "stuck_busy": "STS never falls",
-            "overflow": "every conversion overflows the FIFO",
-            "lost_sample": "every conversion loses its last sample",
-            "stuck_channel": "channel n keeps the code that it has when the fault begins",
-            "railed_channel": "channel n reads the top of the range",
-            "swapped_channels": "the wires of channels n and n+1 are exchanged",
-        }
-    )
-    NUMBERS: ClassVar[Mapping[str, range]] = MappingProxyType(
-        {"stuck_channel": range(32), "railed_channel": range(32), "swapped_channels": range(31)}
-    )
+    FAULTS: ClassVar[Mapping[str, Fault]] = {
+        "absent": Fault("no board answers: every port reads 0xFF"),
+        "stuck_wait": Fault("WAIT never falls"),
+        "stuck_busy": Fault("STS never falls"),
+        "overflow": Fault("every conversion overflows the FIFO"),
+        "lost_sample": Fault("every conversion loses its last sample"),
+        "stuck_channel": Fault(
+            "channel n keeps the code that it has when the fault begins", range(32)
+        ),
+        "railed_channel": Fault("channel n reads the top of the range", range(32)),
+        "swapped_channels": Fault("the wires of channels n and n+1 are exchanged", range(31)),
+    }
 
     def __init__(
         self,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from types import MappingProxyType
+from dataclasses import dataclass
 from typing import ClassVar, Final
 
 from robot.errors import CommandError
@@ -12,20 +12,31 @@ EVERY_NTH: Final = range(10**9)
 """Numbers n of a fault that strikes every n-th time; 0, like 1, is every time."""
 
 
+@dataclass(frozen=True)
+class Fault:
+    """A kind of fault.
+
+    Attributes:
+        effect: What it does.
+        numbers: Numbers that it may have; 0 stands for none.
+        amounts: Least and largest amount, of one that takes an amount as well.
+        once: Whether it is an event, which happens once and is over, and does not last.
+    """
+
+    effect: str
+    numbers: range = range(1)
+    amounts: tuple[float, float] = (0.0, 0.0)
+    once: bool = False
+
+
 class FaultSwitch:
     """Base class of what can fail: named faults, each with a number where it needs one.
 
     Attributes:
-        FAULTS: What each lasting fault does, by name; subclasses fill it in.
-        EVENTS: What each event does, which happens once and is over, by name.
-        NUMBERS: Numbers that make sense, by name of the fault or event that takes one.
-        AMOUNTS: Least and largest amount, by name of the fault that takes an amount as well.
+        FAULTS: Faults by name; subclasses fill it in.
     """
 
-    FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType({})
-    EVENTS: ClassVar[Mapping[str, str]] = MappingProxyType({})
-    NUMBERS: ClassVar[Mapping[str, range]] = MappingProxyType({})
-    AMOUNTS: ClassVar[Mapping[str, tuple[float, float]]] = MappingProxyType({})
+    FAULTS: ClassVar[Mapping[str, Fault]]
 
     def __init__(self) -> None:
         self._faults: dict[str, int] = {}
@@ -47,7 +58,7 @@ class FaultSwitch:
             CommandError: The fault cannot be injected; see ``check``.
         """
         self.check(fault, value, amount)
-        if fault in self.EVENTS:
+        if self.FAULTS[fault].once:
             self._happen(fault, value)
         else:
             if self._faults.get(fault, value) != value:
@@ -66,9 +77,8 @@ class FaultSwitch:
         Raises:
             CommandError: There is no such fault here, or none of this number or amount.
         """
-        if fault not in self.FAULTS and fault not in self.EVENTS:
-            names = ", ".join([*self.FAULTS, *self.EVENTS])
-            raise CommandError(f"the faults here are {names}, not {fault!r}")
+        if fault not in self.FAULTS:
+            raise CommandError(f"the faults here are {', '.join(self.FAULTS)}, not {fault!r}")
         numbers = self.numbers(fault)
         if value not in numbers:
             if isinstance(numbers, range):
@@ -81,8 +91,7 @@ class FaultSwitch:
                 if numbers[-1]
                 else f"{fault} takes no number; leave out ={value}"
             )
-
-        least, most = self.AMOUNTS.get(fault, (0.0, 0.0))
+        least, most = self.FAULTS[fault].amounts
         if not least <= amount <= most or (least < most and not amount):
             raise CommandError(
                 f"{fault} needs an amount from {least:g} to {most:g}, as in "
@@ -93,7 +102,7 @@ class FaultSwitch:
 
     def numbers(self, fault: str) -> Sequence[int]:
         """The numbers that a fault may have; 0 stands for none."""
-        return self.NUMBERS.get(fault, range(1))
+        return self.FAULTS[fault].numbers
 
     def mend(self, fault: str | None = None) -> None:
         """Switches a fault off, or all of them."""
@@ -103,4 +112,4 @@ class FaultSwitch:
             self._faults.pop(fault, None)
 
     def _happen(self, event: str, value: int) -> None:
-        """Makes an event happen; called with a key of ``EVENTS``."""
+        """Makes an event happen; called with the name of one."""

@@ -14,11 +14,10 @@ import struct
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
-from types import MappingProxyType
 from typing import ClassVar, Final
 
 from robot.host.clock import Clock
-from sim_robot.electronics.fault_switch import FaultSwitch
+from sim_robot.electronics.fault_switch import Fault, FaultSwitch
 
 CALL_TIME: Final = 2e-6  # s
 LINES: Final = 54
@@ -85,17 +84,14 @@ class GPIOEmulator(FaultSwitch):
         driven: Called with chip, number and level of an output whenever it is driven.
     """
 
-    FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
-        {
-            "unplugged": "the chips' adapter is out of the host: what was open stays dead, and "
-            "nothing can be opened",
-            "short": "the wire of line n touches ground",
-            "broken": "the wire of line n has come off",
-        }
-    )
-    NUMBERS: ClassVar[Mapping[str, range]] = MappingProxyType(
-        dict.fromkeys(("short", "broken"), range(LINES))
-    )
+    FAULTS: ClassVar[Mapping[str, Fault]] = {
+        "unplugged": Fault(
+            "the chips' adapter is out of the host: what was open stays dead, and nothing can be "
+            "opened"
+        ),
+        "short": Fault("the wire of line n touches ground", range(LINES)),
+        "broken": Fault("the wire of line n has come off", range(LINES)),
+    }
 
     def __init__(
         self,

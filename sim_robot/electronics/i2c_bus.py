@@ -14,14 +14,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from functools import reduce
 from operator import and_
-from types import MappingProxyType
 from typing import ClassVar, Final
 
 from smbus2 import i2c_msg
 
 from robot.drivers.links.i2c import no_such_bus
 from robot.host.clock import Clock
-from sim_robot.electronics.fault_switch import EVERY_NTH, FaultSwitch
+from sim_robot.electronics.fault_switch import EVERY_NTH, Fault, FaultSwitch
 
 TRANSFER_TIME: Final = 100e-6  # s; a few bytes at 400 kHz
 
@@ -36,16 +35,11 @@ class I2CDevice(FaultSwitch, ABC):
         clock: Is charged 100 µs per transfer.
     """
 
-    FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
-        {
-            "nak": "the device acknowledges nothing; with n, not every n-th transfer",
-            "unheard": "every n-th transfer is carried out, and its acknowledge lost",
-            "hang": "the device holds the bus low until the kernel gives up",
-        }
-    )
-    NUMBERS: ClassVar[Mapping[str, range]] = MappingProxyType(
-        dict.fromkeys(("nak", "unheard"), EVERY_NTH)
-    )
+    FAULTS: ClassVar[Mapping[str, Fault]] = {
+        "nak": Fault("the device acknowledges nothing; with n, not every n-th transfer", EVERY_NTH),
+        "unheard": Fault("every n-th transfer is carried out, and its acknowledge lost", EVERY_NTH),
+        "hang": Fault("the device holds the bus low until the kernel gives up"),
+    }
 
     def __init__(self, clock: Clock):
         super().__init__()
@@ -109,12 +103,12 @@ class I2CBus(FaultSwitch):
         handles: Handles that are open.
     """
 
-    FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
-        {
-            "unplugged": "the bus's adapter is out of the host: what was open stays dead, and "
-            "nothing can be opened"
-        }
-    )
+    FAULTS: ClassVar[Mapping[str, Fault]] = {
+        "unplugged": Fault(
+            "the bus's adapter is out of the host: what was open stays dead, and nothing can be "
+            "opened"
+        )
+    }
 
     def __init__(self, devices: Iterable[I2CDevice], clock: Clock):
         super().__init__()

@@ -8,10 +8,10 @@ interrupts, filters and the auxiliary bus are not modelled.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from types import MappingProxyType
 from typing import ClassVar, Final
 
 from robot.host.clock import Clock
+from sim_robot.electronics.fault_switch import Fault
 from sim_robot.electronics.i2c_bus import I2CDevice
 
 SAMPLE_PERIOD: Final = 1e-3  # s
@@ -47,30 +47,19 @@ class MPU6050Emulator(I2CDevice):
         celsius: Temperature of the die, °C.
     """
 
-    FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
-        {
-            **I2CDevice.FAULTS,
-            "stuck_axis": "axis n (0, 1, 2) keeps the code that it has when the fault begins",
-            "railed_axis": "axis n is at the end of its range",
-            "weak": "axis n moves by 70 % of what it should in the self-test",
-            "other": "another chip is there, which calls itself n",
-            "untrimmed": "a copy of the chip is there, without factory trim",
-        }
-    )
-    NUMBERS: ClassVar[Mapping[str, range]] = MappingProxyType(
-        {
-            **I2CDevice.NUMBERS,
-            **dict.fromkeys(("stuck_axis", "railed_axis", "weak"), range(3)),
-            "other": range(256),
-        }
-    )
-    EVENTS: ClassVar[Mapping[str, str]] = MappingProxyType(
-        {
-            "reset": "the supply dips: the chip sleeps and has lost its settings",
-            "sleep": "something puts the chip to sleep: it repeats its last sample",
-            "reranged": "another program sets the range of ±8 g",
-        }
-    )
+    FAULTS: ClassVar[Mapping[str, Fault]] = {
+        **I2CDevice.FAULTS,
+        "stuck_axis": Fault(
+            "axis n (0, 1, 2) keeps the code that it has when the fault begins", range(3)
+        ),
+        "railed_axis": Fault("axis n is at the end of its range", range(3)),
+        "weak": Fault("axis n moves by 70 % of what it should in the self-test", range(3)),
+        "other": Fault("another chip is there, which calls itself n", range(256)),
+        "untrimmed": Fault("a copy of the chip is there, without factory trim"),
+        "reset": Fault("the supply dips: the chip sleeps and has lost its settings", once=True),
+        "sleep": Fault("something puts the chip to sleep: it repeats its last sample", once=True),
+        "reranged": Fault("another program sets the range of ±8 g", once=True),
+    }
 
     def __init__(
         self, acceleration: Callable[[], Sequence[float]], clock: Clock, *, address: int = 0x68

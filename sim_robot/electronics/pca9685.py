@@ -9,11 +9,10 @@ even where MODE2 has them change with each acknowledge. Not modelled: test mode.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from types import MappingProxyType
 from typing import ClassVar, Final
 
 from robot.host.clock import Clock
-from sim_robot.electronics.fault_switch import EVERY_NTH
+from sim_robot.electronics.fault_switch import EVERY_NTH, Fault
 from sim_robot.electronics.i2c_bus import I2CDevice
 
 OUTPUTS: Final = 16
@@ -66,32 +65,35 @@ class PCA9685Emulator(I2CDevice):
         on_reset: Called when the board was reset.
     """
 
-    FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
-        {**I2CDevice.FAULTS, "lost": "every n-th write to an output is acknowledged and lost"}
-    )
-    NUMBERS: ClassVar[Mapping[str, range]] = MappingProxyType(
-        {
-            **I2CDevice.NUMBERS,
-            "lost": EVERY_NTH,
-            "prescale": range(_LEAST_PRESCALE, 256),
-            "mode2": range(32),
-            "moved": range(OUTPUTS),
-            "full_on": range(OUTPUTS),
-        }
-    )
-    EVENTS: ClassVar[Mapping[str, str]] = MappingProxyType(
-        {
-            "reset": "the supply dips: the board sleeps without settings, outputs are off",
-            "sleep": "another program puts the board to sleep: outputs are off, settings are kept",
-            "doze": "another program puts the board to sleep and wakes it: outputs stay off",
-            "prescale": "another program sets PRE_SCALE to n, as servo libraries do: every pulse "
-            "has another width at once",
-            "mode2": "another program writes n to MODE2: 20 inverts the outputs, 0 opens them",
-            "moved": "another program gives output n a pulse of 307 ticks",
-            "full_on": "another program switches output n fully on",
-            "all_off": "another program switches all outputs fully off",
-        }
-    )
+    FAULTS: ClassVar[Mapping[str, Fault]] = {
+        **I2CDevice.FAULTS,
+        "lost": Fault("every n-th write to an output is acknowledged and lost", EVERY_NTH),
+        "reset": Fault(
+            "the supply dips: the board sleeps without settings, outputs are off", once=True
+        ),
+        "sleep": Fault(
+            "another program puts the board to sleep: outputs are off, settings are kept", once=True
+        ),
+        "doze": Fault(
+            "another program puts the board to sleep and wakes it: outputs stay off", once=True
+        ),
+        "prescale": Fault(
+            "another program sets PRE_SCALE to n, as servo libraries do: every pulse has another "
+            "width at once",
+            range(_LEAST_PRESCALE, 256),
+            once=True,
+        ),
+        "mode2": Fault(
+            "another program writes n to MODE2: 20 inverts the outputs, 0 opens them",
+            range(32),
+            once=True,
+        ),
+        "moved": Fault(
+            "another program gives output n a pulse of 307 ticks", range(OUTPUTS), once=True
+        ),
+        "full_on": Fault("another program switches output n fully on", range(OUTPUTS), once=True),
+        "all_off": Fault("another program switches all outputs fully off", once=True),
+    }
 
     def __init__(self, clock: Clock, *, address: int = 0x40, oscillator_mhz: float = 25.0):
         super().__init__(clock)

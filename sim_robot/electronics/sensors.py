@@ -6,10 +6,9 @@ No daemon can notice any of these faults: each reading is one that some pose giv
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from types import MappingProxyType
 from typing import ClassVar, Final
 
-from sim_robot.electronics.fault_switch import FaultSwitch
+from sim_robot.electronics.fault_switch import Fault, FaultSwitch
 
 _STUCK_LOAD: Final = 2.0  # N, of a gauge that is stuck: a leg's share of a robot's weight
 
@@ -21,15 +20,13 @@ class Sensors(FaultSwitch):
         gauges: Number of gauges.
     """
 
-    FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
-        {
-            "deaf": "the n-th gauge feels no load",
-            "pressed": "the n-th gauge feels a load in every pose",
-            "tilt_left": "the accelerometer is turned: by n degrees the left side seems up",
-            "tilt_forward": "the accelerometer is turned: by n degrees the nose seems up",
-            "too_high": "the distance sensor reads n millimetres too much",
-        }
-    )
+    FAULTS: ClassVar[Mapping[str, Fault]] = {
+        "deaf": Fault("the n-th gauge feels no load"),
+        "pressed": Fault("the n-th gauge feels a load in every pose"),
+        "tilt_left": Fault("the accelerometer is turned: by n degrees the left side seems up"),
+        "tilt_forward": Fault("the accelerometer is turned: by n degrees the nose seems up"),
+        "too_high": Fault("the distance sensor reads n millimetres too much"),
+    }
 
     def __init__(self, gauges: int) -> None:
         super().__init__()

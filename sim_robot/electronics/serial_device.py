@@ -15,10 +15,9 @@ import tty
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from types import MappingProxyType
 from typing import ClassVar, Final, Protocol
 
-from sim_robot.electronics.fault_switch import EVERY_NTH, FaultSwitch
+from sim_robot.electronics.fault_switch import EVERY_NTH, Fault, FaultSwitch
 
 _CHUNK: Final = 4096  # bytes read at a time
 _SYNCHRONISE_TIMEOUT: Final = 2.0  # s of real time for a device to read what was written
@@ -40,16 +39,11 @@ class SerialDevice(FaultSwitch, ABC):
         bytes_read: Number of bytes acted upon, or swallowed by a cable that was pulled.
     """
 
-    FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
-        {
-            "unplugged": "the serial cable is out of the host, and the port is gone",
-            "drop": "every n-th byte from the host is lost",
-            "corrupt": "every n-th byte from the host arrives with bit 0 flipped",
-        }
-    )
-    NUMBERS: ClassVar[Mapping[str, range]] = MappingProxyType(
-        dict.fromkeys(("drop", "corrupt"), EVERY_NTH)
-    )
+    FAULTS: ClassVar[Mapping[str, Fault]] = {
+        "unplugged": Fault("the serial cable is out of the host, and the port is gone"),
+        "drop": Fault("every n-th byte from the host is lost", EVERY_NTH),
+        "corrupt": Fault("every n-th byte from the host arrives with bit 0 flipped", EVERY_NTH),
+    }
 
     def __init__(self) -> None:
         super().__init__()

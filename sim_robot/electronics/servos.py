@@ -8,10 +8,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from types import MappingProxyType
 from typing import Any, ClassVar, Final, NamedTuple
 
-from sim_robot.electronics.fault_switch import FaultSwitch
+from sim_robot.electronics.fault_switch import Fault, FaultSwitch
 
 _PLAY: Final = 0.05
 """Share of its count by which a blocked servo turns, either way."""
@@ -31,21 +30,20 @@ class Servos(FaultSwitch):
         count: Number of servos, one at each of the board's outputs.
     """
 
-    FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
-        {
-            "dead": "the motor of the n-th servo gets no power and goes limp",
-            "jammed": "the n-th servo stays where it is when the fault begins",
-            "blocked": "the n-th servo turns only by some degrees from where it is when the fault "
-            "begins",
-            "swapped": "the n-th servo and the next one have exchanged their plugs",
-            "slipped": "the n-th servo's horn has slipped by so many degrees",
-            "travel": "the n-th servo turns so many percent as far as it is told",
-        }
-    )
-
-    AMOUNTS: ClassVar[Mapping[str, tuple[float, float]]] = MappingProxyType(
-        {"slipped": (-45.0, 45.0), "travel": (20.0, 200.0)}
-    )
+    FAULTS: ClassVar[Mapping[str, Fault]] = {
+        "dead": Fault("the motor of the n-th servo gets no power and goes limp"),
+        "jammed": Fault("the n-th servo stays where it is when the fault begins"),
+        "blocked": Fault(
+            "the n-th servo turns only by some degrees from where it is when the fault begins"
+        ),
+        "swapped": Fault("the n-th servo and the next one have exchanged their plugs"),
+        "slipped": Fault(
+            "the n-th servo's horn has slipped by so many degrees", amounts=(-45.0, 45.0)
+        ),
+        "travel": Fault(
+            "the n-th servo turns so many percent as far as it is told", amounts=(20.0, 200.0)
+        ),
+    }
 
     def __init__(self, count: int) -> None:
         super().__init__()

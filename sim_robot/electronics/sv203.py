@@ -17,7 +17,7 @@ from types import MappingProxyType
 from typing import ClassVar, Final
 
 from robot.errors import CommandError
-from sim_robot.electronics.fault_switch import EVERY_NTH
+from sim_robot.electronics.fault_switch import EVERY_NTH, Fault
 from sim_robot.electronics.serial_device import SerialDevice
 
 OUTPUTS: Final = 8
@@ -202,23 +202,19 @@ class SV203Emulator(SerialDevice):
         boards: Numbers that the boards answer to.
     """
 
-    FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
-        {
-            **SerialDevice.FAULTS,
-            "mute": "the board answers no queries",
-            "garbage": "every n-th answer has its first digit replaced by '~'",
-        }
-    )
-    NUMBERS: ClassVar[Mapping[str, range]] = MappingProxyType(
-        {**SerialDevice.NUMBERS, "garbage": EVERY_NTH}
-    )
-    EVENTS: ClassVar[Mapping[str, str]] = MappingProxyType(
-        {
-            "brown_out": "the supply of board n dips, of all without a number: servos jump to "
-            "neutral, the board is deselected",
-            "moved": f"another program on the line sends output n to count {_MOVED_COUNT}",
-        }
-    )
+    FAULTS: ClassVar[Mapping[str, Fault]] = {
+        **SerialDevice.FAULTS,
+        "mute": Fault("the board answers no queries"),
+        "garbage": Fault("every n-th answer has its first digit replaced by '~'", EVERY_NTH),
+        "brown_out": Fault(
+            "the supply of board n dips, of all without a number: servos jump to neutral, the "
+            "board is deselected",
+            once=True,
+        ),
+        "moved": Fault(
+            f"another program on the line sends output n to count {_MOVED_COUNT}", once=True
+        ),
+    }
 
     def __init__(self, *, boards: Sequence[int] = (1,)):
         self._boards = {number: Board(number) for number in boards}

@@ -11,10 +11,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from types import MappingProxyType
 from typing import ClassVar, Final
 
 from robot.host.clock import Clock
+from sim_robot.electronics.fault_switch import Fault
 from sim_robot.electronics.i2c_bus import I2CDevice
 
 _SIZE: Final = 0x300
@@ -73,23 +73,14 @@ class VL6180XEmulator(I2CDevice):
         address: Address on the bus; 0x29 after every reset.
     """
 
-    FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
-        {
-            **I2CDevice.FAULTS,
-            "busy": "no measurement ever ends",
-            "frozen": "every measurement repeats the first one's result, photon counts included",
-            "error": "every measurement ends with error n",
-        }
-    )
-    NUMBERS: ClassVar[Mapping[str, range]] = MappingProxyType(
-        {**I2CDevice.NUMBERS, "error": range(16)}
-    )
-    EVENTS: ClassVar[Mapping[str, str]] = MappingProxyType(
-        {
-            "reset": "the supply dips: the sensor forgets its settings",
-            "rescaled": "another program scales the range: the sensor reads a third",
-        }
-    )
+    FAULTS: ClassVar[Mapping[str, Fault]] = {
+        **I2CDevice.FAULTS,
+        "busy": Fault("no measurement ever ends"),
+        "frozen": Fault("every measurement repeats the first one's result, photon counts included"),
+        "error": Fault("every measurement ends with error n", range(16)),
+        "reset": Fault("the supply dips: the sensor forgets its settings", once=True),
+        "rescaled": Fault("another program scales the range: the sensor reads a third", once=True),
+    }
 
     def __init__(
         self,

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from types import MappingProxyType
 from typing import TYPE_CHECKING, ClassVar
 
-from sim_robot.electronics.fault_switch import FaultSwitch
+from sim_robot.electronics.fault_switch import Fault, FaultSwitch
 
 if TYPE_CHECKING:
     from sim_robot.world.body import Body
@@ -21,26 +20,30 @@ class Damage(FaultSwitch):
             of the leg's motor, and the amount.
     """
 
-    FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
-        {
-            "cut": "of the n-th motor's leg so many percent are left, the rest broke off",
-            "length": "the n-th motor's leg has so many percent of its length, foot and all",
-            "bent": "the n-th motor's leg is bent by so many degrees at half its length",
-            "twisted": "the n-th motor's hinge is turned by so many degrees about its leg",
-            "aside": "the n-th motor's leg points so many degrees to its left",
-            "weight": "so many grams hang at the end of the n-th motor's leg",
-        }
-    )
-    AMOUNTS: ClassVar[Mapping[str, tuple[float, float]]] = MappingProxyType(
-        {
-            "cut": (5.0, 95.0),
-            "length": (20.0, 300.0),
-            "bent": (-90.0, 90.0),
-            "twisted": (-90.0, 90.0),
-            "aside": (-90.0, 90.0),
-            "weight": (1.0, 1000.0),
-        }
-    )
+    FAULTS: ClassVar[Mapping[str, Fault]] = {
+        "cut": Fault(
+            "of the n-th motor's leg so many percent are left, the rest broke off",
+            amounts=(5.0, 95.0),
+        ),
+        "length": Fault(
+            "the n-th motor's leg has so many percent of its length, foot and all",
+            amounts=(20.0, 300.0),
+        ),
+        "bent": Fault(
+            "the n-th motor's leg is bent by so many degrees at half its length",
+            amounts=(-90.0, 90.0),
+        ),
+        "twisted": Fault(
+            "the n-th motor's hinge is turned by so many degrees about its leg",
+            amounts=(-90.0, 90.0),
+        ),
+        "aside": Fault(
+            "the n-th motor's leg points so many degrees to its left", amounts=(-90.0, 90.0)
+        ),
+        "weight": Fault(
+            "so many grams hang at the end of the n-th motor's leg", amounts=(1.0, 1000.0)
+        ),
+    }
 
     def __init__(self, body: Body, damaged: Callable[[Body, str, int, float], Body]) -> None:
         super().__init__()

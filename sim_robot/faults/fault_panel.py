@@ -61,9 +61,9 @@ DEVICES: Final[Mapping[str, type[FaultSwitch]]] = MappingProxyType(
 
 KNOWN: Final[Mapping[str, str]] = MappingProxyType(
     {
-        f"{device}.{fault}": effect
+        f"{device}.{name}": fault.effect
         for device, kind in DEVICES.items()
-        for fault, effect in {**kind.FAULTS, **kind.EVENTS}.items()
+        for name, fault in kind.FAULTS.items()
     }
 )
 """Every fault and what it does."""
@@ -119,7 +119,7 @@ class FaultSpec:
         name = check_name(match["name"])
         device, _, fault = name.partition(".")
         duration = Span.parse(match["duration"])
-        if duration is not None and fault in DEVICES[device].EVENTS:
+        if duration is not None and DEVICES[device].FAULTS[fault].once:
             raise FaultError(f"{text!r}: {name} happens once, so leave out the duration.")
         return cls(
             device,

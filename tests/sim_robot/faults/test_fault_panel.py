@@ -21,7 +21,12 @@ from sim_robot.errors import FaultError
 from sim_robot.faults.control_socket import FaultClient, FaultSocket, main
 from sim_robot.faults.fault_panel import DEVICES, KNOWN, FaultPanel, FaultSpec
 
-ONCE = {f"{device}.{event}" for device, kind in DEVICES.items() for event in kind.EVENTS}
+ONCE = {
+    f"{device}.{name}"
+    for device, kind in DEVICES.items()
+    for name, fault in kind.FAULTS.items()
+    if fault.once
+}
 SPANS = st.tuples(st.floats(0, 1e6, allow_nan=False), st.sampled_from("si")).map(
     lambda span: f"{span[0]:.3f}{span[1]}"
 )

@@ -125,7 +125,7 @@ def test_any_damage_of_any_body_leaves_a_description_that_can_be_read(
     name: str, fault: str, motor: int, share: float
 ) -> None:
     body = load_body(shipped_bodies()[name])
-    low, high = Damage.AMOUNTS[fault]
+    low, high = Damage.FAULTS[fault].amounts
     new = damaged(body, fault, 1 + motor % len(body.motors), low + share * (high - low))
     assert Robot.from_xml(new.urdf).to_xml() == new.robot.to_xml()
     assert all(link.mass > 0 for link in new.robot.links if link.inertial is not None)
