@@ -20,13 +20,25 @@ class Method(Protocol):
 
     A method begins where its run's store says that it stands.
 
+    Args:
+        store: The run's memory; opened for writing.
+        executors: Executors that do the work.
+        listener: Hears what happens.
+        stack: Closes in the end what is opened here.
+
     Attributes:
         PHYSICS: Name of the back-end that it works with by default.
         RULE: Name of the exploration rule that chooses its motor programs by default.
+        choosing: Back-end with which motor programs are chosen.
     """
 
     PHYSICS: ClassVar[str]
     RULE: ClassVar[str]
+    choosing: ArrayPhysics
+
+    def __init__(
+        self, store: RunStore, executors: Executors, listener: Listener, stack: ExitStack
+    ) -> None: ...
 
     @staticmethod
     def check(config: RunConfig) -> None:
@@ -34,22 +46,6 @@ class Method(Protocol):
 
         Raises:
             EstimatorError: The config has such a setting.
-        """
-
-    @classmethod
-    def open(
-        cls, store: RunStore, executors: Executors, listener: Listener, stack: ExitStack
-    ) -> tuple[Method, ArrayPhysics]:
-        """Makes the method of a run.
-
-        Args:
-            store: The run's memory; opened for writing.
-            executors: Executors that do the work.
-            listener: Hears what happens.
-            stack: Closes in the end what is opened here.
-
-        Returns:
-            The method, and the back-end with which motor programs are chosen.
         """
 
     def work(self, number: int) -> float:

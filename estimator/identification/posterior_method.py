@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
+from collections.abc import Sequence
 from contextlib import ExitStack, closing
 from dataclasses import replace
 from functools import partial
@@ -23,7 +22,7 @@ from estimator.physics.backends import (
     open_arrays,
     physics_class,
 )
-from estimator.physics.base import ArrayPhysics, Physics, WorldSettings
+from estimator.physics.base import ArrayPhysics, WorldSettings
 from estimator.physics.equivalence import PROGRAMS
 from estimator.posterior.checks.simulator import (
     fine,
@@ -57,13 +56,9 @@ PRECISE: Final = 0.005
 class PosteriorMethod:
     """Samples the posterior with statics; a simulator reweights what is found.
 
-    Args:
-        store: The run's memory; opened for writing.
-        listener: Hears what happens.
-        make_physics: Makes the back-end that samples; called for each population.
-        physics: Another such back-end, on all cores: for what is done while the workers rest.
-        workers: Executor that moves the populations' chains, and weighs what they have found.
-        make_reference: Makes the reference back-end, which checks the result, in the same workers.
+    Each population has a back-end of its own in the workers, which move its chains and weigh what
+    they have found; another, on all cores, does what is done while the workers rest. The reference
+    back-end checks the result in the same workers.
     """
 
     PHYSICS: ClassVar = "statics"
@@ -96,46 +91,24 @@ class PosteriorMethod:
                 "paper"
             )
 
-    @classmethod
-    def open(
-        cls, store: RunStore, executors: Executors, listener: Listener, stack: ExitStack
-    ) -> tuple[PosteriorMethod, ArrayPhysics]:
-        """Makes the method of a run, and the back-end with which motor programs are chosen."""
+    def __init__(
+        self, store: RunStore, executors: Executors, listener: Listener, stack: ExitStack
+    ) -> None:
         settings, world, workers = store.settings, store.world, executors.workers
-        choosing, physics = (
+        self.choosing, physics = (
             stack.enter_context(closing(_taking_arrays(executors, settings.physics, world)))
             for _ in range(2)
         )
-        method = cls(
-            store,
-            listener,
-            make_physics=partial(open_arrays, settings.physics, world),
-            physics=physics,
-            workers=workers,
-            make_reference=partial(in_workers, settings.reference, fine(world), workers),
-        )
-        return method, choosing
-
-    def __init__(
-        self,
-        store: RunStore,
-        listener: Listener,
-        *,
-        make_physics: Callable[[], ArrayPhysics],
-        physics: ArrayPhysics,
-        workers: Executor,
-        make_reference: Callable[[], Physics],
-    ) -> None:
         self._store = store
         self._listener = listener
-        self._make_physics = make_physics
-        self._reference = make_reference()
+        self._make_physics = partial(open_arrays, settings.physics, world)
+        self._reference = in_workers(settings.reference, fine(world), workers)
         effort = Effort()
         self._sampler = Sampler(
             Unknowns(store.genome, store.problem.table),
-            make_physics,
+            self._make_physics,
             effort,
-            seeds(store.settings.seed, Stream.SEARCH, effort.populations + 1),
+            seeds(settings.seed, Stream.SEARCH, effort.populations + 1),
             workers=workers,
             physics=physics,
         )
@@ -144,12 +117,12 @@ class PosteriorMethod:
         self._counters = stored[-1][1] if stored else Counters()
         self._started = time.monotonic()
         self._posterior = self._sampler.prior()
-        rng = generator(store.settings.seed, Stream.EQUIVALENCE)
+        rng = generator(settings.seed, Stream.EQUIVALENCE)
         self._movements = np.array(
             [store.problem.random_program(rng, store.capabilities) for _ in range(PROGRAMS)]
         )
         self._indistinguishable: Indistinguishable = partial(
-            indistinguishable_points, self._predictor, self._movements, store.settings.modalities
+            indistinguishable_points, self._predictor, self._movements, settings.modalities
         )
         checkpoint = store.checkpoint()
         if checkpoint is not None:

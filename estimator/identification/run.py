@@ -264,12 +264,12 @@ def _work(
     report: Report[Summary],
 ) -> Summary:
     with ExitStack() as stack:
-        method, choosing = METHODS[store.settings.method].open(store, executors, listener, stack)
+        method = METHODS[store.settings.method](store, executors, listener, stack)
         rule, jobs = store.settings.explore, executors.threads
         identification = Identification(
             store,
             method,
-            choose=partial(next_program, store, rule, physics=choosing, jobs=jobs),
+            choose=partial(next_program, store, rule, physics=method.choosing, jobs=jobs),
             connect=connect,
             listener=listener,
         )

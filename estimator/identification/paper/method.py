@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import replace
-from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -19,7 +18,7 @@ from estimator.identification.paper.objectives import OBJECTIVES
 from estimator.identification.paper.reference_check import finish
 from estimator.identification.paper.search import SEARCHES, Search
 from estimator.physics.backends import REFERENCE, Executors, approximation_of, physics_class
-from estimator.physics.base import ArrayPhysics, Physics
+from estimator.physics.base import ArrayPhysics
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.checks.verdict import judge_body
 from estimator.posterior.fitted import FittedPosterior
@@ -34,14 +33,8 @@ from estimator.storage.store import RunStore
 class PaperMethod:
     """A search, by default deterministic crowding, on the error over all interactions.
 
-    Args:
-        store: The run's memory; opened for writing.
-        physics: Predicts readings of models.
-        listener: Hears what happens.
-        approximation: Predicts readings roughly, where ``physics`` is slower.
-        judge: Predicts readings of the best model, and its path margins, for the verdict.
-        open_reference: Makes the reference back-end, which ranks the leading models; ``None``:
-            ``physics`` is the reference.
+    The reference back-end, if another one searched, ranks the leading models; statics judges the
+    best one.
     """
 
     PHYSICS: ClassVar = REFERENCE
@@ -66,40 +59,16 @@ class PaperMethod:
                 "out --method paper"
             )
 
-    @classmethod
-    def open(
-        cls, store: RunStore, executors: Executors, listener: Listener, stack: ExitStack
-    ) -> tuple[PaperMethod, ArrayPhysics]:
-        """Makes the method of a run, and the back-end with which motor programs are chosen."""
-        settings, world = store.settings, store.world
-        statics = stack.enter_context(closing(StaticsPhysics(world)))
-        method = cls(
-            store,
-            stack.enter_context(closing(executors.open_physics(settings.physics, world))),
-            listener,
-            approximation=approximation_of(settings.physics, world),
-            judge=statics,
-            open_reference=None
-            if settings.physics == settings.reference
-            else partial(executors.open_physics, settings.reference, world),
-        )
-        return method, statics
-
     def __init__(
-        self,
-        store: RunStore,
-        physics: Physics,
-        listener: Listener,
-        *,
-        approximation: ArrayPhysics | None,
-        judge: ArrayPhysics,
-        open_reference: Callable[[], Physics] | None,
+        self, store: RunStore, executors: Executors, listener: Listener, stack: ExitStack
     ) -> None:
+        settings, world = store.settings, store.world
         self._store = store
+        self._executors = executors
         self._listener = listener
-        self._open_reference = open_reference
-        self._judge = judge
-        self._objective = OBJECTIVES.load(store.settings.objective)(store.capabilities)
+        self.choosing: ArrayPhysics = stack.enter_context(closing(StaticsPhysics(world)))
+        physics = stack.enter_context(closing(executors.open_physics(settings.physics, world)))
+        self._objective = OBJECTIVES.load(settings.objective)(store.capabilities)
         checkpoint = store.checkpoint()
         self._generations_done = 0 if checkpoint is None else checkpoint.number + 1
         latest = store.latest_generation()
@@ -109,19 +78,19 @@ class PaperMethod:
         self._modeller = Modeller(
             store.genome,
             physics,
-            store.settings.modalities,
+            settings.modalities,
             counters,
             objective=self._objective,
-            approximation=approximation,
+            approximation=approximation_of(settings.physics, world),
         )
         operators = replace(store.problem.search.operators(), permit=store.genome.permitted)
-        search = SEARCHES.load(store.settings.search)
+        search = SEARCHES.load(settings.search)
         self._search: Search
         if checkpoint is None:
             self._search = search(
-                store.settings.population,
+                settings.population,
                 store.genome.size,
-                generator(store.settings.seed, Stream.SEARCH),
+                generator(settings.seed, Stream.SEARCH),
                 operators=operators,
             )
         else:
@@ -185,18 +154,22 @@ class PaperMethod:
         if not self._store.search_end.is_reached:
             fitted = FittedPosterior.of(self._store)
             assert fitted is not None
-            self._store.search_end.save_best_fit(self._judged(fitted.computed_by(self._judge)))
+            self._store.search_end.save_best_fit(self._judged(fitted.computed_by(self.choosing)))
 
     def _check_leaders(self, errors: Array, observations: Sequence[Observation]) -> None:
-        if self._open_reference is None or self._store.search_end.finish() is not None:
+        settings = self._store.settings
+        searched_by_reference = settings.physics == settings.reference
+        if searched_by_reference or self._store.search_end.finish() is not None:
             return
-        with closing(self._open_reference()) as reference:
+        with closing(
+            self._executors.open_physics(settings.reference, self._store.world)
+        ) as reference:
             checked = finish(
                 self._store.genome,
                 self._search.population,
                 errors,
                 observations=observations,
-                modalities=self._store.settings.modalities,
+                modalities=settings.modalities,
                 physics=reference,
                 objective=self._objective,
             )
