@@ -18,7 +18,7 @@ from estimator.posterior.fitted import FittedPosterior
 from estimator.report.canvas import as_png
 from estimator.report.comparison import ComparedRun, comparison_picture, joints_of
 from estimator.report.export.formats import BODY_FORMATS, BodyFormat, Exported, in_words_of
-from estimator.report.page.run_page import PageSources, run_page
+from estimator.report.page.run_page import run_page
 from estimator.report.result import PAGE
 from estimator.report.run_files import write_files
 from estimator.report.summarise import summarise
@@ -63,8 +63,8 @@ def _write_run(directory: Path, file: Path | None) -> None:
                     "to go, with --out FILE."
                 ) from error
         else:
-            sources = PageSources.of(store, result)
-            replace_text(file, run_page(store, sources))
+            html, _ = run_page(store, result)
+            replace_text(file, html)
 
 
 _DASH: Final = "–"

@@ -14,7 +14,7 @@ from estimator.posterior.fitted import FittedPosterior
 from estimator.problem.genome import Genome
 from estimator.readings import readings_csv
 from estimator.report.canvas import as_png
-from estimator.report.page.run_page import PageSources, run_page
+from estimator.report.page.run_page import run_page
 from estimator.report.plots import run_plots
 from estimator.report.result import PAGE, RESULT, Result
 from estimator.report.summarise import summarise
@@ -73,10 +73,10 @@ def write_files(store: RunStore, result: Result, *, plots: bool = True, page: bo
         for plot in drawn:
             replace_bytes(store.directory / PLOTS / f"{plot.name}.png", as_png(plot.figure))
         if page or result.complete:
-            sources = PageSources.of(store, result, drawn)
-            if sources.picture is not None:
-                replace_bytes(store.directory / BODY, sources.picture)
-            replace_text(store.directory / PAGE, run_page(store, sources))
+            html, picture = run_page(store, result, drawn)
+            if picture is not None:
+                replace_bytes(store.directory / BODY, picture)
+            replace_text(store.directory / PAGE, html)
     replace_text(store.directory / RESULT, result.model_dump_json(indent=2) + "\n")
 
 

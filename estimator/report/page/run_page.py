@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
-from estimator.evaluation.score import Score
 from estimator.evaluation.validate import Validation
 from estimator.identification.method import information_in_words
 from estimator.readings.modalities import MODALITIES
@@ -18,7 +16,7 @@ from estimator.readings.observation import Observation
 from estimator.report.camera import body_picture
 from estimator.report.canvas import as_png, as_svg, leg_colour
 from estimator.report.evaluations import read_true_body, read_validation, score_of
-from estimator.report.outcome import WHAT_TO_CHECK, headline
+from estimator.report.outcome import WHAT_TO_CHECK, headline, worst_length
 from estimator.report.page.templates import render
 from estimator.report.plots import RunPlot, plot_predictions, run_plots
 from estimator.report.result import Result
@@ -40,86 +38,45 @@ if TYPE_CHECKING:
 _PICTURE = "The bodies in the pose of the last interaction: {}."
 
 
-@dataclass(frozen=True, kw_only=True)
-class PageSources:
-    """What a run's page is made of.
+def run_page(
+    store: RunStore, result: Result, without_truth: Sequence[RunPlot] | None = None
+) -> tuple[str, bytes | None]:
+    """Returns the page of a run as HTML, and the picture in it: a PNG, ``None`` without bodies.
 
-    Attributes:
-        result: The run in numbers.
-        bodies: Bodies that the page shows.
-        plots: Plots of the run.
-        picture: Picture of the bodies, a PNG; ``None`` where there are no bodies.
-        score: Score of the run against the true body, if it was scored in its present state.
-        validation: Prediction errors of the run, if any were measured.
+    Args:
+        store: The run.
+        result: The run in numbers, as ``summarise`` returns it.
+        without_truth: Plots of the run without true lengths, if they are drawn already; a run that
+            was scored gets plots with these lengths instead.
     """
-
-    result: Result
-    bodies: ShownBodies
-    plots: Sequence[RunPlot]
-    picture: bytes | None
-    score: Score | None
-    validation: Validation | None
-
-    @classmethod
-    def of(
-        cls, store: RunStore, result: Result, without_truth: Sequence[RunPlot] | None = None
-    ) -> Self:
-        """Collects what the page of a run is made of.
-
-        Args:
-            store: The run.
-            result: The run in numbers, as ``summarise`` returns it.
-            without_truth: Plots of the run without true lengths, if they are drawn already; a run
-                that was scored gets plots with these lengths instead.
-        """
-        legs = [leg.joint for leg in result.legs]
-        score = score_of(store.directory, result)
-        true_body = None if score is None else read_true_body(store.directory)
-        bodies = shown_bodies(store, result, true_body)
-        plots = without_truth
-        if score or plots is None:
-            plots = run_plots(store, legs, score.true_lengths_m if score else ())
-        return cls(
-            result=result,
-            bodies=bodies,
-            plots=plots,
-            picture=_picture(bodies, legs),
-            score=score,
-            validation=read_validation(store.directory),
-        )
-
-
-def _picture(bodies: ShownBodies, legs: Sequence[str]) -> bytes | None:
-    if not bodies.bodies:
-        return None
-    return as_png(body_picture(bodies.bodies, legs))
-
-
-def run_page(store: RunStore, sources: PageSources) -> str:
-    """Returns the page of a run as HTML."""
-    result, posterior = sources.result, sources.result.posterior
+    posterior, legs = result.posterior, [leg.joint for leg in result.legs]
+    score = score_of(store.directory, result)
     seen, driven = store.observations(), sorted(store.problem.motors.driven)
-    shown = sources.bodies
-    drawings = {plot.name: _drawing(plot.figure, plot.caption) for plot in sources.plots}
+    shown = shown_bodies(store, result, read_true_body(store.directory) if score else None)
+    picture = as_png(body_picture(shown.bodies, legs)) if shown.bodies else None
+    plots = without_truth
+    if score or plots is None:
+        plots = run_plots(store, legs, score.true_lengths_m if score else ())
+    drawings = {plot.name: _drawing(plot.figure, plot.caption) for plot in plots}
     if shown.predicted:
         drawings["predictions"] = _drawing(
             plot_predictions(seen, shown.predicted),
             "Tilt and clearance in each interaction, as measured and as predicted; the table above "
             "has the numbers.",
         )
-    return render(
+    html = render(
         "run.html",
         result=result,
         posterior=posterior,
-        score=sources.score,
-        validation=_validation(sources.validation),
+        score=score,
+        validation=_validation(read_validation(store.directory)),
         headline=headline(result),
         **_verdict(result),
         interactions_asked=store.settings.interactions,
         facts=_facts(result),
         data=_data(store, shown, seen),
         samples=len(shown.bodies[0].samples) if shown.bodies else 0,
-        flat=sources.picture,
+        flat=picture,
         flat_caption=_PICTURE.format("; ".join(f"{b.title}, {b.note}" for b in shown.bodies)),
         probability_sentence="" if posterior is None else probability_sentence(posterior),
         sums=[] if posterior is None else [sum_of_lengths(result, one) for one in posterior.sums],
@@ -135,6 +92,7 @@ def run_page(store: RunStore, sources: PageSources) -> str:
         commands=commands(store.settings, store.directory, len(seen)),
         problem_text=store.settings.problem_text,
     )
+    return html, picture
 
 
 def _drawing(figure: Figure, caption: str) -> dict[str, str | Markup]:
@@ -160,8 +118,7 @@ def _facts(result: Result) -> list[tuple[str, str]]:
         stated = "not known" if posterior.probability is None else percent(posterior.probability)
         facts.append(("probability of the attachments", stated))
     if posterior is not None and posterior.lengths_m:
-        widest = max(500 * (length.high - length.low) for length in posterior.lengths_m)
-        facts.append(("lengths known to", f"± {widest:.1f} mm"))
+        facts.append(("lengths known to", f"± {worst_length(posterior):.1f} mm"))
     elif result.sensor_error is not None:
         facts.append(("subjective error", f"{result.sensor_error:.3f}"))
     facts.append(("movements", str(result.interactions)))

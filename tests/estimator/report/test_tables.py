@@ -16,7 +16,7 @@ from estimator.evaluation.score import Score
 from estimator.evaluation.validate import PredictionErrors, Validation
 from estimator.report.evaluations import print_score, print_validation
 from estimator.report.outcome import headline, print_result
-from estimator.report.page.run_page import PageSources, run_page
+from estimator.report.page.run_page import run_page
 from estimator.report.posterior_report import sums_of_lengths
 from estimator.report.summarise import summarise
 from estimator.storage.posteriors import (
@@ -96,7 +96,7 @@ def test_residuals_are_in_a_table(tmp_path: Path) -> None:
 def test_that_the_robot_may_be_built_otherwise_is_taken_off_and_said(tmp_path: Path) -> None:
     with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3, hinge=UP, misspecified=0.04) as run:
         result = summarise(run)
-        page = run_page(run, PageSources.of(run, result))
+        page, _ = run_page(run, result)
     text = io.StringIO()
     print_result(Console(file=text, width=200), result, details=True)
     said = (
@@ -113,7 +113,7 @@ def test_of_legs_in_line_the_sum_is_said_in_terminal_and_page(tmp_path: Path) ->
     lengths = [(first + away, second - away, *others) for away in (-0.03, -0.01, 0.01, 0.03)]
     with make_posterior_run(tmp_path, lengths) as run:
         result = summarise(run)
-        page = run_page(run, PageSources.of(run, result))
+        page, _ = run_page(run, result)
     assert result.posterior is not None
     (known,) = result.posterior.sums
     assert known.legs == (0, 1)
@@ -180,7 +180,7 @@ def test_after_a_movement_nothing_may_be_known_or_explained(tmp_path: Path) -> N
             }
         )
         result = result.model_copy(update={"posterior": posterior})
-        page = run_page(run, PageSources.of(run, result))
+        page, _ = run_page(run, result)
     text = io.StringIO()
     print_result(Console(file=text, width=200), result, details=True)
     for said in (text.getvalue(), page):

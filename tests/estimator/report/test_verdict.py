@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 
 from estimator.report.outcome import print_result
-from estimator.report.page.run_page import PageSources, run_page
+from estimator.report.page.run_page import run_page
 from estimator.report.result import Result
 from estimator.report.summarise import summarise
 from estimator.report.verdict import verdict_on_posterior
@@ -49,7 +49,8 @@ def test_what_the_robot_has_otherwise_is_in_terminal_and_page(tmp_path: Path) ->
         known = stored.model_copy(update={"as_stated_m": stated})
         run.save_posterior(0, known, cost, None)
         result = summarise(run)
-        page = run_page(run, PageSources.of(run, result)).replace("&#39;", "'")
+        page, _ = run_page(run, result)
+        page = page.replace("&#39;", "'")
     text = io.StringIO()
     print_result(Console(file=text, width=400), result, details=True)
     for said in (text.getvalue(), page):
@@ -73,7 +74,7 @@ def test_something_else_may_read_like_what_is_named(tmp_path: Path) -> None:
         tmp_path, [TRUE_LENGTHS] * 3, causes=[HEAVY, TURNED], misspecified=0.2
     ) as run:
         result = summarise(run)
-        page = run_page(run, PageSources.of(run, result))
+        page, _ = run_page(run, result)
     assert result.posterior is not None
     assert result.posterior.verdict.endswith(
         "it has back 2.5 times as heavy [1.4–4.4] (44 %: weigh back) or the hinge of back turned "
@@ -134,7 +135,8 @@ def with_a_cause(tmp_path: Path, probability: float) -> tuple[Result, str]:
         tmp_path, [TRUE_LENGTHS] * 3, causes=[cause], next_movement=MOVEMENT
     ) as run:
         result = summarise(run)
-        return result, run_page(run, PageSources.of(run, result))
+        page, _ = run_page(run, result)
+        return result, page
 
 
 @pytest.mark.parametrize(

@@ -13,8 +13,8 @@ import pytest
 from typer.testing import CliRunner
 
 from estimator.cli.command_line import app
-from estimator.report.evaluations import SCORE, TRUTH
-from estimator.report.page.run_page import PageSources, commands
+from estimator.report.evaluations import SCORE, TRUTH, read_validation, score_of
+from estimator.report.page.run_page import commands, run_page
 from estimator.report.summarise import summarise
 from estimator.storage.store import RunStore
 from tests.browser import watched_page
@@ -230,9 +230,10 @@ def test_damaged_files_beside_a_run_are_passed_over(tmp_path: Path) -> None:
     (directory / TRUTH).write_bytes(b"\xff\x00")
     (directory / "validation.json").mkdir()
     with RunStore.open(directory, to_write=False) as store:
-        sources = PageSources.of(store, summarise(store))
-    assert (sources.score, sources.validation) == (None, None)
-    assert [body.true for body in sources.bodies.bodies] == [False]
+        result = summarise(store)
+        page, _ = run_page(store, result)
+    assert (score_of(directory, result), read_validation(directory)) == (None, None)
+    assert "True body" not in page
 
 
 def test_a_damaged_run_is_a_sentence(tmp_path: Path) -> None:
