@@ -8,7 +8,6 @@ import math
 import re
 import sys
 import time
-import uuid
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -28,14 +27,13 @@ from estimator.cli.options import CORES, Directory, Jobs, Keys
 from estimator.cli.screen import Screen
 from estimator.errors import EstimatorError
 from estimator.identification.robot_link import RobotLink
-from estimator.identification.run import open_same_robot
+from estimator.identification.run import reconnect
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.fitted import FittedPosterior
 from estimator.readings.observation import Observation, Program
 from estimator.report.run_files import write_report
 from estimator.report.summarise import summarise
 from estimator.report.tables import plain_table
-from estimator.storage.records import first_id
 from estimator.storage.store import RunStore
 from estimator.use.causes import Particles, Weigher
 from estimator.use.changes import causes_of
@@ -314,21 +312,13 @@ def identified(directory: Path, jobs: int) -> Iterator[tuple[RunStore, FittedPos
 
 
 def same_robot(store: RunStore, uri: str, screen: Screen, keys: Path | None) -> RobotLink:
-    """Connects to a run's robot as a new client: what is done with it later belongs to no run.
+    """Connects to a run's robot, outside that run.
 
     Raises:
         EstimatorError: It is a record, or another robot.
         BodyschemaError: The robot cannot be reached.
     """
-    link = open_same_robot(
-        store.problem,
-        store.capabilities,
-        uri,
-        screen,
-        client_id=str(uuid.uuid4()),
-        first_id=first_id(0),
-        keys=keys,
-    )
+    link = reconnect(store, uri, screen, keys=keys, outside_run=True)
     if link.recorded is not None:
         link.close()
         raise EstimatorError(

@@ -37,8 +37,6 @@ def is_record(uri: str) -> bool:
 class Record:
     """Observations made earlier, as a robot link."""
 
-    client_id = "record"
-
     def __init__(
         self,
         capabilities: Capabilities,

@@ -32,13 +32,11 @@ class RobotLink(Protocol):
 
     Attributes:
         capabilities: Capabilities of the robot.
-        client_id: Client id of requests to the robot.
         recorded: The motor programs of a record, the only ones it can perform; ``None``: a robot,
             which performs any.
     """
 
     capabilities: Capabilities
-    client_id: str
     recorded: tuple[Program, ...] | None
 
     def ticket(self) -> Ticket | None:
@@ -114,7 +112,6 @@ class WireLink:
             software="estimator",
             keys=keys,
         )
-        self.client_id = client_id
         self.capabilities: Capabilities = self._client.capabilities
         self.recorded: tuple[Program, ...] | None = None
         self._checks = AnswerChecks(self.capabilities)

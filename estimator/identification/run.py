@@ -121,52 +121,33 @@ def resume(
 
 
 def reconnect(
-    store: RunStore, uri: str, listener: Listener, *, keys: Path | None = None
-) -> RobotLink:
-    """Connects to the robot of a run that exists already.
-
-    Raises:
-        InteractionError: Another robot answers there.
-        BodyschemaError: The robot cannot be reached.
-    """
-    return open_same_robot(
-        store.problem,
-        store.capabilities,
-        uri,
-        listener,
-        client_id=store.client_id,
-        first_id=store.new_connection(),
-        keys=keys,
-    )
-
-
-def open_same_robot(
-    problem: Problem,
-    was: Capabilities,
+    store: RunStore,
     uri: str,
     listener: Listener,
     *,
-    client_id: str,
-    first_id: int,
     keys: Path | None = None,
+    outside_run: bool = False,
 ) -> RobotLink:
-    """Connects to the robot that a run identified, under a client id of the caller's own.
+    """Connects to the robot of a run that exists already.
 
     Args:
-        problem: Problem of the run that identified the robot.
-        was: Capabilities of the robot then.
+        store: The run.
         uri: Where the robot is now.
         listener: Hears if the robot's configuration has changed.
-        client_id: Client id of requests to the robot.
-        first_id: First request id that this connection may use.
         keys: Key directory, where the robot asks for keys.
+        outside_run: Whether to connect as a new client, so that what is done belongs to no run.
 
     Raises:
         InteractionError: Another robot answers there.
         BodyschemaError: The robot cannot be reached.
     """
+    was = store.capabilities
     link = open_robot(
-        uri, driven=_driven(problem), client_id=client_id, first_id=first_id, keys=keys
+        uri,
+        driven=_driven(store.problem),
+        client_id=str(uuid.uuid4()) if outside_run else store.client_id,
+        first_id=first_id(0) if outside_run else store.new_connection(),
+        keys=keys,
     )
     now = link.capabilities
     if lasting_properties(was) != lasting_properties(now):

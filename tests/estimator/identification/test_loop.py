@@ -21,7 +21,6 @@ class ScriptedLink:
 
     def __init__(self, *performs: object, outcome: object = None):
         self.capabilities = make_capabilities()
-        self.client_id = "me"
         self.recorded: tuple[Program, ...] | None = None
         self.log: list[object] = []
         self._performs = list(performs)
