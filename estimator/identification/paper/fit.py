@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Protocol, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from estimator.body.arrays import Bodies
 from estimator.body.morphology import Array, Morphology
@@ -16,11 +14,10 @@ from estimator.errors import EstimatorError
 from estimator.exploration.rules import Objective
 from estimator.identification.paper.search import Search
 from estimator.physics.base import ArrayPhysics, Physics
+from estimator.physics.equivalence import Indices, Read
 from estimator.problem.genome import Genome
 from estimator.readings.observation import Observation, PredictedReadings
 from estimator.storage.records import Counters
-
-Rows: TypeAlias = NDArray[np.intp]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,8 +44,8 @@ def fit_bodies(
 ) -> Fit:
     """Returns how badly bodies fit, each simulated in all interactions."""
     targets = _Targets.of(observations, modalities, objective)
-    reader = _BodyReader(bodies, physics, targets.programs)
-    return targets.compare(reader, np.full(len(bodies), np.inf))
+    read = _body_by_body(bodies, physics, targets.programs)
+    return targets.compare(read, np.full(len(bodies), np.inf))
 
 
 def fit_genes(
@@ -82,63 +79,31 @@ def fit_genes(
             first. That saves simulations and changes no verdict.
     """
     allowed = ~genome.forbidden(genes)
-    if not allowed.all():
-        fit = fit_genes(
-            genome,
-            genes[allowed],
-            observations,
-            modalities,
-            physics,
-            objective=objective,
-            limits=limits[allowed],
-            approximation=approximation,
-        )
-        errors = np.full(len(genes), np.inf)
-        errors[allowed] = fit.errors
-        return replace(fit, errors=errors)
-    targets = _Targets.of(observations, modalities, objective)
-    order = None
+    errors = np.full(len(genes), np.inf)
+    genes, limits = genes[allowed], limits[allowed]
+    targets, order = _Targets.of(observations, modalities, objective), None
     if approximation is not None and len(observations) > 1 and np.isfinite(limits).any():
-        guesser = _ArrayReader(genome.bodies(genes), approximation, targets.programs)
-        order = targets.worst_first(guesser, len(genes))
-    reader: _Reader
+        guess = _as_arrays(genome.bodies(genes), approximation, targets.programs)
+        order = targets.worst_first(guess, len(genes))
     if isinstance(physics, ArrayPhysics):
-        reader = _ArrayReader(genome.bodies(genes), physics, targets.programs)
+        read = _as_arrays(genome.bodies(genes), physics, targets.programs)
     else:
-        reader = _BodyReader(genome.decode_all(genes), physics, targets.programs)
-    return targets.compare(reader, limits, order)
+        read = _body_by_body(genome.decode_all(genes), physics, targets.programs)
+    fit = targets.compare(read, limits, order)
+    errors[allowed] = fit.errors
+    return replace(fit, errors=errors)
 
 
-class _Reader(Protocol):
-    def __call__(self, models: Rows, interactions: Rows) -> PredictedReadings:
-        """Predicted readings of some models, each in one of the interactions."""
+def _body_by_body(bodies: Sequence[Morphology], physics: Physics, programs: Array) -> Read:
+    """Reads models one by one, for back-ends that simulate bodies so."""
+    return lambda models, interactions: physics.read(
+        [(bodies[model], programs[one]) for model, one in zip(models, interactions, strict=True)]
+    )
 
 
-@dataclass(frozen=True)
-class _BodyReader:
-    """Reads a population body by body, for back-ends that simulate bodies one by one."""
-
-    bodies: Sequence[Morphology]
-    physics: Physics
-    programs: Array
-
-    def __call__(self, models: Rows, interactions: Rows) -> PredictedReadings:
-        pairs = zip(models, interactions, strict=True)
-        return self.physics.read(
-            [(self.bodies[row], self.programs[interaction]) for row, interaction in pairs]
-        )
-
-
-@dataclass(frozen=True)
-class _ArrayReader:
-    """Reads a whole population as arrays, for a back-end that takes arrays."""
-
-    bodies: Bodies
-    physics: ArrayPhysics
-    programs: Array
-
-    def __call__(self, models: Rows, interactions: Rows) -> PredictedReadings:
-        return self.physics.read_bodies(self.bodies[models], self.programs[interactions])
+def _as_arrays(bodies: Bodies, physics: ArrayPhysics, programs: Array) -> Read:
+    """Reads a whole population as arrays, by a back-end that takes arrays."""
+    return lambda models, interactions: physics.read_bodies(bodies[models], programs[interactions])
 
 
 @dataclass(frozen=True)
@@ -164,14 +129,14 @@ class _Targets:
         programs = np.array([item.taken for item in observations], dtype=float)
         return cls(observations, programs, modalities, objective)
 
-    def worst_first(self, read: _Reader, count: int) -> Rows:
+    def worst_first(self, read: Read, count: int) -> Indices:
         """Interactions in the order to try them: those a model fits worst first, shape (n, k)."""
         interactions = np.tile(np.arange(len(self.observed)), count)
         models = np.repeat(np.arange(count), len(self.observed))
         errors = self._errors(read(models, interactions), interactions).reshape(count, -1)
         return np.argsort(-errors, axis=1, kind="stable")
 
-    def compare(self, read: _Reader, limits: Array, order: Rows | None = None) -> Fit:
+    def compare(self, read: Read, limits: Array, order: Indices | None = None) -> Fit:
         """Tries models in one interaction after the other, in some order, until they have lost."""
         count, models = len(self.observed), len(limits)
         if order is None:
@@ -195,7 +160,7 @@ class _Targets:
             errors=self.objective.total(errors, undecided), invalid=invalid, undecided=counted
         )
 
-    def _errors(self, readings: PredictedReadings, interactions: Rows) -> Array:
+    def _errors(self, readings: PredictedReadings, interactions: Indices) -> Array:
         errors = np.zeros(len(interactions))
         for interaction in np.unique(interactions):
             rows = np.flatnonzero(interactions == interaction)
@@ -271,17 +236,12 @@ class Modeller:
         """Evaluates the population after an interaction, on all observations so far."""
         if len(observations) > 1:
             search.forget_errors()
-        population = search.ask()
-        self._requested += len(population) * len(observations)
-        search.tell(self._errors(population, search.limits, observations))
+        self.evolve(search, observations)
 
     def evolve(self, search: Search, observations: Sequence[Observation]) -> None:
-        """Breeds and evaluates one generation of children, each competing with a parent."""
-        children = search.ask()
-        self._requested += len(children) * len(observations)
-        search.tell(self._errors(children, search.limits, observations))
-
-    def _errors(self, genes: Array, limits: Array, observations: Sequence[Observation]) -> Array:
+        """Evaluates what the search asks for: a generation of children, or its population."""
+        genes = search.ask()
+        self._requested += len(genes) * len(observations)
         fitted = fit_genes(
             self._genome,
             genes,
@@ -289,9 +249,9 @@ class Modeller:
             self._modalities,
             self._physics,
             objective=self._objective,
-            limits=limits,
+            limits=search.limits,
             approximation=self._approximation,
         )
         self._invalid += fitted.invalid
         self._undecided += fitted.undecided
-        return fitted.errors
+        search.tell(fitted.errors)
