@@ -96,24 +96,6 @@ def _parse_axis(value: Any) -> Vector:
     return x, y, z
 
 
-def _parse_elevation(value: Any) -> float:
-    if not _is_number(value) or abs(value) > 90:
-        raise ValueError(f"must be an angle within -90, down, to 90 degrees, up, not {value!r}")
-    return float(value)
-
-
-def _parse_yaw(value: Any) -> float:
-    if not _is_number(value) or abs(value) > 360:
-        raise ValueError(f"must be an angle within -360 to 360 degrees, not {value!r}")
-    return float(value)
-
-
-def _count_from_0(value: Any) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-        raise ValueError(f"must be an integer of at least 1, not {value!r}")
-    return value - 1
-
-
 def _between(low: float, high: float, unit: str) -> AfterValidator:
     def check(value: float) -> float:
         if not low <= value <= high:
@@ -138,7 +120,7 @@ Spread: TypeAlias = Annotated[Finite, _between(0, 100, "of its unit")]
 Count: TypeAlias = Annotated[int, Field(ge=1, le=1_000_000, strict=True)]
 Population: TypeAlias = Annotated[Count, AfterValidator(_even)]
 Name: TypeAlias = Annotated[str, Field(min_length=1, max_length=60)]
-Number: TypeAlias = Annotated[int, BeforeValidator(_count_from_0)]
+Number: TypeAlias = Annotated[Count, AfterValidator(lambda number: number - 1)]
 """Number of a joint or a sensor: counted from 1 in the file and from 0 in code."""
 
 Angles: TypeAlias = Annotated[Ends, BeforeValidator(_parse_angles)]
@@ -154,8 +136,8 @@ NameOrUnknown: TypeAlias = Annotated[str | None, BeforeValidator(_parse_name_or_
 Place: TypeAlias = Annotated[Vector | float, BeforeValidator(_parse_place)]
 """A point on the main body, m from its middle, or a fraction of a part's length."""
 
-Yaw: TypeAlias = Annotated[float, BeforeValidator(_parse_yaw)]
-Elevation: TypeAlias = Annotated[float, BeforeValidator(_parse_elevation)]
+Yaw: TypeAlias = Annotated[Finite, _between(-360, 360, "degrees")]
+Elevation: TypeAlias = Annotated[Finite, _between(-90, 90, "degrees (-90 is down)")]
 Axis: TypeAlias = Annotated[Vector, BeforeValidator(_parse_axis)]
 """A unit vector; in the file of any length but 0."""
 

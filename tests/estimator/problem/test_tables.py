@@ -151,7 +151,7 @@ def test_places_and_axes_of_a_parts_own() -> None:
         ("axis = [0, -2, 0]", "axis = [0, 1]", r"hinges.1..axis .lift.: must be .x, y, z."),
         ("at = 1.0", "at = 1.5", r"mounts.3..at .end.: must be a point .* fraction"),
         ("at = [0.0, 0.05, 0.01]", "at = [0, 50, 10]", r"mounts.1..at .left hip.: .* within 10 m"),
-        ("yaw_deg = 30.0", 'yaw_deg = "left"', r"mounts.1..yaw_deg .left hip.: must be an angle"),
+        ("yaw_deg = 30.0", 'yaw_deg = "left"', r"mounts.1..yaw_deg .left hip.: must be a number"),
         ('name = "right hip"', 'name = "left hip"', "mounts: 'left hip' is no name of its own"),
         ("share_mounts = false", 'share_mounts = "no"', "share_mounts: "),
     ],
