@@ -37,7 +37,7 @@ from estimator.report.tables import plain_table
 from estimator.storage.store import RunStore
 from estimator.use.causes import Particles, Weigher
 from estimator.use.changes import causes_of
-from estimator.use.diagnosis import MOVEMENTS, Verdict, said
+from estimator.use.diagnosis import MOVEMENTS, said
 from estimator.use.diagnosis import diagnose as find_cause
 from estimator.use.pose import SAFE, Goal, Pose, feet, find_pose, perform, standing_on
 from estimator.use.record import write_run
@@ -285,16 +285,10 @@ def diagnose(
             zip(diagnosis.weighed.particles, diagnosis.weighed.probabilities, strict=True)
         )[:_MAX_CAUSES]:
             out.print(f"{share:8.3f}  {said(suspect, known)}", soft_wrap=True)
-        if diagnosis.verdict in (Verdict.CHANGED, Verdict.UNCHANGED):
-            write_run(out_directory, store, weigher, diagnosis, robot)
-            with RunStore.open(out_directory, to_write=False) as new_store:
-                write_report(new_store)
-            print_run_directory(out_directory)
-        else:
-            raise EstimatorError(
-                "nothing is named, so there is no body to go on with: look at the robot, and "
-                "identify it anew"
-            )
+        write_run(out_directory, store, weigher, diagnosis, robot)
+        with RunStore.open(out_directory, to_write=False) as new_store:
+            write_report(new_store)
+        print_run_directory(out_directory)
 
 
 @contextmanager

@@ -129,25 +129,22 @@ def said(particles: Particles, known: FittedPosterior) -> str:
     return f"{row.name} from {old_length:.0f} to {middle:.0f} mm [{low:.0f}–{high:.0f}]"
 
 
-def diagnose(
-    weigher: Weigher, act: Act, *, before: Sequence[Observation] = (), movements: int = MOVEMENTS
-) -> Diagnosis:
+def diagnose(weigher: Weigher, act: Act, *, movements: int = MOVEMENTS) -> Diagnosis:
     """Finds out what has changed.
 
     Args:
         weigher: Weighs causes.
         act: Moves the robot.
-        before: Observations since the change, as of a monitor that has raised the alarm.
         movements: Largest number of movements.
     """
-    observations, reasons = list(before), ["made by the monitor"] * len(before)
+    observations, reasons = list[Observation](), list[str]()
     tested: Diagnosis | None = None
     while True:
         weighed = weigher.weigh(observations)
         named, probability = _named(weighed)
         if tested is not None and _names(tested.causes) == _names(named):
             return replace(tested, causes=named, probability=probability, weighed=weighed)
-        movements_left = movements - (len(observations) - len(before))
+        movements_left = movements - len(observations)
         program, bits = telling(weigher, weighed)
         is_settled = len(named) == 1 or bits < _INDISTINGUISHABLE
         felt_enough = named[0].cause is not None or len(observations) >= _FEWEST_MOVEMENTS

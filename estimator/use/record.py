@@ -43,7 +43,10 @@ def write_run(
         RunDirectoryError: There is a run already, or the directory cannot be made.
     """
     if diagnosis.verdict in (Verdict.NONE_OF_THESE, Verdict.UNDECIDED):
-        raise EstimatorError("nothing is named that a run could hold: identify the robot anew")
+        raise EstimatorError(
+            "nothing is named, so there is no body to go on with: look at the robot, and identify "
+            "it anew"
+        )
     observations = diagnosis.observations
     settings = store.settings.model_copy(
         update={"robot": robot, "interactions": max(1, len(observations)), "sure": None}
