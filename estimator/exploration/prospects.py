@@ -34,7 +34,7 @@ KNOWN: Final = 0.005
 NEVER: Final = 0.9
 """Share of bodies on which no reading shows an unknown, from which it is not identifiable."""
 
-_POINTS: Final = 20_000  # points of the cube, by which its allowed share is estimated
+_POINTS: Final = 20_000  # points of the cube, among which allowed ones are looked for
 _BODIES: Final = 1_000  # bodies: so many limit the information about one to 10 bits
 _PROGRAMS: Final = 32  # random programs whose information is computed
 _DRAWS: Final = 400  # readings drawn for each program
@@ -142,9 +142,9 @@ def prospects(
     genome = Genome(problem, problem.base(robot))
     unknowns = Unknowns(genome)
     points = rng.random((_POINTS, unknowns.size))
-    allowed = ~unknowns.forbidden(points)
-    ways = 2**unknowns.bits * float(np.mean(np.exp(-unknowns.log_prior(points)) * allowed))
-    bodies = unknowns.permitted(points[np.argsort(~allowed, kind="stable")[:_BODIES]])
+    allowed_first = np.argsort(unknowns.forbidden(points), kind="stable")
+    bodies = unknowns.permitted(points[allowed_first[:_BODIES]])
+    ways = genome.ways(rng)
     programs = np.array([problem.random_program(rng, robot) for _ in range(_COMPARED_PROGRAMS)])
     predictor = Predictor(unknowns, physics)
     gain = InformationGain(

@@ -7,6 +7,7 @@ its mount among those of that parent.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -22,6 +23,8 @@ from estimator.problem.problem import Problem
 
 DECIDED: Final = (*Traits._fields, "sensor")
 """The arrays of ``Bodies`` that genes decide."""
+
+_DRAWS: Final = 1_000  # draws of places for all parts, by which ways to attach them are counted
 
 
 class Genome:
@@ -213,6 +216,24 @@ class Genome:
         doubles: Flags = np.any(places[:, 1:] == places[:, :-1], axis=1)
         return doubles
 
+    def ways(self, rng: np.random.Generator) -> float:
+        """Number of ways to attach the parts, as far as a sensor may show which.
+
+        Where mounts are not shared it is found by drawing places for one part after another, those
+        with the fewest first: exact if all draws leave as many, as where parts have the same
+        places, and else an estimate.
+
+        Args:
+            rng: Draws places.
+        """
+        parts = range(len(self._problem.parts))
+        places = sorted((_possible_places(self._problem, part) for part in parts), key=len)
+        hinges = [gene.choices for gene in self.genes if gene.trait == "hinge" and gene.observable]
+        if not self.forbids:
+            return math.prod([*map(len, places), *hinges])
+        counts = [_count_of_a_draw(places, rng) for _ in range(_DRAWS)]
+        return math.prod(hinges) * sum(counts) / len(counts)
+
     def permitted(self, genes: Array) -> Array:
         """Genomes with each part that sits on a mount that is taken moved to the next free one.
 
@@ -337,3 +358,22 @@ def _possible_places(problem: Problem, part: int) -> list[Place]:
         count = len(tables.mount_names(parent))
         places += [(parent, choice) for choice in (range(count) if mount is None else [mount])]
     return places
+
+
+def _count_of_a_draw(places: Sequence[Sequence[Place]], rng: np.random.Generator) -> int:
+    """Number of ways to place parts if each has as many free places as in one random draw.
+
+    Its mean is the number of ways: each is drawn with the probability 1 / count.
+
+    Args:
+        places: Where each part may sit.
+        rng: Draws where it does.
+    """
+    count, taken = 1, set[Place]()
+    for possible in places:
+        free_places = [place for place in possible if place not in taken]
+        if not free_places:
+            return 0
+        count *= len(free_places)
+        taken.add(free_places[rng.integers(len(free_places))])
+    return count

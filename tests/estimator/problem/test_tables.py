@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -112,6 +113,35 @@ def test_shared_mounts_are_the_default() -> None:
     shared = UNKNOWN.replace("share_mounts = false\n", "")
     genome = genome_of(Problem.parse(shared, "walker.toml"))
     assert not genome.forbidden(np.zeros((3, genome.size))).any()
+
+
+CROSSED = (
+    HEAD[: HEAD.index("[[mounts]]")].replace("[1, 2, 3, 4]", "[1, 2]")
+    + FIRST.replace('parent = "unknown"', "parent = 0")
+    + PART.format(name="b", motor=2).replace('parent = "unknown"', "parent = 1")
+    + re.sub("motor.*", "", PART.format(name="c", motor=3)).replace(
+        'mount = "unknown"', 'mount = "front"'
+    )
+)
+"""Each draw of places leaves others: c has some that only a has as well, and some that only b."""
+
+
+@pytest.mark.parametrize(
+    ("text", "exact"),
+    [(UNKNOWN, True), (UNKNOWN.replace("share_mounts = false", ""), True), (CROSSED, False)],
+)
+def test_ways_to_attach_the_parts_are_those_of_all_bodies(text: str, exact: bool) -> None:
+    problem = Problem.parse(text, "walker.toml")
+    genome = genome_of(problem)
+    choices = [(np.arange(gene.choices or 1) + 0.5) / (gene.choices or 1) for gene in genome.genes]
+    genes = np.stack(np.meshgrid(*choices), axis=-1).reshape(-1, genome.size)
+    bodies = genome.decode_all(genes[~genome.forbidden(genes)])
+    attached = {
+        tuple((part.parent, part.mount, part.hinge * (part.motor is not None)) for part in parts)
+        for parts in (body.parts for body in bodies)
+    }
+    ways = genome.ways(np.random.default_rng(0))
+    assert ways == pytest.approx(len(attached), rel=0 if exact else 0.03)
 
 
 def test_places_and_axes_of_a_parts_own() -> None:
