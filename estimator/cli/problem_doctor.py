@@ -99,10 +99,14 @@ def _prospects(problem: Problem, robot: Capabilities, modalities: Sequence[str])
 
 
 def _bodies(expected: Prospects) -> ExaminedItem:
-    ways = f"{expected.ways:,.0f}" if expected.ways < 1e9 else f"{expected.ways:.1e}"
-    unknowns = []
-    if expected.ways > 1:
-        unknowns.append(f"{ways} ways to attach its parts ({math.log2(expected.ways):.0f} bits)")
+    unknowns, (ways, exact) = [], expected.ways
+    if ways > 1:
+        rounded = f"{ways:.1e}"
+        number = rounded if ways >= 1e9 else f"{ways if exact else float(rounded):,.0f}"
+        unknowns.append(
+            f"{'' if exact else 'about '}{number} ways to attach its parts "
+            f"({math.log2(ways):.0f} bits)"
+        )
     if expected.lengths:
         plural = "s" if expected.lengths > 1 else ""
         unknowns.append(
@@ -119,12 +123,12 @@ def _movements(problem: Problem, expected: Prospects, has: Sequence[str]) -> Exa
     if math.isinf(for_everything):
         return bad("movements", f"By {_words(has)} no movement tells anything of the body.")
     intro = f"By {_words(has)} a good movement tells {expected.movement_bits:.1f} bits at first: "
-    if expected.ways > 1:
+    if expected.ways.number > 1:
         intro += f"attachments take about {math.ceil(for_attachments)} movements, lengths up to "
     else:
         intro += "lengths take about "
     sentence = f"{intro}{math.ceil(for_everything)}; the problem makes {planned}"
-    needed = for_attachments if expected.ways > 1 else for_everything
+    needed = for_attachments if expected.ways.number > 1 else for_everything
     if needed > _MAX_NEEDED_RATIO * planned:
         return bad(
             "movements",

@@ -24,7 +24,7 @@ from estimator.posterior.indistinguishable import indistinguishable_points
 from estimator.posterior.model.noise import Noise
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.problem.genes import Gene
-from estimator.problem.genome import Genome
+from estimator.problem.genome import Genome, Ways
 from estimator.problem.problem import Problem
 from protocol.wire.capabilities import MODALITIES, Capabilities, Joint, Sensor
 
@@ -56,7 +56,7 @@ class Prospects:
     """What can be expected of a problem and some sensors.
 
     Attributes:
-        ways: Number of ways in which the problem's parts may be attached.
+        ways: In how many ways the problem's parts may be attached.
         attachment_bits: Entropy of these ways, bits, without unknowns that are not identifiable.
         lengths: Number of lengths to be found.
         length_bits: Information that determines all identifiable lengths to within ``KNOWN``, bits.
@@ -67,7 +67,7 @@ class Prospects:
         turned: Share of bodies that read like themselves turned by quarters, or mirrored.
     """
 
-    ways: float
+    ways: Ways
     attachment_bits: float
     lengths: int
     length_bits: float
@@ -162,7 +162,7 @@ def prospects(
     lengths = [gene for gene in genome.genes if gene.trait == "length"]
     return Prospects(
         ways=ways,
-        attachment_bits=max(0.0, math.log2(ways) - sum(math.log2(g.choices or 1) for g in never)),
+        attachment_bits=max(0.0, math.log2(ways.number / math.prod(g.choices or 1 for g in never))),
         lengths=len(lengths),
         length_bits=sum(_length_bits(problem, gene) for gene in lengths if gene not in never),
         movement_bits=float(np.quantile(gains, _GOOD_QUANTILE)),

@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Final, TypeAlias
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -25,6 +25,18 @@ DECIDED: Final = (*Traits._fields, "sensor")
 """The arrays of ``Bodies`` that genes decide."""
 
 _DRAWS: Final = 1_000  # draws of places for all parts, by which ways to attach them are counted
+
+
+class Ways(NamedTuple):
+    """How many ways there are to attach the parts of a problem.
+
+    Attributes:
+        number: Their number.
+        exact: Whether it was counted, and not estimated.
+    """
+
+    number: float
+    exact: bool
 
 
 class Genome:
@@ -216,8 +228,8 @@ class Genome:
         doubles: Flags = np.any(places[:, 1:] == places[:, :-1], axis=1)
         return doubles
 
-    def ways(self, rng: np.random.Generator) -> float:
-        """Number of ways to attach the parts, as far as a sensor may show which.
+    def ways(self, rng: np.random.Generator) -> Ways:
+        """How many ways there are to attach the parts, as far as a sensor may show which.
 
         Where mounts are not shared it is found by drawing places for one part after another, those
         with the fewest first: exact if all draws leave as many, as where parts have the same
@@ -230,9 +242,10 @@ class Genome:
         places = sorted((_possible_places(self._problem, part) for part in parts), key=len)
         hinges = [gene.choices for gene in self.genes if gene.trait == "hinge" and gene.observable]
         if not self.forbids:
-            return math.prod([*map(len, places), *hinges])
+            return Ways(math.prod([*map(len, places), *hinges]), exact=True)
         counts = [_count_of_a_draw(places, rng) for _ in range(_DRAWS)]
-        return math.prod(hinges) * sum(counts) / len(counts)
+        number = math.prod(hinges) * sum(counts) / len(counts)
+        return Ways(number, exact=min(counts) == max(counts))
 
     def permitted(self, genes: Array) -> Array:
         """Genomes with each part that sits on a mount that is taken moved to the next free one.

@@ -76,6 +76,22 @@ def test_what_is_allowed_is_counted_where_mounts_are_not_shared() -> None:
     assert f"{720 * 3**6 * 4**12:.1e} ways" in said(examined("hexapod-12"), "bodies")
 
 
+def test_ways_that_are_estimated_are_called_so(tmp_path: Path) -> None:
+    """A part sits in front of the body or of others, where others sit on any side."""
+    text = PROBLEM.replace("[[parts]]", "share_mounts = false\n[[parts]]", 1)
+    for name, parent, mount in (("left", 0, "unknown"), ("front", 1, "unknown")):
+        text = text.replace(
+            f'parent = 0\nmount = "{name}"', f'parent = {parent}\nmount = "{mount}"'
+        )
+    text = text.replace('parent = 0\nmount = "right"', 'parent = "unknown"\nmount = "front"')
+    text = text.replace('hinge = "up"', 'hinge = "unknown"')
+    bodies = said(examined(written(tmp_path, text)), "bodies")
+    (thousands,) = re.findall(r"To be found: about (\d\d),000 ways", bodies)
+    # the last part's mount is taken; the third leaves a mount less to one of the first, or to none
+    places = 2 * 4 + 3 * 3 + 3 * 4
+    assert int(thousands) == pytest.approx(places * 6**4 / 1000, abs=1)
+
+
 def test_the_hinges_of_locked_parts_show_nowhere() -> None:
     items = examined("topological-20")
     assert (
