@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, TypeAlias
 
 from estimator.body.morphology import BASE
 from estimator.body.mounts import (
@@ -20,6 +20,9 @@ from estimator.body.mounts import (
 )
 from estimator.problem.sections import HingeRule, MountRule, PartRule
 from estimator.problem.values import UNKNOWN
+
+Place: TypeAlias = tuple[int, int]
+"""A part's parent, and the index of its mount there."""
 
 _CARRIER_WORDS: Final = {True: "on the main body", False: "on a part"}
 
@@ -59,6 +62,7 @@ class AttachmentTables:
         part_choices: How many mounts on a part a gene chooses from.
         hinge_choices: How many hinges a gene chooses from.
         attached: What is known of how each part is attached.
+        places: Where each part may sit, if no other part sits there.
 
     Raises:
         ValueError: A table or a part is wrong: key, name and reason.
@@ -93,6 +97,7 @@ class AttachmentTables:
         self.part_choices = len(self.part_mounts)
         self.hinge_choices = len(self.hinges)
         self.attached = tuple(self._attached(index, part) for index, part in enumerate(parts))
+        self.places = tuple(self._places(index, part) for index, part in enumerate(parts))
 
     def base_mounts(self, size: Vector) -> tuple[BaseMount, ...]:
         """Mounts on a main body with these extents, m."""
@@ -103,7 +108,7 @@ class AttachmentTables:
         return self._names[parent == BASE]
 
     def check_doubles(self, parts: Sequence[PartRule]) -> None:
-        """Refuses two parts that are known to sit on one mount.
+        """Refuses parts that cannot all have a mount of their own.
 
         Raises:
             ValueError: Parts share a mount, or would have to: key, names and reason.
@@ -120,15 +125,33 @@ class AttachmentTables:
                     f"parts[{index + 1}].mount ({rule.name}): {owner.name} sits there already, on "
                     f"{rule.mount or rule.at} of {carrier}, and share_mounts = false forbids it"
                 )
-        for parent in range(BASE, len(parts)):
-            riders = [rule.name for rule in parts if rule.parent == parent]
-            choices = self.base_choices if parent == BASE else self.part_choices
-            inline = sum(key >= (parent, choices) for key in owners if key[0] == parent)
-            if len(riders) > choices + inline:
+        seated: dict[Place, int] = {}
+        for index in range(len(parts)):
+            tried: set[Place] = set()
+            if not self._seat(index, seated, tried):
+                crowd = sorted({index, *(seated[place] for place in tried)})
                 raise ValueError(
-                    f"share_mounts: {', '.join(riders)} sit on one carrier, which has only "
-                    f"{choices + inline} mounts: add mounts, or let them be shared"
+                    f"share_mounts: {', '.join(parts[one].name for one in crowd)} may sit on only "
+                    f"{len(tried)} mount{'s' * (len(tried) > 1)}: add mounts, or let them be shared"
                 )
+
+    def _seat(self, part: int, seated: dict[Place, int], tried: set[Place]) -> bool:
+        """Seats a part where others, which may move to other places, leave it one (Kuhn 1955)."""
+        for place in self.places[part]:
+            if place not in tried:
+                tried.add(place)
+                if place not in seated or self._seat(seated[place], seated, tried):
+                    seated[place] = part
+                    return True
+        return False
+
+    def _places(self, index: int, part: PartRule) -> list[Place]:
+        places = []
+        for parent in range(BASE, index) if part.parent is None else [part.parent]:
+            mount = self.attached[index].mount(parent)
+            choices = self.base_choices if parent == BASE else self.part_choices
+            places += [(parent, one) for one in (range(choices) if mount is None else [mount])]
+        return places
 
     def _attached(self, index: int, part: PartRule) -> Attached:
         where = f"parts[{index + 1}]"

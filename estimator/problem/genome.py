@@ -11,13 +11,14 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Final, NamedTuple, TypeAlias
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from estimator.body.arrays import Bodies, Flags, Integers
 from estimator.body.morphology import BASE, Array, Base, Morphology, Part
 from estimator.errors import MorphologyError, SearchStateError
+from estimator.problem.attachment_tables import Place
 from estimator.problem.genes import Gene, GeneColumns, Traits, genes_of
 from estimator.problem.problem import Problem
 
@@ -238,8 +239,7 @@ class Genome:
         Args:
             rng: Draws places.
         """
-        parts = range(len(self._problem.parts))
-        places = sorted((_possible_places(self._problem, part) for part in parts), key=len)
+        places = sorted(self._problem.tables.places, key=len)
         hinges = [gene.choices for gene in self.genes if gene.trait == "hinge" and gene.observable]
         if not self.forbids:
             return Ways(math.prod([*map(len, places), *hinges]), exact=True)
@@ -332,10 +332,6 @@ def outermost_sensors(parent: Integers, sensors: int) -> Integers:
     return np.where(chosen, np.cumsum(chosen, axis=1) - 1, -1)
 
 
-Place: TypeAlias = tuple[int, int]
-"""Where a part sits: its parent, and the mount there."""
-
-
 def spread(problem: Problem, wanted: Sequence[Place]) -> list[Place]:
     """Places for all parts with no two on one mount, as far as there are free ones.
 
@@ -353,23 +349,13 @@ def spread(problem: Problem, wanted: Sequence[Place]) -> list[Place]:
     for part, (parent, mount) in enumerate(wanted):
         if fixed[part]:
             continue
-        free_places = [place for place in _possible_places(problem, part) if place not in taken]
+        free_places = [place for place in problem.tables.places[part] if place not in taken]
         next_places = [place for place in free_places if place[0] == parent and place[1] >= mount]
         places[part] = min(
             next_places or [place for place in free_places if place[0] == parent] or free_places,
             default=(parent, mount),
         )
         taken.add(places[part])
-    return places
-
-
-def _possible_places(problem: Problem, part: int) -> list[Place]:
-    known_parent, tables = problem.parts[part].parent, problem.tables
-    places = []
-    for parent in range(BASE, part) if known_parent is None else [known_parent]:
-        mount = tables.attached[part].mount(parent)
-        count = len(tables.mount_names(parent))
-        places += [(parent, choice) for choice in (range(count) if mount is None else [mount])]
     return places
 
 

@@ -204,10 +204,16 @@ def test_two_parts_on_a_forbidden_mount_are_refused() -> None:
     ):
         Problem.parse(known, "walker.toml")
     crowded = UNKNOWN.replace('parent = "unknown"', "parent = 0")
-    with pytest.raises(
-        ProblemError, match="a, b, c, d sit on one carrier, which has only 2 mounts"
-    ):
+    with pytest.raises(ProblemError, match="share_mounts: a, b, c may sit on only 2 mounts"):
         Problem.parse(crowded, "walker.toml")
+
+
+def test_a_part_of_unknown_parent_without_a_mount_is_refused() -> None:
+    text = UNKNOWN.replace('mount = "unknown"', 'mount = "left hip"', 1).replace(
+        'parent = "unknown"\nmount = "unknown"', 'parent = 0\nmount = "left hip"', 1
+    )
+    with pytest.raises(ProblemError, match="share_mounts: a, b may sit on only 1 mount: add"):
+        Problem.parse(text, "walker.toml")
 
 
 @pytest.mark.parametrize("mounts", [1, 3, 12])
@@ -223,7 +229,7 @@ def test_a_file_for_any_robot_need_not_suit_the_papers(mounts: int) -> None:
     problem = Problem.parse(text, "mine.toml")
     assert len(problem.parts) == min(mounts, 8)
     assert len(problem.for_robot(robot(mounts, 0)).parts) == mounts
-    with pytest.raises(ProblemError, match=f"has only {mounts} mounts"):
+    with pytest.raises(ProblemError, match=f"may sit on only {mounts} mount"):
         problem.for_robot(robot(mounts + 1, 0))
     with pytest.raises(ProblemError, match=r"mine\.toml: parts\[1\]\.hinge"):  # suits no robot
         Problem.parse(text.replace('hinge = "unknown"', 'hinge = "none"'), "mine.toml")
