@@ -1,8 +1,9 @@
 """How a model's parts are attached, compared with the true body: parent, mount and hinge of each.
 
-Rows are never permuted: a row of the genome is compared with what its joint carries on the robot.
-Rows whose joint nobody named have nothing to be compared with. The hinge of a locked part cannot be
-felt and is not compared.
+Rows are never permuted: a row of the genome is compared with what its joint carries on the robot,
+and one that is rigid on a part with what a fixed joint holds there. Other rows whose joint nobody
+named have nothing to be compared with. The hinge of a locked part cannot be felt and is not
+compared.
 
 Some wrong configurations cannot be told from the true ones. They are right *up to equivalence*:
 there is a body that no sensor of the run can tell from the true one and that has them, at whatever
@@ -11,6 +12,7 @@ lengths.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,9 +20,9 @@ from typing import Final, TypeAlias
 
 from pydantic import BaseModel, ConfigDict
 
-from estimator.body.limbs import Limb, limbs
+from estimator.body.limbs import Limb, driven_limbs, limbs
 from estimator.body.morphology import BASE, Morphology, Part
-from estimator.evaluation.truth.body import TrueLimb, check_robot, true_limbs
+from estimator.evaluation.truth.body import TrueLimb, check_robot, rigid_parts, true_limbs
 from estimator.physics.equivalence import images
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
@@ -72,8 +74,8 @@ class Truth:
     """The true body of a robot as far as a problem asks for it.
 
     Attributes:
-        rows: For each row of the genome whose joint is known, the limb that this joint carries;
-            limbs are numbered by rows.
+        rows: For each row of the genome whose joint is known, or that a fixed joint can be told to
+            hold, the limb that this joint carries; limbs are numbered by rows.
         legs: What each driven joint moves as one piece, by motor; limbs are numbered by motors.
     """
 
@@ -89,16 +91,20 @@ class Truth:
         """
         joints = [joint.name for joint in capabilities.joints]
         driven = sorted(problem.motors.driven)
-        carried = {
-            row: joints[rule.joint]
-            for row, rule in enumerate(problem.parts)
-            if rule.joint is not None
-        }
+        carried: dict[str, int] = {}
+        rigid = defaultdict[int, list[int]](list)
+        for row, rule in enumerate(problem.parts):
+            if rule.joint is not None:
+                carried[joints[rule.joint]] = row
+            elif rule.parent is not None:
+                rigid[rule.parent].append(row)
+        carried |= rigid_parts(path, carried, rigid)
         legs = true_limbs(path, {joints[motor]: motor for motor in driven}, problem.tables)
-        rows = true_limbs(path, {name: row for row, name in carried.items()}, problem.tables)
+        rows = true_limbs(path, carried, problem.tables)
         check_robot(path, capabilities)
         return cls(
-            rows=dict(zip(carried, rows, strict=True)), legs=dict(zip(driven, legs, strict=True))
+            rows=dict(zip(sorted(carried.values()), rows, strict=True)),
+            legs=dict(zip(driven, legs, strict=True)),
         )
 
 
@@ -114,6 +120,8 @@ class Comparison:
     Attributes:
         true_body: The true body as the problem can best express it: capsules, with the true
             lengths.
+        true_lengths: Length of each leg on the robot, m, in motor order; where parts that are rigid
+            on it are compared, too, as they reach on ``true_body``.
     """
 
     def __init__(self, problem: Problem, genome: Genome, model: Morphology, truth: Truth):
@@ -123,6 +131,12 @@ class Comparison:
         self._rows = truth.rows
         self._impossible = {row: self._misfits(row, limb) for row, limb in truth.rows.items()}
         self.true_body = self._true_body(truth.legs)
+        parts, groups = self.true_body.parts, self.true_body.rigid_groups
+        rigid = {parts[groups[row]].motor for row in truth.rows if problem.parts[row].joint is None}
+        self.true_lengths = tuple(
+            limb.length if limb.motor in rigid else leg.limb.length
+            for limb, leg in zip(driven_limbs(self.true_body), truth.legs.values(), strict=True)
+        )
 
     @property
     def not_representable(self) -> tuple[str, ...]:
@@ -306,24 +320,27 @@ class Comparison:
                 )
             elif (parts[row].parent == BASE) == (true_limb.limb.parent == BASE):
                 parts[row] = replace(parts[row], mount=true_limb.mount)
-        for row, part in enumerate(parts):
-            if row in self._rows and len(self._rows) == len(parts):
-                parts[row] = replace(part, length=self._rows[row].limb.length)
         body = self._genome.assemble(parts)
-        if len(self._rows) < len(parts):
-            body = self._genome.assemble(_scaled(body, legs))
-        return body
+        return self._genome.assemble(_with_true_lengths(body, self._rows, legs))
 
 
-def _scaled(body: Morphology, legs: Mapping[int, TrueLimb]) -> list[Part]:
-    """Parts with lengths scaled so that each leg reaches as far as the true one."""
+def _with_true_lengths(
+    body: Morphology, rows: Mapping[int, TrueLimb], legs: Mapping[int, TrueLimb]
+) -> list[Part]:
+    """Parts with their true lengths, or, in a leg of which not all parts are known, scaled.
+
+    A leg that is scaled reaches as far as the true one.
+    """
     by_motor: dict[int | None, Limb] = {limb.motor: limb for limb in limbs(body)}
     parts = list(body.parts)
-    for index, root in enumerate(body.rigid_groups):
+    divided = {root for row, root in enumerate(body.rigid_groups) if row not in rows}
+    for row, root in enumerate(body.rigid_groups):
         motor = body.parts[root].motor
-        if motor is not None and motor in legs:
+        if root not in divided:
+            parts[row] = replace(parts[row], length=rows[row].limb.length)
+        elif motor is not None and motor in legs:
             scale = legs[motor].limb.length / by_motor[motor].length
-            parts[index] = replace(parts[index], length=parts[index].length * scale)
+            parts[row] = replace(parts[row], length=parts[row].length * scale)
     return parts
 
 

@@ -50,7 +50,7 @@ class Score(BaseModel):
         configurations_right_up_to_equivalence: Number of configurations that are right, or such as
             no sensor of the run could tell from the truth.
         configurations_total: Number of configurations: three per driven part, and two per locked
-            part whose joint the problem names.
+            part whose joint the problem names or a fixed joint of the truth can be told to be.
         configurations_informative: Number of configurations that were to be found and might have
             been wrong; the first part, for one, has nothing to sit on but the main body.
         configurations_informative_right: Number of informative configurations that are right.
@@ -129,15 +129,15 @@ def score(store: RunStore, truth: Path, physics: ArrayPhysics, reference: Physic
     search = length_search(store, comparison.true_body, physics)
     configurations = comparison.configurations(search.is_like)
     informative = [item for item in configurations if item.searched]
-    limbs, legs = driven_limbs(body), tuple(robot.legs.values())
-    signed = np.array([one.length - two.limb.length for one, two in zip(limbs, legs, strict=True)])
+    lengths = tuple(limb.length for limb in driven_limbs(body))
+    signed = np.array(lengths) - np.array(comparison.true_lengths)
     observed = store.observations()
     touching = tuple(touched(limb.sensors, observed) for limb in driven_limbs(comparison.true_body))
     return Score(
         complete=store.complete,
-        joints=tuple(limb.name for limb in legs),
-        true_lengths_m=tuple(limb.limb.length for limb in legs),
-        lengths_m=tuple(limb.length for limb in limbs),
+        joints=tuple(leg.name for leg in robot.legs.values()),
+        true_lengths_m=comparison.true_lengths,
+        lengths_m=lengths,
         leg_errors_m=tuple(np.abs(signed).tolist()),
         leg_errors_signed_m=tuple(signed.tolist()),
         mean_leg_error_m=float(np.mean(np.abs(signed))),

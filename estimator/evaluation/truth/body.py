@@ -1,15 +1,14 @@
 """Reads a URDF as limbs with parent, mount, hinge and length, as a genome describes bodies.
 
-Links joined by fixed joints, and by revolute ones that nobody asks for, are one limb. A limb's
-mount is the one nearest to its joint, its hinge the one whose axis is nearest, its length the
-distance from joint to far end. Where the nearest mount or hinge is not what the body has, no genome
-can be right, and the limb says so.
+Links joined by joints that nobody asks for are one limb. A limb's mount is the one nearest to its
+joint, its hinge the one whose axis is nearest, its length the distance from joint to far end. Where
+the nearest mount or hinge is not what the body has, no genome can be right, and the limb says so.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -86,14 +85,53 @@ def true_limbs(
         TruthError: The file is no URDF of the supported subset, or lacks one of the joints.
     """
     urdf = read_urdf(path)
-    revolute = {joint.name for joint in urdf.joints if joint.type == "revolute"}
-    missing = sorted(motors.keys() - revolute)
+    missing = sorted(motors.keys() - {joint.name for joint in urdf.joints})
     if missing:
         raise TruthError(
             f"{path} has no revolute joint named {', '.join(missing)}: give the URDF of the robot "
             "that the run talked to."
         )
     return _Reader(urdf, motors, tables).limbs()
+
+
+def rigid_parts(
+    path: Path, carried: Mapping[str, int], rigid: Mapping[int, Sequence[int]]
+) -> dict[str, int]:
+    """Fixed joints that hold the parts which a problem has rigid on others, with their numbers.
+
+    On each part the robot's are taken in the order of the file, provided that there are as many.
+    Frames and round feet, which point nowhere, are no parts.
+
+    Args:
+        path: The URDF file.
+        carried: Names of the joints that carry a part, with its number.
+        rigid: For each part, or the main body, the numbers of those that are rigid on it.
+
+    Raises:
+        TruthError: The file is no URDF of the supported subset.
+    """
+    urdf = read_urdf(path)
+    long = {link.name for link in urdf.links if not all(c.geometry.sphere for c in link.collisions)}
+
+    def held_by(link: str, part: int) -> Iterator[tuple[str, int]]:
+        held = [
+            joint
+            for joint in urdf.joints
+            if joint.type == "fixed" and joint.parent.link == link and joint.child.link in long
+        ]
+        if len(held) == len(rigid.get(part, ())):
+            for joint, number in zip(held, rigid.get(part, ()), strict=True):
+                yield joint.name, number
+                yield from held_by(joint.child.link, number)
+
+    parts = {
+        joint.child.link: carried[joint.name] for joint in urdf.joints if joint.name in carried
+    }
+    return {
+        name: number
+        for link, part in {urdf.root: BASE, **parts}.items()
+        for name, number in held_by(link, part)
+    }
 
 
 class _Reader:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from estimator.body.limbs import leg_lengths
 from estimator.body.morphology import BASE, Morphology, Part
 from estimator.errors import TruthError
 from estimator.evaluation.attachments import Comparison, Configuration, Indistinguishable, Truth
@@ -244,6 +245,76 @@ def test_a_locked_joint_must_be_in_the_truth(tmp_path: Path) -> None:
     path = write_urdf(tmp_path / "t.urdf", genome.assemble(tree(*QUAD)), HIPS_AND_KNEES[:4])
     with pytest.raises(TruthError, match="no revolute joint named knee_back, knee_front"):
         Truth.read(path, problem, capabilities)
+
+
+RIGID = """
+name = "rigid"
+density = 1000.0
+[motors]
+driven = "all"
+range_deg = [-30.0, 30.0]
+slew_deg_per_s = 60.0
+[search]
+population = 10
+generations = 1
+interactions = 1
+"""
+for _name, _yaw in (("on", 0), ("aslant", 40), ("across", 90)):
+    RIGID += f'[[mounts]]\nname = "{_name}"\nat = 1.0\nyaw_deg = {_yaw}\n'
+for _name, _parent, _mount, _more in (
+    ("leg", 0, "front", "motor = 1"),
+    ("other leg", 0, "left", "motor = 2"),
+    ("foot", 1, "unknown", "sensor = 1"),
+    ("toe", 3, "unknown", ""),
+    ("fin", 0, "unknown", ""),
+):
+    RIGID += f"""
+[[parts]]
+name = "{_name}"
+parent = {_parent}
+mount = "{_mount}"
+hinge = "up"
+length = [0.02, 0.20]
+radius = 0.006
+{_more}
+"""
+RIGID_JOINTS = ("joint_0", "joint_1", None, None, None)
+
+
+def rigid_body() -> tuple[Problem, Genome, Morphology]:
+    capabilities = robot(numbered(2), 1)
+    problem = Problem.parse(RIGID, "rigid.toml").for_robot(capabilities)
+    genome = Genome(problem, problem.base(capabilities))
+    parts = list(genome.decode(np.zeros(genome.size)).parts)
+    for row, mount, length in ((0, 1, 0.09), (1, 0, 0.15), (2, 1, 0.07), (3, 2, 0.03), (4, 3, 0.1)):
+        parts[row] = replace(parts[row], mount=mount, length=length)
+    return problem, genome, genome.assemble(parts)
+
+
+def test_parts_that_are_rigid_on_others_are_compared_as_parts_of_their_own(tmp_path: Path) -> None:
+    problem, genome, body = rigid_body()
+    path = write_urdf(tmp_path / "t.urdf", body, RIGID_JOINTS)
+    round_foot = """<link name="ball"><collision><geometry><sphere radius="0.006"/></geometry>
+        </collision></link><joint name="tip" type="fixed"><parent link="part_0"/>
+        <child link="ball"/><origin xyz="0.084 0 0"/></joint></robot>"""
+    path.write_text(path.read_text().replace("</robot>", round_foot))
+    truth = Truth.read(path, problem, robot(numbered(2), 1))
+    itself = Comparison(problem, genome, body, truth)
+    assert not itself.not_representable
+    assert not wrong(itself.configurations())
+    assert [item.true for item in itself.configurations()[-6:]] == [
+        *("leg", "aslant"),
+        *("foot", "across"),
+        *("main body", "back"),
+    ]
+    assert itself.true_lengths == pytest.approx(leg_lengths([body])[0])
+    assert [part.length for part in itself.true_body.parts] == pytest.approx(
+        [part.length for part in body.parts]
+    )
+    parts = [*body.parts[:2], replace(body.parts[2], mount=2, length=0.05), *body.parts[3:]]
+    other = Comparison(problem, genome, genome.assemble(parts), truth)
+    assert wrong(other.configurations()) == [("foot", "mount")]
+    assert other.true_lengths == pytest.approx(itself.true_lengths)
 
 
 # --- up to equivalence ----------------------------------------------------------------------------
