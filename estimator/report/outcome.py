@@ -159,9 +159,10 @@ def _parts(result: Result, model: ModelResult, legs: dict[str, LegResult]) -> Ta
     for column in (*columns, *(["sure"] if has_posterior else [])):
         table.add_column(column)
     intervals = dict(zip(legs, _intervals(result), strict=True)) if legs else {}
-    for column in ("length (mm)", "90 % interval" if has_posterior else "in the population"):
-        table.add_column(column, justify="right")
+    table.add_column("length (mm)" if legs else "best body (mm)", justify="right")
     if legs:
+        heading = "90 % interval" if has_posterior else "in the population"
+        table.add_column(heading, justify="right")
         table.add_column("touched")
     for part in model.parts:
         row = [part.name, part.parent, part.mount, part.hinge if part.joint else "–"]
@@ -170,7 +171,7 @@ def _parts(result: Result, model: ModelResult, legs: dict[str, LegResult]) -> Ta
         if part.joint in intervals:
             row += [*intervals[part.joint], legs[part.joint].touched_in_words]
         else:
-            row += [mm(part.length_m), ""]
+            row.append(mm(part.length_m))
         table.add_row(*row)
     return table
 

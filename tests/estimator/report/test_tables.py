@@ -317,6 +317,22 @@ def test_a_title_counts_parts_where_legs_have_several(tmp_path: Path) -> None:
     assert headline(result).startswith(f"{len(parts)} parts")
 
 
+@pytest.mark.parametrize("several", [False, True])
+def test_lengths_of_parts_stand_under_what_they_are(tmp_path: Path, several: bool) -> None:
+    with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3, hinge=UP) as run:
+        result = summarise(run)
+    best, *others = result.best_models
+    if several:
+        foot = best.parts[0].model_copy(update={"name": "foot", "joint": None})
+        best = best.model_copy(update={"parts": (*best.parts, foot)})
+        result = result.model_copy(update={"best_models": (best, *others)})
+    text = io.StringIO()
+    print_result(Console(file=text, width=200), result)
+    (heading,) = (line for line in text.getvalue().splitlines() if line.startswith("part "))
+    assert ("length (mm)" in heading, "90 % interval" in heading) == (not several, not several)
+    assert ("best body (mm)" in heading) == several
+
+
 @pytest.mark.parametrize(
     ("right", "said"),
     [(9, "predicts the robot: 9 of 10"), (6, "in part: 6 of 10"), (1, "does not predict")],
