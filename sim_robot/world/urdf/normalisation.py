@@ -365,7 +365,7 @@ def _make_servo(joint: Joint, effort: float, note: Say, fault: Say) -> None:
             note(f"{where}: limit", f"{name} lies beyond 180°, where servos end")
     if not limit.effort:
         limit.effort = effort
-        note(f"{where}: limit", f"no effort is taken as a servo of {effort:.3g} N·m")
+        note(f"{where}:", f"an effort of 0, or none, is taken as a servo of {effort:.3g} N·m")
     limit.velocity = limit.velocity or 1.0  # servos turn at 60°/s, whatever it says
 
 
