@@ -131,14 +131,20 @@ class Registry(Generic[T]):
 
     @contextmanager
     def named_when_failing(self, name: str) -> Iterator[None]:
-        """Turns whatever an implementation raises in the block into a sentence that names it.
+        """Turns whatever an implementation of others raises in the block into a sentence on it.
+
+        Errors of our own code stay as they are, as do those that are sentences already.
 
         Raises:
             EstimatorError: It raised something.
         """
         try:
             yield
+        except EstimatorError:
+            raise
         except Exception as error:
+            if name in self.own:
+                raise
             raise EstimatorError(
                 f"the {self.kind} {self.described(name)} failed: {error_text(error)}"
             ) from error

@@ -29,7 +29,7 @@ def next_program(
         jobs: Number of threads that the rule may use, apart from those of ``physics``.
 
     Raises:
-        EstimatorError: What the rule gives is no motor program of this robot.
+        EstimatorError: The rule fails, or what it gives is no motor program of this robot.
     """
     settings = store.settings
     situation = Situation(
@@ -39,7 +39,9 @@ def next_program(
         learn=settings.learn,
         jobs=jobs,
     )
-    return _checked(RULES.load(rule)(situation), f"exploration rule {rule!r}", store)
+    with RULES.named_when_failing(rule):
+        choice = RULES.load(rule)(situation)
+    return _checked(choice, f"exploration rule {rule!r}", store)
 
 
 def _checked(chosen: object, rule: str, store: RunStore) -> Choice:

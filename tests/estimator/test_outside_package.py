@@ -17,6 +17,7 @@ from typer.testing import CliRunner
 
 from estimator import Objective, Result, Rule, Search
 from estimator.cli.command_line import app
+from estimator.errors import EstimatorError
 from estimator.identification.paper.search import SEARCHES
 from estimator.identification.run import identify, resume
 from estimator.physics.backends import IN_THIS_PROCESS
@@ -142,6 +143,38 @@ def test_a_report_format_that_fails_is_named(
     put_on_path(folder, monkeypatch)
     sentence = f"estimator: the report format 'svg' of bodyschema-svg 0.1 failed: {reason}"
     assert re.match(sentence, show(made_run(tmp_path / "run", "parametric", "posterior"), "svg"))
+
+
+FAILS = """
+class Part:
+    algorithm = "none"
+
+    def __init__(self, *given, **named):
+        raise LookupError("no such leg")
+
+
+def rule(situation):
+    raise LookupError("no such leg")
+"""
+
+
+@pytest.mark.parametrize(
+    ("part", "point", "kind"),
+    [
+        ("explore", "exploration]\nbad = bodyschema_bad:rule", "exploration rule"),
+        ("search", "search]\nbad = bodyschema_bad:Part", "search"),
+        ("objective", "objective]\nbad = bodyschema_bad:Part", "objective"),
+    ],
+)
+def test_a_part_of_a_run_that_fails_is_named(
+    part: str, point: str, kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    points = f"[bodyschema.{point}\n"
+    folder = install(tmp_path / "bad", points, name="bodyschema-bad", version="0.1", code=FAILS)
+    put_on_path(folder, monkeypatch)
+    sentence = f"the {kind} 'bad' of bodyschema-bad 0.1 failed: LookupError: no such leg"
+    with pytest.raises(EstimatorError, match=sentence):
+        run(tmp_path, **{part: "bad"})
 
 
 def test_all_together_and_a_physics_of_a_second_package(

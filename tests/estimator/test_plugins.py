@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from estimator import cluster
-from estimator.errors import EstimatorError
+from estimator.errors import ClusterError, EstimatorError
 from estimator.plugins import Registry, installed_packages
 from tests.estimator.outside_package import install, put_on_path
 
@@ -34,6 +34,20 @@ def test_what_a_package_brings_is_imported_when_it_is_asked_for(
     NUMBERS.check("broken")  # imports nothing
     with pytest.raises(EstimatorError, match=r"'broken' of circles 2\.0 .*No module named 'no_suc"):
         NUMBERS.load("broken")
+
+
+def test_only_what_others_bring_is_named_when_it_fails(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    points = "[bodyschema.numbers]\ntau = math:tau\n"
+    put_on_path(install(tmp_path, points, name="circles", version="2.0"), monkeypatch)
+    sentence = r"^the number 'tau' of circles 2\.0 failed: KeyError: 'x'$"
+    with pytest.raises(EstimatorError, match=sentence), NUMBERS.named_when_failing("tau"):
+        raise KeyError("x")
+    with pytest.raises(KeyError), NUMBERS.named_when_failing("pi"):
+        raise KeyError("x")  # a fault of ours, whose traceback is wanted
+    with pytest.raises(ClusterError, match=r"^it is lost$"), NUMBERS.named_when_failing("tau"):
+        raise ClusterError("it is lost")
 
 
 def test_a_cluster_must_have_the_packages_that_compute_here(
