@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Final
 
@@ -29,7 +30,8 @@ def next_program(
         jobs: Number of threads that the rule may use, apart from those of ``physics``.
 
     Raises:
-        EstimatorError: The rule fails, or what it gives is no motor program of this robot.
+        EstimatorError: The rule fails, what it gives is no motor program of this robot, its reason
+            is no text, or its bits are no number.
     """
     settings = store.settings
     situation = Situation(
@@ -45,7 +47,7 @@ def next_program(
 
 
 def _checked(chosen: object, rule: str, store: RunStore) -> Choice:
-    """Checks a rule's choice before it is kept or performed; returns it with targets as floats."""
+    """Checks a rule's choice before it is kept or performed; returns it with floats."""
     if not isinstance(chosen, Choice):
         raise EstimatorError(f"the {rule} gave {chosen!r}: it must give a Choice")
     joints, driven = store.capabilities.joints, store.problem.motors.driven
@@ -66,4 +68,15 @@ def _checked(chosen: object, rule: str, store: RunStore) -> Choice:
                 f"joint's must lie in {low:.4f} to {high:.4f}"
                 + ("" if number in driven else ", since the problem does not drive it")
             )
-    return replace(chosen, program=program)
+    reason: object = chosen.reason
+    if not isinstance(reason, str):
+        raise EstimatorError(f"the {rule} gave the reason {reason!r}: it must be text, or empty")
+    try:
+        bits = None if chosen.bits is None else float(chosen.bits)
+    except (TypeError, ValueError):
+        bits = math.nan
+    if bits is not None and not math.isfinite(bits):
+        raise EstimatorError(
+            f"the {rule} gave {chosen.bits!r} bits: it must give a finite number of them, or None"
+        )
+    return replace(chosen, program=program, bits=bits)

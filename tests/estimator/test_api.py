@@ -111,6 +111,7 @@ def test_a_run_with_parts_of_a_program_goes_on_only_with_them(tmp_path: Path) ->
 
 
 GIVEN: object = None
+AT_REST = (0.0,) * 4
 
 
 def careless(situation: Situation) -> Choice:
@@ -126,6 +127,9 @@ def careless(situation: Situation) -> Choice:
         (Choice(program=(0, float("nan"), 0, 0)), "gave nan for joint 'front'"),
         (Choice(program=cast(Program, "abcd")), "gave the program 'abcd': it must hold 4"),
         (None, "gave None: it must give a Choice"),
+        (Choice(program=AT_REST, reason=cast(str, None)), "gave the reason None: it must be text"),
+        (Choice(program=AT_REST, bits=cast(float, "few")), "gave 'few' bits: .* finite number"),
+        (Choice(program=AT_REST, bits=float("nan")), "gave nan bits: .* finite number"),
     ],
 )
 def test_what_no_robot_can_perform_is_refused_before_it_is_kept(
@@ -156,12 +160,17 @@ def test_an_objective_that_gives_no_errors_is_refused(tmp_path: Path) -> None:
         identify(run, asked(uri, tmp_path, objective=OBJECTIVES.add(Nonsense)))
 
 
-def test_a_rule_may_give_an_array(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(f"{__name__}.GIVEN", Choice(program=cast(Program, np.zeros(4))))
+def test_a_rule_may_give_an_array_and_numbers_of_numpy(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given = Choice(program=cast(Program, np.zeros(4)), bits=cast(float, np.float32(1.5)))
+    monkeypatch.setattr(f"{__name__}.GIVEN", given)
     run = tmp_path / "run"
     with serving(ModelRobot()) as uri:
         result = identify(run, asked(uri, tmp_path, explore=RULES.add(careless)))
     assert result.complete
+    with RunStore.open(run, to_write=False) as store:
+        assert [item.bits for item in store.interactions()] == [1.5, 1.5]
 
 
 def test_a_senseless_number_of_jobs_leaves_no_run_behind(tmp_path: Path) -> None:
