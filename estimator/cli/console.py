@@ -57,6 +57,18 @@ def print_json(text: str) -> None:
     )
 
 
+_DATABASE_ADVICE: Final = {
+    sqlite3.SQLITE_BUSY: (
+        "Another process holds it, or its file system has no locks: then choose another disk."
+    ),
+    sqlite3.SQLITE_FULL: "Look whether the disk is full.",
+    sqlite3.SQLITE_IOERR: "Look whether the disk is full.",
+    sqlite3.SQLITE_CANTOPEN: "Look whether its directory can be written.",
+    sqlite3.SQLITE_READONLY: "Look whether its directory can be written.",
+}
+"""What to do, by SQLite's codes for what has nothing to do with what is stored."""
+
+
 @contextmanager
 def errors_as_sentences(run: Path | None) -> Iterator[None]:
     """Turns expected errors into a sentence on standard error and exit code 1.
@@ -71,13 +83,9 @@ def errors_as_sentences(run: Path | None) -> Iterator[None]:
     except RunDirectoryError as error:
         fail(str(error), None)
     except sqlite3.Error as error:
-        busy = getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_BUSY
-        advice = (
-            "Another process holds it, or its file system has no locks: then choose another disk."
-            if busy
-            else "Look whether the disk is full."
-        )
-        fail(f"the run's database cannot be written: {error}. {advice}", run)
+        code = getattr(error, "sqlite_errorcode", 0) & 0xFF  # without its details
+        advice = _DATABASE_ADVICE.get(code, "")
+        fail(f"the run's database cannot be written: {error}. {advice}".rstrip(), run)
     except OSError as error:
         fail(_os_error_in_words(error), run)
     except BodyschemaError as error:

@@ -4,6 +4,8 @@ import io
 import json
 import math
 import shlex
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -12,7 +14,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from estimator.cli.console import Terminal, fail, print_json
+from estimator.cli.console import Terminal, errors_as_sentences, fail, print_json
 from estimator.cli.screen import Screen
 from estimator.readings.observation import Observation
 from protocol.errors import RobotError
@@ -73,6 +75,27 @@ def test_how_to_go_on_can_be_typed_whatever_the_run_is_called(
         fail("interrupted", place)
     _, command = capsys.readouterr().err.split("Go on with: ")
     assert shlex.split(command) == ["estimator", "resume", str(place)]
+
+
+@pytest.mark.parametrize(
+    ("pragma", "text", "advice"),
+    [
+        ("max_page_count = 2", "x" * 100_000, "is full. Look whether the disk is full."),
+        ("query_only = 1", "", "database. Look whether its directory can be written."),
+        ("foreign_keys = 1", None, "NOT NULL constraint failed: only.text."),
+    ],
+)
+def test_the_disk_is_looked_at_only_where_it_may_be_the_cause(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], pragma: str, text: str | None, advice: str
+) -> None:
+    with closing(sqlite3.connect(tmp_path / "run.sqlite")) as database:
+        database.execute("CREATE TABLE only (text TEXT NOT NULL)")
+        database.execute(f"PRAGMA {pragma}")
+        with pytest.raises(typer.Exit), errors_as_sentences(None):
+            database.execute("INSERT INTO only VALUES (?)", (text,))
+    said = capsys.readouterr().err
+    assert said.startswith("estimator: the run's database cannot be written: ")
+    assert said.endswith(f"{advice}\n")
 
 
 NOT_PLANAR = RobotError("not_planar", "It leans.")
