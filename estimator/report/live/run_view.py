@@ -131,7 +131,7 @@ def _progress(store: RunStore, chosen: int, performed: int, finished: bool) -> P
 
 
 _AT_LEAST: Final = 0.5  # s between two readings of the run
-_IDLE: Final = 20  # pause relative to the time that a reading takes: at most 5 % of a core
+_IDLE: Final = 20  # pause relative to the CPU time of a reading: at most 5 % of a core
 _SILENT: Final = 3.0  # s between two looks, without news, whether anybody still writes
 
 
@@ -166,11 +166,11 @@ class RunFollower:
         if is_silent and written_to:
             self._next_reading = now + _SILENT
             return None
+        used_before = time.thread_time()  # which waiting for the writer does not add to
         with RunStore.open(self._directory, to_write=False) as store:
             view = RunView.of(store, written_to=written_to)
         self._last_stamp, self._view = stamp, view
-        reading_time = time.monotonic() - now
-        self._next_reading = now + max(_AT_LEAST, _IDLE * reading_time)
+        self._next_reading = now + max(_AT_LEAST, _IDLE * (time.thread_time() - used_before))
         return view
 
     def _stamp(self) -> tuple[int, int]:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import sqlite3
+import threading
+import time
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -9,9 +12,12 @@ import pytest
 
 from estimator.errors import RunDirectoryError
 from estimator.report.live.run_view import SHOWN, RunFollower, RunState
+from estimator.storage.database import DATABASE
 from estimator.storage.run_config import MethodName
+from estimator.storage.store import RunStore
 from tests.estimator.cli.test_command_line import unwritable
 from tests.estimator.report.live.followed_run import FollowedRun, follow_run
+from tests.estimator.report.made_runs import made_run
 
 
 @pytest.mark.parametrize("method", ["paper", "posterior"])
@@ -64,6 +70,20 @@ def test_a_run_that_nobody_works_on_is_unfinished() -> None:
     assert view is not None
     assert view.state is RunState.INTERRUPTED
     assert view.progress.share == pytest.approx(1 / 6)
+
+
+def test_to_wait_for_the_writer_is_no_work_to_rest_from(tmp_path: Path) -> None:
+    run = made_run(tmp_path / "run", "parametric", "paper", complete=False)
+    RunFollower(run).news()  # with what libraries load late
+    follower, begin = RunFollower(run), time.monotonic()
+    writer = sqlite3.connect(run / DATABASE, check_same_thread=False)
+    writer.execute("BEGIN EXCLUSIVE")
+    threading.Timer(1.0, writer.close).start()
+    assert follower.news() is not None
+    assert time.monotonic() > begin + 1.0
+    RunStore.open(run).close()  # which writes who has it
+    while follower.news() is None:
+        assert time.monotonic() < begin + 15.0
 
 
 def test_a_damaged_run_and_none_are_sentences(tmp_path: Path) -> None:
