@@ -158,6 +158,13 @@ class RunFollower:
         if now < self._next_reading:
             return None
         self._next_reading = now + _AT_LEAST
+        try:
+            return self._news_at(now)
+        except RunDirectoryError:
+            self._last_stamp = self._view = None  # it may come back as it was
+            raise
+
+    def _news_at(self, now: float) -> RunView | None:
         stamp = self._stamp()
         is_silent = stamp == self._last_stamp
         if is_silent and (self._view is None or self._view.state is not RunState.GOES_ON):

@@ -11,6 +11,7 @@ from tempfile import TemporaryDirectory
 import pytest
 
 from estimator.errors import RunDirectoryError
+from estimator.report.live import run_view
 from estimator.report.live.run_view import SHOWN, RunFollower, RunState
 from estimator.storage.database import DATABASE
 from estimator.storage.run_config import MethodName
@@ -84,6 +85,25 @@ def test_to_wait_for_the_writer_is_no_work_to_rest_from(tmp_path: Path) -> None:
     RunStore.open(run).close()  # which writes who has it
     while follower.news() is None:
         assert time.monotonic() < begin + 15.0
+
+
+def test_a_run_that_was_away_for_a_moment_is_shown_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(run_view, "_AT_LEAST", 0.0)
+    monkeypatch.setattr(run_view, "_IDLE", 0)
+    run = made_run(tmp_path / "run", "parametric", "paper")
+    follower = RunFollower(run)
+    before = follower.news()
+    away = run.rename(tmp_path / "away")
+    with pytest.raises(RunDirectoryError, match="holds no run"):
+        follower.news()
+    away.rename(run)
+    after = follower.news()
+    assert before is not None
+    assert after is not None
+    assert after.state is before.state is RunState.FINISHED
+    assert follower.news() is None
 
 
 def test_a_damaged_run_and_none_are_sentences(tmp_path: Path) -> None:
