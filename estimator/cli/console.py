@@ -131,12 +131,13 @@ def exit_if_unexplained(result: Result) -> None:
 
 
 @contextmanager
-def unless_unwritable(directory: Path) -> Iterator[None]:
-    """Leaves the files of a directory as they are where they cannot be written, and says so."""
+def unless_unwritable(directory: Path, advice: str = "") -> Iterator[None]:
+    """Goes on where some file of a directory cannot be written, and says so, with some advice."""
     try:
         yield
     except OSError as error:
         note = (
-            f"Note: {directory} cannot be written ({error.strerror}): its files are as they were."
+            f"Note: {directory} cannot be written ({error.strerror}): files there may be missing "
+            f"or old. {advice}"
         )
-        err.print(note, highlight=False, soft_wrap=True)
+        err.print(note.rstrip(), highlight=False, soft_wrap=True)

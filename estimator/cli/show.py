@@ -18,7 +18,7 @@ from estimator.report.outcome import print_result
 from estimator.report.result import Result
 from estimator.storage.database import is_locked
 from estimator.storage.store import LOCK, RunStore
-from protocol.text import printable
+from protocol.text import command_line, printable
 
 
 def show(
@@ -46,7 +46,8 @@ def show(
         if form is None:
             print_result(out, result, directory, details=details)
         if finished_result is None and not is_worked_on and store.version == version:
-            with unless_unwritable(directory):
+            command = command_line("estimator", "show", directory)
+            with unless_unwritable(directory, f"`{command}` writes them once it can."):
                 _write_files(store, result)
         if form is None:
             print_run_directory(directory)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import resource
+import shlex
 import shutil
 import signal
 import subprocess
@@ -31,6 +33,7 @@ from tests.estimator.model_robot import (
     make_order,
     serving,
 )
+from tests.estimator.report.made_runs import made_run
 
 
 def estimator(*arguments: str | Path) -> Result:
@@ -562,6 +565,24 @@ def test_show_score_report_and_compare_need_no_writable_directory() -> None:
         assert item.exit_code == 0, item.output
         assert "not finished" in item.stdout.lower()
     for item in ended[:2]:
-        assert "cannot be written (Permission denied): its files are as they were" in item.stderr
+        assert "cannot be written (Permission denied): files there may be missing or" in item.stderr
     assert refused.exit_code == 1
     assert "say where the report is to go, with --out FILE" in refused.stderr
+
+
+def test_show_says_that_files_are_missing_and_how_to_get_them(tmp_path: Path) -> None:
+    place = made_run(tmp_path / "my run", "parametric", "paper", complete=False)
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (2000, before[1]))
+    try:
+        ended = estimator("show", place)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert ended.exit_code == 0, ended.output
+    assert (place / "readings.csv").exists()
+    assert not (place / "result.json").exists()
+    assert "(File too large): files there may be missing or old." in ended.stderr
+    _, command, _ = ended.stderr.split("`")
+    assert shlex.split(command) == ["estimator", "show", str(place)]
+    assert not estimator(*shlex.split(command)[1:]).stderr
+    assert (place / "result.json").exists()
