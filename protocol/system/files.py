@@ -5,8 +5,8 @@ from __future__ import annotations
 import errno
 import os
 import secrets
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 _UNSUPPORTED = (errno.EINVAL, errno.ENOTSUP)  # some network file systems cannot sync a folder
@@ -32,8 +32,9 @@ def replace_file(
         owner: User and group of the file; ``None``: those of the process.
 
     Raises:
-        OSError: It cannot be written. Unless only the folder could not be synchronised, the old
-            file, if any, still stands. Whatever else ``write`` raises passes through.
+        OSError: It cannot be written; the error names what. Unless only the folder could not be
+            synchronised, the old file, if any, still stands. Whatever else ``write`` raises passes
+            through.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}{path.suffix}")
@@ -41,12 +42,13 @@ def replace_file(
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL
         handle = os.open(temporary, flags, 0o666 if mode is None else 0o600)
         try:
-            if mode is not None:
-                os.fchmod(handle, mode)
-            if owner is not None:
-                os.fchown(handle, *owner)
-            write(temporary)
-            os.fsync(handle)
+            with _named_in_errors(path):
+                if mode is not None:
+                    os.fchmod(handle, mode)
+                if owner is not None:
+                    os.fchown(handle, *owner)
+                write(temporary)
+                os.fsync(handle)
         finally:
             os.close(handle)
         os.replace(temporary, path)
@@ -67,11 +69,23 @@ def replace_bytes(path: Path, content: bytes) -> None:
     replace_file(path, lambda fresh: fresh.write_bytes(content))
 
 
+@contextmanager
+def _named_in_errors(path: Path) -> Iterator[None]:
+    """Names a file in errors that name none, as those of an open file do."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno is not None and error.filename is None:
+            error.filename = str(path)
+        raise
+
+
 def _sync_folder(folder: Path) -> None:
     """Puts names on disk: a rename could be lost with the power."""
     handle = os.open(folder, os.O_RDONLY)
     try:
-        os.fsync(handle)
+        with _named_in_errors(folder):
+            os.fsync(handle)
     except OSError as error:
         if error.errno not in _UNSUPPORTED:
             raise
