@@ -7,8 +7,9 @@ those that serve, the one is taken whose bodies are farthest from falling elsewh
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from numbers import Integral
 from typing import Final
 
 import numpy as np
@@ -53,13 +54,14 @@ class Goal:
         tilt_left: Tilt left/right, rad; left side up is positive.
         tilt_forward: Tilt forward/back, rad; nose up is positive.
         clearance: Clearance, m.
-        stand_on: Touch sensors that are to meet the ground, all others not.
+        stand_on: Numbers, from 0, of the touch sensors that are to meet the ground, all others not.
         highest: Whether the clearance is to be as large as the rest allows.
         tilt_within: How far off a tilt may be, rad.
         clearance_within: How far off the clearance may be, m.
 
     Raises:
-        EstimatorError: Nothing is wanted, a number is not finite, or the goal contradicts itself.
+        EstimatorError: Nothing is wanted, a number is not finite, ``stand_on`` holds no numbers of
+            sensors, or the goal contradicts itself.
     """
 
     tilt_left: float | None = None
@@ -82,8 +84,8 @@ class Goal:
             raise EstimatorError(
                 "no pose is asked for: give a tilt, a clearance, what to stand on, or the highest"
             )
-        if self.stand_on is not None and not self.stand_on:
-            raise EstimatorError("a robot stands on something: name at least one joint")
+        if self.stand_on is not None:
+            _check_numbers(self.stand_on)
 
     def misses(self, readings: PredictedReadings) -> Array:
         """How many tolerances each reading is off in each thing that is wanted.
@@ -123,6 +125,23 @@ class Goal:
             )
         felt = self.stand_on is None or None not in observation.touch
         return felt and bool(np.all(forgiving.misses(reading) <= 1))
+
+
+def _check_numbers(sensors: object) -> None:
+    if not (isinstance(sensors, Collection) and all(map(_is_number_of_sensor, sensors))):
+        raise EstimatorError(
+            "stand_on of a pose holds numbers of touch sensors, counted from 0, such as "
+            f"frozenset({{0, 3}}), not {sensors!r}"
+        )
+    if len(sensors) == 0:
+        raise EstimatorError(
+            "a robot stands on something: give the number of at least one touch sensor, such as "
+            "frozenset({0})"
+        )
+
+
+def _is_number_of_sensor(value: object) -> bool:
+    return not isinstance(value, bool) and isinstance(value, Integral) and int(value) >= 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -168,7 +187,7 @@ def find_pose(
             while programs are compared.
 
     Raises:
-        EstimatorError: The robot lacks a sensor that the goal names.
+        EstimatorError: The robot lacks a sensor that the goal needs.
     """
     _check(known, goal)
     samples = known.sample(_BODIES, rng)
@@ -212,6 +231,15 @@ def _check(known: FittedPosterior, goal: Goal) -> None:
                 f"robot {known.capabilities.robot!r} does not sense {modality}, so nobody could "
                 "say whether it stands so"
             )
+    touch = known.capabilities.sensor("touch")
+    if touch is None or goal.stand_on is None:
+        return
+    lacking = [str(sensor) for sensor in sorted(goal.stand_on) if sensor >= touch.count]
+    if lacking:
+        raise EstimatorError(
+            f"robot {known.capabilities.robot!r} has {touch.count} touch sensors, numbered from 0 "
+            f"to {touch.count - 1}: stand_on of a pose cannot be {', '.join(lacking)}"
+        )
 
 
 def attainable(known: FittedPosterior, programs: Array) -> Array:

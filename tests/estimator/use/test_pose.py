@@ -96,7 +96,12 @@ def test_the_highest_pose_is_higher_than_others() -> None:
     [
         ({}, "no pose is asked for"),
         ({"highest": True, "clearance": 0.1}, "give one"),
-        ({"stand_on": frozenset()}, "stands on something"),
+        ({"stand_on": frozenset()}, "stands on something: give .* at least one touch sensor"),
+        ({"stand_on": {"hip_left"}}, r"numbers of touch sensors.*\(\{0, 3\}\), not .*hip_left"),
+        ({"stand_on": "front"}, "numbers of touch sensors.*, not 'front'"),
+        ({"stand_on": (True, False, False, False)}, r"numbers of touch sensors.*, not \(True, "),
+        ({"stand_on": {-1}}, r"numbers of touch sensors.*, not \{-1\}"),
+        ({"stand_on": 3}, "numbers of touch sensors.*, not 3"),
         ({"tilt_forward": math.nan}, "tilt_forward of a pose is a finite number, not nan"),
         ({"tilt_left": -math.inf, "highest": True}, "tilt_left of a pose .* not -inf"),
         ({"clearance": math.inf}, "clearance of a pose is a finite number, not inf"),
@@ -105,6 +110,13 @@ def test_the_highest_pose_is_higher_than_others() -> None:
 def test_goals_that_are_none(wanted: dict[str, object], complaint: str) -> None:
     with pytest.raises(EstimatorError, match=complaint):
         Goal(**wanted)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("feet", "lacking"), [({9}, "9"), ({0, 4, 9}, "4, 9")])
+def test_a_robot_stands_on_no_sensor_that_it_lacks(feet: set[int], lacking: str) -> None:
+    complaint = f"has 4 touch sensors, numbered from 0 to 3: stand_on of a pose cannot be {lacking}"
+    with pytest.raises(EstimatorError, match=complaint):
+        find_pose(sampled(4), Goal(stand_on=frozenset(feet)), np.random.default_rng(7))
 
 
 def test_a_reading_that_was_not_taken_does_not_meet_a_goal() -> None:
