@@ -3,13 +3,15 @@
 ``robot`` is also the name of Robot Framework's package: pip writes both into one folder, and which
 of them was installed last has its files there. So each command first looks whose the packages are
 that it needs, without importing any, and says so in a sentence where they are not ours.
+
+Ctrl-C ends a command in a sentence from here on. Before, while Python starts and imports this
+module, it still ends in Python's traceback; with ``python -m``, until the first packages are there.
 """
 
 from __future__ import annotations
 
 import importlib
 import sys
-from importlib import metadata
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -32,16 +34,18 @@ def estimator() -> int:
 
 
 def _run(command: str, extra: str, package: str, *needed: str) -> int:
-    for name in needed:
-        if problem := _not_ours(name):
-            print(f"{command}: {problem}", file=sys.stderr)
-            return 1
     try:
-        main = importlib.import_module(f"{package}.__main__").main
+        for name in needed:
+            if problem := _not_ours(name):
+                print(f"{command}: {problem}", file=sys.stderr)
+                return 1
+        return int(importlib.import_module(f"{package}.__main__").main() or 0)
     except ModuleNotFoundError as error:  # what the package needs before anything else
         lacking = importlib.import_module("protocol.system.missing_library").lacking
         return int(lacking(command, extra, error))
-    return int(main() or 0)
+    except KeyboardInterrupt:
+        print(f"{command}: interrupted", file=sys.stderr)
+        return 1
 
 
 def _not_ours(package: str) -> str | None:
@@ -59,6 +63,7 @@ def _not_ours(package: str) -> str | None:
 
 
 def _owner(package: str) -> str:
+    metadata = importlib.import_module("importlib.metadata")  # only here, as it takes long
     for one in metadata.distributions():
         if one.name != "bodyschema" and any(
             file.as_posix() == f"{package}/__init__.py" for file in one.files or ()

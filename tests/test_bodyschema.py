@@ -73,6 +73,22 @@ def test_a_package_of_the_same_name_is_said_to_be_there(
     assert ended.stderr.count("\n") == 1
 
 
+@pytest.mark.parametrize(
+    ("command", "package"),
+    [("robotd", "robot"), ("sim-robotd", "sim_robot"), ("estimator", "estimator")],
+)
+def test_an_interrupt_while_the_first_packages_are_imported_ends_in_a_sentence(
+    tmp_path: Path, command: str, package: str
+) -> None:
+    (tmp_path / package).mkdir()
+    (tmp_path / package / "__init__.py").write_text(
+        "# passes for a package of bodyschema\nimport signal\nsignal.raise_signal(signal.SIGINT)\n"
+    )
+    ended = run(command, tmp_path)
+    assert (ended.returncode, ended.stdout) == (1, "")
+    assert ended.stderr == f"{command}: interrupted\n"
+
+
 def test_the_estimator_does_not_need_the_robots_package(tmp_path: Path) -> None:
     install_stranger(tmp_path, "robot")
     assert run("estimator", tmp_path).returncode == 0
