@@ -192,14 +192,14 @@ def _intervals(result: Result) -> list[tuple[str, str]]:
 
 def next_steps(result: Result, directory: Path | None) -> list[str]:
     """What to do now, line by line."""
-    judged = result.judged
+    judged, checks = result.judged, list[str]()
     if judged is not None and not judged.explained:
-        checks = [f"  {place}. {check}" for place, check in enumerate(WHAT_TO_CHECK, 1)]
-        return ["Check, the likeliest first:", *checks]
-    if directory is None or not result.legs:
-        return []
-    if not result.complete:
-        return ["Next:", *_commands([(("resume", directory), "goes on")])]
+        checks.append("Check, the likeliest first:")
+        checks += [f"  {place}. {check}" for place, check in enumerate(WHAT_TO_CHECK, 1)]
+    if directory is not None and not result.complete:
+        return [*checks, "Next:", *_commands([(("resume", directory), "goes on")])]
+    if checks or directory is None or not result.legs:
+        return checks
     robot, posterior = result.robot_uri, result.posterior
     lines: list[str] = ["Next:"]
     movements: list[_Step] = []

@@ -153,6 +153,23 @@ def test_what_is_advised_can_be_typed_whatever_the_names_are(tmp_path: Path) -> 
     assert validated[0] == ["estimator", "validate", "my run", "--robot", ROBOT]
 
 
+def test_every_run_that_is_not_finished_says_how_to_go_on(tmp_path: Path) -> None:
+    with make_posterior_run(tmp_path / "doubted", [TRUE_LENGTHS] * 3, misspecified=0.9) as run:
+        doubted = summarise(run)
+    with make_run(tmp_path / "begun", (0.17, 0.15, 0.18, 0.16)) as run:
+        run._database.execute("DELETE FROM checkpoint")
+        run._database.execute("DELETE FROM generations")
+        begun = summarise(run)
+    assert begun.legs == ()
+    first, *others = next_steps(doubted, Path("run"))
+    assert first == "Check, the likeliest first:"
+    resume = ["Next:", "  estimator resume run    goes on"]
+    assert others[-2:] == next_steps(begun, Path("run")) == resume
+    ended = doubted.model_copy(update={"complete": True})
+    assert next_steps(ended, Path("run")) == [first, *others[:-2]]
+    assert next_steps(begun, None) == []
+
+
 def words(result: Result, directory: Path) -> list[list[str]]:
     """Words of the commands that are proposed next, as a shell takes them."""
     return [
