@@ -162,7 +162,7 @@ class Cluster(Executor):
         except Exception as error:  # whatever comes of bytes that are not Dask's
             raise ClusterError(
                 f"No Dask scheduler answers at {self._address}: start one there with "
-                "`dask scheduler`."
+                f"`dask scheduler --host {self._address}`."
             ) from error
         if server != "Scheduler":
             raise ClusterError(

@@ -201,6 +201,20 @@ def test_no_scheduler_is_a_sentence_within_seconds(tmp_path: Path) -> None:
     assert not (tmp_path / "run").exists()
 
 
+def test_a_scheduler_that_is_started_as_advised_is_found(tmp_path: Path) -> None:
+    address = free_address()
+    with pytest.raises(ClusterError) as refused:
+        Cluster(address)
+    (arguments,) = re.findall(r"`dask (.+)`", str(refused.value))
+    scheduler = Process(tmp_path, *arguments.split(), "--no-dashboard")
+    try:
+        scheduler.wait_for("Scheduler at")
+        with pytest.raises(ClusterError, match=f"The Dask scheduler at {address} has no worker"):
+            Cluster(address)
+    finally:
+        scheduler.kill()
+
+
 def test_dask_may_be_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(ClusterError, match=re.escape(install_command("cluster"))):
