@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Final, TypeAlias
 
@@ -154,16 +155,14 @@ def _body(result: Result) -> Iterator[Table]:
 
 def _parts(result: Result, model: ModelResult, legs: dict[str, LegResult]) -> Table:
     has_posterior = result.posterior is not None
-    columns = ["part", "sits on", "mount", "hinge"]
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for column in (*columns, *(["sure"] if has_posterior else [])):
-        table.add_column(column)
+    sure = ["sure"] if has_posterior else []
+    table = plain_table("part", "sits on", "mount", "hinge", *sure, justify="left")
     intervals = dict(zip(legs, _intervals(result), strict=True)) if legs else {}
-    table.add_column("length (mm)" if legs else "best body (mm)", justify="right")
+    add_numbers = partial(table.add_column, justify="right", no_wrap=True)
+    add_numbers("length (mm)" if legs else "best body (mm)")
     if legs:
-        heading = "90 % interval" if has_posterior else "in the population"
-        table.add_column(heading, justify="right")
-        table.add_column("touched")
+        add_numbers("90 % interval" if has_posterior else "in the population")
+        table.add_column("touched", overflow="fold")
     for part in model.parts:
         row = [part.name, part.parent, part.mount, part.hinge if part.joint else "–"]
         if has_posterior:

@@ -19,10 +19,10 @@ from estimator.storage.posteriors import Interval
 
 
 def plain_table(*columns: str, justify: JustifyMethod = "right") -> Table:
-    """A table without lines, with bold headings; the first column is flush left."""
+    """A table without lines; headings are bold, long words fold, the first column is flush left."""
     table = Table(box=None, pad_edge=False, header_style="bold")
     for index, column in enumerate(columns):
-        table.add_column(column, justify="left" if index == 0 else justify)
+        table.add_column(column, justify="left" if index == 0 else justify, overflow="fold")
     return table
 
 

@@ -53,6 +53,22 @@ def test_runs_stand_side_by_side_as_table_and_picture(
     assert drawn == pytest.approx(medians)  # the plot's numbers are the table's
 
 
+def test_in_80_columns_names_fold_and_nothing_is_cut(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    joints = tuple(f"{place}_of_the_middle" for place in ("left", "front", "right", "back"))
+    run = made_run(
+        tmp_path / "one", "parametric", "posterior", capabilities=capabilities_with(joints)
+    )
+    ended = compare(*[run] * 4, "--out", tmp_path / "c.png")
+    assert ended.exit_code == 0, ended.output
+    _, _, lengths = ended.stdout.partition("length (mm)")
+    assert "…" not in ended.stdout
+    for joint in joints:
+        assert joint in "".join(line.split()[0] for line in lengths.splitlines() if line[:1] != " ")
+
+
 def test_a_leg_has_one_colour_on_all_bodies_and_in_the_plot(tmp_path: Path) -> None:
     others = tuple(f"other_{number}" for number in range(8))
     first, second = (

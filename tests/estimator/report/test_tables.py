@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import io
+import re
 from dataclasses import replace
 from io import StringIO
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -24,10 +26,12 @@ from estimator.storage.posteriors import (
     PredictedInteraction,
     StoredMode,
 )
+from estimator.storage.store import RunStore
 from tests.estimator import posterior_run
 from tests.estimator.evaluation.test_score import make_run
 from tests.estimator.model_robot import PROBLEM, TRUE_LENGTHS, make_capabilities
 from tests.estimator.posterior_run import make_posterior_run
+from tests.estimator.report.made_runs import capabilities_with, made_run
 
 UP = 2.5 / 6
 
@@ -352,3 +356,22 @@ def test_a_validation_begins_with_a_verdict(right: int, said: str) -> None:
     first, *_ = text.getvalue().splitlines()
     assert first.startswith("This body ")
     assert said in first
+
+
+@pytest.mark.parametrize("method", ["paper", "posterior"])
+def test_in_80_columns_all_numbers_are_whole(
+    tmp_path: Path, method: Literal["paper", "posterior"]
+) -> None:
+    joints = tuple(f"{kind}_{place}" for place in range(6) for kind in ("swing", "lift"))
+    place = made_run(tmp_path / "run", "hexapod-12", method, capabilities=capabilities_with(joints))
+    with RunStore.open(place, to_write=False) as run:
+        result = summarise(run)
+    texts = []
+    for width in (80, 200):
+        text = io.StringIO()
+        print_result(Console(file=text, width=width), result, details=True)
+        texts.append(text.getvalue())
+    narrow, wide = texts
+    assert "…" not in narrow
+    numbers = re.compile(r"[\d.]+(?:–[\d.]+)?")
+    assert sorted(numbers.findall(narrow)) == sorted(numbers.findall(wide))
