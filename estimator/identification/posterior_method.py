@@ -23,7 +23,6 @@ from estimator.physics.backends import (
     physics_class,
 )
 from estimator.physics.base import ArrayPhysics, WorldSettings
-from estimator.physics.equivalence import PROGRAMS
 from estimator.posterior.checks.simulator import (
     fine,
     outliers_left,
@@ -31,16 +30,12 @@ from estimator.posterior.checks.simulator import (
     recheck,
 )
 from estimator.posterior.fitted import FittedPosterior
-from estimator.posterior.indistinguishable import (
-    Indistinguishable,
-    indistinguishable_points,
-    probability_of,
-)
+from estimator.posterior.indistinguishable import in_run, probability_of
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.posterior import Posterior
 from estimator.posterior.sampling.sampler import Effort, Sampler
 from estimator.posterior.summary import load_posterior, summarise
-from estimator.randomness import Stream, generator, seeds
+from estimator.randomness import Stream, seeds
 from estimator.readings.observation import Observation
 from estimator.storage.posteriors import RIVAL, SURE, NextMovement, StoredPosterior
 from estimator.storage.records import Counters
@@ -117,13 +112,7 @@ class PosteriorMethod:
         self._counters = stored[-1][1] if stored else Counters()
         self._started = time.monotonic()
         self._posterior = self._sampler.prior()
-        rng = generator(settings.seed, Stream.EQUIVALENCE)
-        self._movements = np.array(
-            [store.problem.random_program(rng, store.capabilities) for _ in range(PROGRAMS)]
-        )
-        self._indistinguishable: Indistinguishable = partial(
-            indistinguishable_points, self._predictor, self._movements, settings.modalities
-        )
+        self._indistinguishable = in_run(store, self._predictor)
         checkpoint = store.checkpoint()
         if checkpoint is not None:
             self._sampler.restore(checkpoint.state)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -54,16 +54,7 @@ def summarise(
         before: The posterior before the last interaction, by which that one's information is
             measured.
     """
-    modes, unknowns = posterior.modes[:_STORED_MODES], predictor.unknowns
-    compared = modes if posterior.adequate_fit else modes[:_COMPARED_MODES]
-    shares = np.zeros(len(modes))
-    shares[: len(compared)] = indistinguishable_shares(
-        compared, posterior, predictor, indistinguishable
-    )
-    chances, found = np.array([mode.probability for mode in modes]), [mode.found for mode in modes]
-    coverage = coverage_of_classes(chances, np.array(found), shares)
-    class_ess = ess_of_class(chances, np.array([mode.ess for mode in modes]), shares)
-    gained = None
+    unknowns, gained = predictor.unknowns, None
     if before is not None:
         gained = information_gained(before, posterior, predictor, likelihood)
     return StoredPosterior(
@@ -74,6 +65,46 @@ def summarise(
         },
         scales=tuple(map(tuple, posterior.scales.tolist())),
         weights=tuple(posterior.weights.tolist()),
+        **attachments_stated(posterior, predictor, indistinguishable)._asdict(),
+        causes=_causes(posterior, unknowns),
+        as_stated_m=_as_stated(posterior, unknowns),
+        too_early=len(likelihood) < unknowns.telling,
+        information_gain_bits=gained,
+        predicted=_predicted(posterior, predictor, likelihood),
+        **dict(judge(posterior, predictor, likelihood)),
+    )
+
+
+class AttachmentsStated(NamedTuple):
+    """What a summary states of attachments; see ``StoredPosterior``."""
+
+    best: tuple[float, ...]
+    modes: tuple[StoredMode, ...]
+    probability_within_problem: float | None
+    coverage: float
+    low_ess: bool
+
+
+def attachments_stated(
+    posterior: Posterior, predictor: Predictor, indistinguishable: Indistinguishable
+) -> AttachmentsStated:
+    """The best body, its rivals, and how probable its attachments are.
+
+    Args:
+        posterior: The posterior after some interactions.
+        predictor: Computes readings.
+        indistinguishable: Tests whether bodies are indistinguishable.
+    """
+    modes, unknowns = posterior.modes[:_STORED_MODES], predictor.unknowns
+    compared = modes if posterior.adequate_fit else modes[:_COMPARED_MODES]
+    shares = np.zeros(len(modes))
+    shares[: len(compared)] = indistinguishable_shares(
+        compared, posterior, predictor, indistinguishable
+    )
+    chances, found = np.array([mode.probability for mode in modes]), [mode.found for mode in modes]
+    coverage = coverage_of_classes(chances, np.array(found), shares)
+    class_ess = ess_of_class(chances, np.array([mode.ess for mode in modes]), shares)
+    return AttachmentsStated(
         best=tuple(unknowns.cube(_middle_body(posterior, predictor)[None])[0].tolist()),
         modes=tuple(
             StoredMode(
@@ -93,13 +124,7 @@ def summarise(
             min(float(chances @ shares), coverage) if posterior.adequate_fit else None
         ),
         coverage=coverage,
-        causes=_causes(posterior, unknowns),
-        as_stated_m=_as_stated(posterior, unknowns),
-        low_ess=bool(predictor.unknowns.choices.size) and class_ess < _LOW_ESS,
-        too_early=len(likelihood) < unknowns.telling,
-        information_gain_bits=gained,
-        predicted=_predicted(posterior, predictor, likelihood),
-        **dict(judge(posterior, predictor, likelihood)),
+        low_ess=bool(unknowns.choices.size) and class_ess < _LOW_ESS,
     )
 
 

@@ -1,15 +1,27 @@
-"""Writes a diagnosis as a run directory, readable as any other: the body as it is by now."""
+"""Writes a diagnosis as a run directory, readable as any other: the body as it is by now.
+
+Attachments are stated by the bodies that the diagnosis leaves of the identification's, and never as
+surer than the searches of the identification vouch for.
+"""
 
 from __future__ import annotations
 
 import uuid
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
+from estimator.body.morphology import Array
 from estimator.errors import EstimatorError
+from estimator.posterior.fitted import FittedPosterior
+from estimator.posterior.indistinguishable import Indistinguishable, in_run
 from estimator.posterior.model.sensor_data import COLUMNS, DENSITIES
+from estimator.posterior.posterior import Mode, Posterior
+from estimator.posterior.summary import AttachmentsStated, attachments_stated
 from estimator.readings.observation import Observation
 from estimator.storage.posteriors import (
     PredictedInteraction,
@@ -52,13 +64,15 @@ def write_run(
         update={"robot": robot, "interactions": max(1, len(observations)), "sure": None}
     )
     posteriors = []
+    identified = replace(weigher.known, changes=())
+    attached = partial(_attached, identified, in_run(store, identified.predictor))
     for count in range(1, len(observations) + 1):
         seen = observations[:count]
         is_last = count == len(observations)
         weighed = diagnosis.weighed if is_last else weigher.weigh(seen)
         particles = diagnosis.causes[0] if is_last else weighed.particles[0]
         share = diagnosis.probability if is_last else float(weighed.probabilities[0])
-        posteriors.append(_stored(weigher, particles, share, seen))
+        posteriors.append(_stored(weigher, particles, share, seen, attached))
 
     def fill(new: RunStore) -> None:
         for number, (observation, reason, posterior) in enumerate(
@@ -72,8 +86,52 @@ def write_run(
     RunStore.create(directory, settings, store.capabilities, client_id, fill=fill).close()
 
 
+def _attached(
+    identified: FittedPosterior, indistinguishable: Indistinguishable, drawn: Particles
+) -> AttachmentsStated:
+    """What bodies that were drawn say of attachments; lengths are as they were identified."""
+    old, summary = identified.posterior, identified.summary
+    assert summary is not None
+    total: Array = np.bincount(drawn.rows, drawn.weights, minlength=len(identified)).astype(float)
+    left = np.flatnonzero(total)
+    values, weights = old.values[left], total[left]
+    keys = identified.unknowns.keys(values)
+    former, modes = {mode.attachments: mode for mode in old.modes}, []
+    for key in dict.fromkeys(keys):
+        own = np.flatnonzero([one == key for one in keys])
+        ess = float(weights[own].sum() ** 2 / np.sum(weights[own] ** 2))
+        known = former.get(key)
+        modes.append(
+            Mode(
+                attachments=key,
+                probability=min(1.0, float(weights[own].sum())),
+                point=values[own[np.argmax(weights[own])]],
+                ess=ess if known is None else min(ess, known.ess),
+                found=(False,) * len(old.modes[0].found) if known is None else known.found,
+            )
+        )
+    posterior = Posterior(
+        values=values,
+        scales=old.scales[left],
+        weights=weights,
+        modes=tuple(sorted(modes, key=lambda mode: -mode.probability)),
+        adequate_fit=old.adequate_fit,
+    )
+    stated = attachments_stated(posterior, identified.predictor, indistinguishable)
+    within, coverage = stated.probability_within_problem, min(stated.coverage, summary.coverage)
+    return stated._replace(
+        probability_within_problem=None if within is None else min(within, coverage),
+        coverage=coverage,
+        low_ess=stated.low_ess or summary.low_ess,
+    )
+
+
 def _stored(
-    weigher: Weigher, one: Particles, probability: float, seen: tuple[Observation, ...]
+    weigher: Weigher,
+    one: Particles,
+    probability: float,
+    seen: tuple[Observation, ...],
+    attached: Callable[[Particles], AttachmentsStated],
 ) -> StoredPosterior:
     """A cause's bodies as the posterior after some movements."""
     known, old = weigher.known, weigher.known.summary
@@ -96,6 +154,7 @@ def _stored(
     return StoredPosterior(
         **{
             **{name: getattr(old, name) for name in StoredPosterior.model_fields},
+            **attached(drawn)._asdict(),
             "genes": tuple(map(tuple, known.samples[drawn.rows].tolist())),
             "amounts": {
                 name: tuple(np.array(column)[drawn.rows].tolist())

@@ -27,6 +27,7 @@ def make_posterior_run(
     next_movement: NextMovement | None = None,
     causes: Sequence[Cause] = (),
     misspecified: float = 0.0,
+    hinges: Sequence[float] | None = None,
 ) -> RunStore:
     """A run whose best body is the first of some, the others being its samples.
 
@@ -41,6 +42,7 @@ def make_posterior_run(
         next_movement: The most informative one.
         causes: What may make the robot otherwise than stated.
         misspecified: Probability that the problem does not describe the robot.
+        hinges: Genes of the back legs' hinges of the samples, where they differ from ``hinge``.
     """
     text = PROBLEM.replace("radius = 0.006", f"radius = {radius}", 1)
     if mount is not None:
@@ -48,12 +50,14 @@ def make_posterior_run(
     if hinge is not None:
         text = 'hinge = "unknown"'.join(text.rsplit('hinge = "up"', 1))
     choices = [gene for gene in (mount, hinge) if gene is not None]
+    differing = [hinge, *hinges] if hinges is not None else [hinge] * len(lengths)
     with make_run(folder, TRUE_LENGTHS, text, tuple(choices)) as model:
         settings = model.settings.model_copy(update={"method": "posterior", "physics": "statics"})
     bodies = []
-    for row in lengths:
+    for row, own_hinge in zip(lengths, differing, strict=True):
         genes = ((np.array(row) - 0.05) / 0.2).tolist()
-        bodies.append((*genes[:-1], *choices, genes[-1]))
+        chosen = [gene for gene in (mount, own_hinge) if gene is not None]
+        bodies.append((*genes[:-1], *chosen, genes[-1]))
     best, *samples = bodies
     first = StoredMode(
         probability=0.75, ess=50.0, genes=best, indistinguishable=True, found=(True, True)

@@ -22,7 +22,7 @@ from estimator.exploration import best_programs
 from estimator.posterior.model.likelihood import FORKS, GRAVITY_TILTS, apart
 from estimator.readings.observation import Observation, Program
 from estimator.storage.database import holds_run
-from estimator.storage.posteriors import StoredPosterior
+from estimator.storage.posteriors import StoredMode, StoredPosterior
 from estimator.storage.records import Counters
 from estimator.storage.store import RunStore
 from estimator.use import competitor, movements, surprise
@@ -271,6 +271,43 @@ def test_a_cut_leg_is_noticed_named_and_stood_on(run: Path, tmp_path: Path) -> N
     assert 1000 * front.leg_lengths[:, 1].mean() == pytest.approx(90, abs=3)
     (own_tilt,) = front.unknowns.amounts(front.points).values()
     assert np.allclose(own_tilt, ASKEW)
+
+
+ROLL_LEFT, UP = (np.array([4, 2]) + 0.5) / 6
+
+
+@pytest.mark.parametrize("found_by_both", [True, False])
+def test_a_diagnosed_run_states_the_body_that_its_movements_leave(
+    tmp_path: Path, found_by_both: bool
+) -> None:
+    """And it is no surer than the searches of the identification vouch for."""
+    rng, back = np.random.default_rng(1), 3
+    lengths = [TRUE_LENGTHS, *map(tuple, rng.normal(TRUE_LENGTHS, SPREAD, (60, 4)).tolist())]
+    genes = [*TRUTH[:back].tolist(), UP, TRUTH[back]]
+    rival = StoredMode(
+        probability=0.25,
+        ess=50.0,
+        genes=tuple(genes),
+        indistinguishable=False,
+        found=(True, found_by_both),
+    )
+    hinges = [ROLL_LEFT] * 40 + [UP] * 20
+    with make_posterior_run(
+        tmp_path, lengths, hinge=ROLL_LEFT, hinges=hinges, rivals=[rival], askew=ASKEW
+    ) as store:
+        run, now = store.directory, tmp_path / "now"
+    assert load(run).attachments[0].value == "roll_left"
+    with serving(ModelRobot(askew=ASKEW)) as uri:
+        ended = estimator("diagnose", run, "--robot", uri, "--yes", "--out", now)
+    assert ended.exit_code == 0, ended.output
+    known = load(now)
+    (hinge,) = known.attachments
+    assert (hinge.value, hinge.probability) == ("up", 1.0)
+    assert known.summary is not None
+    assert [mode.probability for mode in known.summary.modes] == [1.0]
+    assert (known.probability is not None) == found_by_both
+    if known.probability is not None:
+        assert known.probability > 0.95
 
 
 def test_a_population_is_not_diagnosed_and_nothing_moves(tmp_path: Path) -> None:
