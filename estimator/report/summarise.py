@@ -55,7 +55,9 @@ def summarise(store: RunStore) -> Result:
     legs = _legs(bodies, observations, capabilities, converges=not posteriors)
     posterior = None if fitted is None or not posteriors else posterior_report(store, fitted)
     error = errors[0][0] if errors else None
-    warnings = (*_contradictions(problem, capabilities), *_warnings(legs, observations))
+    is_diagnosed = bool(posteriors) and posteriors[-1][0].diagnosed
+    learnt = () if is_diagnosed else legs  # of a diagnosis, lengths come from other movements
+    warnings = (*_contradictions(problem, capabilities), *_warnings(learnt, observations))
     if bodies and error is None and posterior is None:
         warnings = (
             "No model could be simulated, so nothing here says anything about the robot.",

@@ -82,6 +82,20 @@ def test_a_leg_that_never_touched_is_warned_about(tmp_path: Path) -> None:
     assert warning.startswith("The leg at right never touched the ground")
 
 
+@pytest.mark.parametrize("diagnosed", [False, True])
+def test_a_leg_need_not_touch_in_a_diagnosis_for_its_length_to_be_known(
+    tmp_path: Path, diagnosed: bool
+) -> None:
+    with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3) as run:
+        ((stored, counters),) = run.posteriors()
+        run.plan(1, (0.0,) * 4)
+        run.observe(1, Observation(angles=(0.0,) * 4, touch=(True, True, False, True)))
+        summary = stored.model_copy(update={"diagnosed": diagnosed})
+        run.save_posterior(1, summary, counters, None)
+        warnings = " ".join(summarise(run).warnings)
+    assert ("The leg at right never touched the ground" in warnings) == (not diagnosed)
+
+
 def test_a_radius_other_than_the_robots_is_warned_about(tmp_path: Path) -> None:
     thick = PROBLEM.replace("radius = 0.006", "radius = 0.009", 1)
     store = make_run(tmp_path, (0.17, 0.15, 0.18, 0.16), thick)
