@@ -39,6 +39,7 @@ IN_BULLET = shipped_bodies() if os.environ.get("ALL_BODIES") else ("plate", "hex
 SECONDS = 20.0
 SETTLING = 3.0  # until all joints are at their targets and the body lies
 STILL = 1e-3  # m
+ALIKE = 5e-4  # m by which heights in both engines may differ
 
 
 def exported(name: str) -> Description:
@@ -59,15 +60,21 @@ def poses(body: Description) -> Iterator[dict[str, float]]:
     yield dict(zip(servos, np.random.default_rng(4).uniform(-0.5, 0.5, len(servos)), strict=True))
 
 
+def settled(model: mujoco.MjModel, pose: dict[str, float]) -> mujoco.MjData:
+    """A body in MuJoCo that has taken a pose."""
+    data = mujoco.MjData(model)
+    for servo, angle in pose.items():
+        data.ctrl[model.actuator(servo).id] = angle
+    mujoco.mj_step(model, data, int(SETTLING / model.opt.timestep))
+    return data
+
+
 @pytest.mark.parametrize("name", shipped_bodies())
 def test_in_mujoco_it_stands_still(name: str) -> None:
     body = exported(name)
     model = mujoco.MjModel.from_xml_string(mjcf(body))
     for pose in poses(body):
-        data = mujoco.MjData(model)
-        for servo, angle in pose.items():
-            data.ctrl[model.actuator(servo).id] = angle
-        mujoco.mj_step(model, data, int(SETTLING / model.opt.timestep))
+        data = settled(model, pose)
         start, farthest = data.qpos[:3].copy(), 0.0
         for servo, angle in pose.items():
             assert data.joint(servo).qpos[0] == pytest.approx(angle, abs=0.012)
@@ -90,12 +97,12 @@ for _ in range(int({SECONDS} * 240)):
     farthest = max(farthest, sum((a - b) ** 2 for a, b in zip(now, start)) ** 0.5)
 servos = {{p.getJointInfo(robot, j)[1].decode(): j for j in range(p.getNumJoints(robot))}}
 misses = [abs(p.getJointState(robot, servos[name])[0] - angle) for name, angle in pose.items()]
-print(json.dumps([farthest, max(misses)]))
+print(json.dumps([farthest, max(misses), now[2]]))
 """
 
 
 @pytest.mark.parametrize("name", IN_BULLET)
-def test_in_pybullet_it_stands_still(name: str, tmp_path: Path) -> None:
+def test_in_pybullet_it_stands_still_and_as_high_as_in_mujoco(name: str, tmp_path: Path) -> None:
     body = exported(name)
     (tmp_path / "found.urdf").write_text(urdf(body), encoding="utf-8")
     (tmp_path / "trial.py").write_text(IN_PYBULLET + TRIAL, encoding="utf-8")
@@ -109,9 +116,11 @@ def test_in_pybullet_it_stands_still(name: str, tmp_path: Path) -> None:
             timeout=120,
         )
         assert ended.returncode == 0, ended.stderr
-        farthest, miss = json.loads(ended.stdout.splitlines()[-1])
+        farthest, miss, height = json.loads(ended.stdout.splitlines()[-1])
         assert farthest < STILL
         assert miss < math.radians(0.3)
+        in_mujoco = settled(mujoco.MjModel.from_xml_string(mjcf(body)), pose)
+        assert height == pytest.approx(in_mujoco.qpos[2], abs=ALIKE)
 
 
 def test_the_hexapod_walks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
