@@ -135,6 +135,12 @@ def pose(
         )
         if found_pose.margin < SAFE:
             out.print("Note: a trifle decides to which side it falls on the way.", soft_wrap=True)
+        if highest and found_pose.clearance >= known.clearance_cap:
+            out.print(
+                f"Note: the distance sensor ends at {1000 * known.clearance_cap:.4g} mm, so other "
+                "poses may be higher.",
+                soft_wrap=True,
+            )
         if dry_run:
             _print_readings(known, goal, found_pose, None)
             return
@@ -351,7 +357,7 @@ def _print_readings(
         cells = [_cell(value, math.degrees(1.0), "°") for value in (target, predicted, measured)]
         table.add_row(name, *cells)
     heights = (goal.clearance, found.clearance, None if observed is None else observed.clearance)
-    cells = [_cell(value, 1000.0, " mm") for value in heights]
+    cells = [_cell(value, 1000.0, " mm", most=known.clearance_cap) for value in heights]
     table.add_row("clearance", "highest" if goal.highest else cells[0], *cells[1:])
     count = len(found.touch)
     wanted = None if goal.stand_on is None else [sensor in goal.stand_on for sensor in range(count)]
@@ -365,8 +371,11 @@ def _print_readings(
     out.print(table)
 
 
-def _cell(value: float | None, factor: float, unit: str) -> str:
-    return "" if value is None else f"{factor * value:.1f}{unit}"
+def _cell(value: float | None, factor: float, unit: str, most: float = math.inf) -> str:
+    """A reading; one that is ``most`` stands for all that are higher."""
+    if value is None:
+        return ""
+    return f"{'at least ' if value >= most else ''}{factor * value:.1f}{unit}"
 
 
 def _legs(known: FittedPosterior, bits: Sequence[bool | None]) -> str:

@@ -326,9 +326,10 @@ class Clearance(Quantity):
     _OUTLIER: ClassVar[float] = 5.0  # times the noise, which is a root mean square; not tuned
 
     def say(self, observation: Observation) -> str:
-        """In millimetres: ``12 mm clear``."""
+        """In millimetres: ``12 mm clear``, or ``at least 200 mm clear`` where the sensor ends."""
         height = observation.clearance
-        return f"{'?' if height is None else f'{height * 1000:.0f} mm'} clear"
+        least = "at least " if observation.clearance_saturated else ""
+        return f"{'?' if height is None else f'{least}{height * 1000:.0f} mm'} clear"
 
     def wrong_sensor(self, sensor: Sensor) -> str | None:
         """A range of micrometres or kilometres."""

@@ -24,6 +24,7 @@ from estimator.identification.method import Listener
 from estimator.identification.robot_link import RobotLink
 from estimator.posterior.fitted import FittedPosterior
 from estimator.posterior.model.noise import Noise
+from estimator.readings.modalities import ROUNDING
 from estimator.readings.observation import Observation, PredictedReadings, Program
 from estimator.storage.records import InteractionRecord
 
@@ -154,7 +155,7 @@ class Pose:
         margin: Path margin, rad: by how much gravity may be inclined on the way without a body's
             falling elsewhere; that of the body at the lowest twentieth.
         tilt: Medians of tilt over the samples, rad, left side up and nose up positive.
-        clearance: Median of clearance over the samples, m.
+        clearance: Median of clearance over the samples, m; at most the distance sensor's range.
         touch: Whether most samples touch the ground with each touch sensor.
     """
 
@@ -187,7 +188,8 @@ def find_pose(
             while programs are compared.
 
     Raises:
-        EstimatorError: The robot lacks a sensor that the goal needs.
+        EstimatorError: The robot lacks a sensor that the goal names, or its distance sensor cannot
+            tell the clearance.
     """
     _check(known, goal)
     samples = known.sample(_BODIES, rng)
@@ -231,6 +233,13 @@ def _check(known: FittedPosterior, goal: Goal) -> None:
                 f"robot {known.capabilities.robot!r} does not sense {modality}, so nobody could "
                 "say whether it stands so"
             )
+    highest_told = known.clearance_cap - goal.clearance_within
+    if goal.clearance is not None and goal.clearance > highest_told + ROUNDING:
+        raise EstimatorError(
+            f"the distance sensor of robot {known.capabilities.robot!r} ends at "
+            f"{1000 * known.clearance_cap:.4g} mm and cannot tell a clearance of "
+            f"{1000 * goal.clearance:.4g} mm: ask for at most {1000 * highest_told:.4g} mm"
+        )
     touch = known.capabilities.sensor("touch")
     if touch is None or goal.stand_on is None:
         return

@@ -55,7 +55,8 @@ sensor = {number}
 )
 
 
-def make_capabilities() -> Capabilities:
+def make_capabilities(reach: float = 0.2) -> Capabilities:
+    """The robot, whose distance sensor ends at ``reach``, m."""
     return Capabilities(
         robot="model",
         software="test",
@@ -70,7 +71,7 @@ def make_capabilities() -> Capabilities:
         sensors=(
             Sensor(modality="touch", unit="bool", count=4, noise=0.0, rate=100.0),
             Sensor(modality="tilt", unit="rad", count=2, noise=0.0, rate=100.0),
-            Sensor(modality="clearance", unit="m", count=1, noise=0.0, rate=20.0, upper=0.2),
+            Sensor(modality="clearance", unit="m", count=1, noise=0.0, rate=20.0, upper=reach),
         ),
         telemetry="unset",
         telemetry_rate=1.0,
@@ -124,7 +125,7 @@ class ModelRobot:
     ``refusals`` are errors with which the next motions end; ``motions`` are all that were begun.
     With a ``travel`` other than 1 its servos turn so many times as far as they are told, its
     accelerometer is turned by ``askew`` (rad) left/right, and has ``noise`` (rad) that it does not
-    announce.
+    announce. Its distance sensor ends at ``reach``, m.
     """
 
     def __init__(
@@ -134,8 +135,9 @@ class ModelRobot:
         travel: float = 1.0,
         askew: float = 0.0,
         noise: float = 0.0,
+        reach: float = 0.2,
     ):
-        self.capabilities = make_capabilities()
+        self.capabilities = make_capabilities(reach)
         self.manual = manual
         self.motions: list[Perform] = []
         self.begun = threading.Semaphore(0)
@@ -206,7 +208,7 @@ class ModelRobot:
                 (readings.tilt[0] + self._askew + self._rng.normal(0, self._noise, 2)).tolist()
             ),
             clearance=float(readings.clearance[0]),
-            clearance_saturated=False,
+            clearance_saturated=bool(readings.saturated[0]),
             settled=True,
             settle_time=0.1,
             samples=10,

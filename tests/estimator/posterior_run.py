@@ -28,6 +28,7 @@ def make_posterior_run(
     causes: Sequence[Cause] = (),
     misspecified: float = 0.0,
     hinges: Sequence[float] | None = None,
+    reach: float = 0.2,
 ) -> RunStore:
     """A run whose best body is the first of some, the others being its samples.
 
@@ -43,6 +44,7 @@ def make_posterior_run(
         causes: What may make the robot otherwise than stated.
         misspecified: Probability that the problem does not describe the robot.
         hinges: Genes of the back legs' hinges of the samples, where they differ from ``hinge``.
+        reach: Where the robot's distance sensor ends, m.
     """
     text = PROBLEM.replace("radius = 0.006", f"radius = {radius}", 1)
     if mount is not None:
@@ -81,7 +83,7 @@ def make_posterior_run(
         causes=tuple(causes),
         misspecification_probability=misspecified,
     )
-    store = RunStore.create(folder / "posterior", settings, make_capabilities(), "me")
+    store = RunStore.create(folder / "posterior", settings, make_capabilities(reach), "me")
     store.plan(0, (0.0,) * 4)
     store.observe(0, Observation(angles=(0.0,) * 4))
     store.save_posterior(0, stored, Counters(), None)

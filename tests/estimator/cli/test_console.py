@@ -168,6 +168,13 @@ def test_an_observation_reads_in_degrees_and_millimetres() -> None:
     assert text.getvalue() == "Interaction 1: touch 1?0, tilt -12.3°, ?, 57 mm clear.\n"
 
 
+def test_ground_beyond_the_distance_sensor_is_said_to_be_farther() -> None:
+    console, text = plain_console()
+    with Screen(console) as screen:
+        screen.observed(0, Observation(angles=(0.0,), clearance=0.2, clearance_saturated=True))
+    assert text.getvalue() == "Interaction 1: touch ?, tilt ?, ?, at least 200 mm clear.\n"
+
+
 def test_a_terminal_shows_how_far_the_work_is() -> None:
     console, text = plain_console(terminal=True)
     with Screen(console) as screen:

@@ -30,9 +30,9 @@ ASKEW = math.radians(3.0)
 """How far the accelerometer of the robot behind the wire is turned, as its run has found."""
 
 
-def sampled(count: int = 40, spread: float = SPREAD) -> FittedPosterior:
+def sampled(count: int = 40, spread: float = SPREAD, reach: float = 0.2) -> FittedPosterior:
     genes = np.random.default_rng(1).normal(TRUTH, spread / 0.2, (count, 4))
-    problem, capabilities = make_problem(), make_capabilities()
+    problem, capabilities = make_problem(), make_capabilities(reach)
     return make_posterior(problem, capabilities, np.clip(genes, 0, 1), best=TRUTH)
 
 
@@ -77,7 +77,7 @@ def test_a_pose_that_hardly_any_body_takes_is_not_reachable() -> None:
     vague = sampled(40, spread=0.05)
     goal = Goal(tilt_left=0.0, tilt_forward=0.0, clearance=0.06)
     assert not find_pose(vague, goal, np.random.default_rng(4)).reachable
-    assert not find_pose(sampled(), Goal(clearance=0.4), np.random.default_rng(4)).reachable
+    assert not find_pose(sampled(), Goal(clearance=0.15), np.random.default_rng(4)).reachable
 
 
 def test_the_highest_pose_is_higher_than_others() -> None:
@@ -89,6 +89,15 @@ def test_the_highest_pose_is_higher_than_others() -> None:
     level = np.all(goal.misses(readings) <= 1, axis=0)
     assert pose.clearance > np.max(readings.clearance[level], initial=0.0)
     assert max(map(abs, pose.tilt)) < math.radians(0.6)
+
+
+def test_nobody_is_asked_for_a_clearance_that_the_sensor_cannot_tell() -> None:
+    """Up to its end, where all that is higher reads alike."""
+    known, rng = sampled(4, reach=0.05), np.random.default_rng(4)
+    assert find_pose(known, Goal(clearance=0.048), rng).clearance == pytest.approx(0.048, abs=2e-3)
+    for clearance in (0.0485, 0.4):
+        with pytest.raises(EstimatorError, match=r"sensor .* ends at 50 mm.* at most 48 mm"):
+            find_pose(known, Goal(clearance=clearance), rng)
 
 
 @pytest.mark.parametrize(
@@ -170,6 +179,17 @@ def test_the_robot_takes_the_pose_and_says_how_it_stands(run: Path) -> None:
         assert numbers[2] == pytest.approx(want, abs=within)
 
 
+def test_where_the_distance_sensor_ends_nobody_says_what_is_highest(tmp_path: Path) -> None:
+    with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3, reach=0.05) as store:
+        directory = store.directory
+    with serving(ModelRobot(reach=0.05)) as uri:
+        done = pose(directory, uri, "--level", "--highest", "--yes")
+    assert done.exit_code == 0, done.output
+    (line,) = (one for one in done.stdout.splitlines() if one.startswith("clearance"))
+    assert re.split(" {2,}", line)[1:] == ["highest", "at least 50.0 mm", "at least 50.0 mm"]
+    assert "Note: the distance sensor ends at 50 mm, so other poses may be higher." in done.stdout
+
+
 @pytest.mark.parametrize("misspecified", [0.0, 0.9])
 def test_a_body_that_was_not_found_is_said_to_be_none(tmp_path: Path, misspecified: float) -> None:
     bodies = [TRUE_LENGTHS] * 3
@@ -184,7 +204,7 @@ def test_a_body_that_was_not_found_is_said_to_be_none(tmp_path: Path, misspecifi
 def test_a_population_is_no_set_of_bodies_that_the_robot_may_have(tmp_path: Path) -> None:
     with make_ended_run(tmp_path, TRUE_LENGTHS) as store:
         directory = store.directory
-    for wanted, code in (("55mm", 0), ("40cm", 1)):
+    for wanted, code in (("55mm", 0), ("15cm", 1)):
         planned = pose(directory, "tcp://127.0.0.1:1", "--clearance", wanted, "--dry-run")
         assert planned.exit_code == code, planned.output
         assert "f the population's models, " in planned.output
@@ -194,7 +214,7 @@ def test_a_population_is_no_set_of_bodies_that_the_robot_may_have(tmp_path: Path
 def test_a_goal_out_of_reach_is_a_sentence_with_what_comes_nearest(run: Path) -> None:
     robot = ModelRobot()
     with serving(robot) as uri:
-        ended = pose(run, uri, "--clearance", "40cm", "--yes")
+        ended = pose(run, uri, "--clearance", "15cm", "--yes")
     assert ended.exit_code == 1
     assert "no motor program brings the robot there" in ended.stderr
     assert "predicted" in ended.stdout
