@@ -23,6 +23,7 @@ from estimator.posterior.posterior import (
     systematic,
 )
 from estimator.storage.posteriors import (
+    LOW_ESS,
     Cause,
     Interval,
     PredictedInteraction,
@@ -30,7 +31,6 @@ from estimator.storage.posteriors import (
     StoredPosterior,
 )
 
-_LOW_ESS: Final = 10.0  # effective sample size below which probabilities are called uncertain
 _STORED_MODES: Final = 120  # modes that are stored, at most
 _RARITY: Final = 0.02  # probability below which a deviation is not named
 _COMPARED_MODES: Final = 20  # modes that are compared with the first where no probability is stated
@@ -124,7 +124,7 @@ def attachments_stated(
             min(float(chances @ shares), coverage) if posterior.adequate_fit else None
         ),
         coverage=coverage,
-        low_ess=bool(unknowns.choices.size) and class_ess < _LOW_ESS,
+        low_ess=bool(unknowns.choices.size) and class_ess < LOW_ESS,
     )
 
 

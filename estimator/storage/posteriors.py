@@ -29,6 +29,9 @@ SURE: Final = 0.95
 RIVAL: Final = 0.01
 """Smallest probability of other attachments that is reported."""
 
+LOW_ESS: Final = 10.0
+"""Effective sample size below which what is computed from samples is called uncertain."""
+
 _PROBABLE: Final = 0.5  # a smaller share is improbable, even where few samples tell it
 
 

@@ -23,6 +23,7 @@ from estimator.posterior.fitted import FittedPosterior
 from estimator.posterior.model.special import logsumexp, softmax
 from estimator.posterior.posterior import systematic
 from estimator.readings.observation import Observation
+from estimator.storage.posteriors import LOW_ESS
 from estimator.use.changes import Cause
 
 Rows = NDArray[np.intp]
@@ -32,11 +33,13 @@ UNCHANGED: Final = 0.5
 
 _PARTICLES: Final = 64  # particles of a cause in the first round
 _ROUNDS: Final = (64, 128, 256, 256)  # particles of a cause in the further rounds
+_MORE_ROUNDS: Final = (512,) * 4  # further ones, of a probable cause that few bodies stand for
 _SPREADS: Final = (0.01, 0.15)  # of amounts around good ones, in units of their priors
 _PRIOR: Final = 0.3  # share of bodies that are drawn by their prior in each round
 _CENTRES: Final = 16  # good amounts of either sign, around which others are drawn
 _HOPELESS: Final = 30.0  # nats below the best cause: no rounds for a cause that is farther off,
-_UNLIKELY: Final = 15.0  # and no further round
+_UNLIKELY: Final = 15.0  # and no further round,
+_PROBABLE: Final = 3.0  # and none of those that are made where few bodies are left
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -59,6 +62,11 @@ class Particles:
 
     def __len__(self) -> int:
         return len(self.rows)
+
+    @property
+    def effective_bodies(self) -> float:
+        """Effective number of bodies of the identification that the particles are made of."""
+        return float(1 / np.sum(np.bincount(self.rows, self.weights) ** 2))
 
     def drawn(self, count: int, start: float) -> Particles:
         """Draws ``count`` equally likely particles."""
@@ -249,7 +257,7 @@ class Weigher:
         weighed = [unchanged]
         for particles, fits, guess in zip(priors, coarse, guesses.tolist(), strict=True):
             if np.max(fits) > best_evidence - _HOPELESS:
-                weighed.append(self._refined(particles, observations, best_evidence - _UNLIKELY))
+                weighed.append(self._refined(particles, observations, best_evidence))
             else:
                 weighed.append(replace(particles, weights=softmax(fits), log_evidence=guess))
         return self._sorted(weighed)
@@ -267,25 +275,29 @@ class Weigher:
         return replace(particles, weights=softmax(logs), log_evidence=float(logsumexp(logs)))
 
     def _refined(
-        self, first: Particles, observations: Sequence[Observation], least: float
+        self, first: Particles, observations: Sequence[Observation], best_evidence: float
     ) -> Particles:
         """The particles of a cause after some rounds of those that explain most.
 
         Args:
             first: Particles drawn by the prior.
             observations: All observations.
-            least: Log-evidence below which no further round follows.
+            best_evidence: Log-evidence of the best cause, as far as it is known.
         """
         cause, rng = first.cause, self.rng
         assert cause is not None
         rows, theta = first.rows, first.theta
         fits = self.fits(first, observations).sum(axis=1)
         rounds = [_Round(len(rows), self._weights, None, 1.0)]
-        for count in _ROUNDS:
-            logs = self._log_weights(cause, rows, theta, fits, rounds)
-            if float(logsumexp(logs)) - math.log(len(rows)) < least:
+        particles = self._weighted(cause, rows, theta, fits, rounds)
+        for count in (*_ROUNDS, *_MORE_ROUNDS):
+            is_more = len(rounds) > len(_ROUNDS)
+            behind = best_evidence - particles.log_evidence
+            if behind > (_PROBABLE if is_more else _UNLIKELY):
                 break
-            weights = softmax(logs)
+            if is_more and particles.effective_bodies >= LOW_ESS:
+                break
+            weights = particles.weights
             body_weights = np.bincount(rows, np.sqrt(weights), minlength=len(self._weights))
             chances = _PRIOR * self._weights + (1 - _PRIOR) * body_weights / body_weights.sum()
             centres = self._centres(theta, weights)
@@ -301,14 +313,8 @@ class Weigher:
             rounds.append(_Round(count, chances, centres, spread))
             rows, theta = np.append(rows, proposed.rows), np.append(theta, proposed.theta)
             fits = np.append(fits, self.fits(proposed, observations).sum(axis=1))
-        logs = self._log_weights(cause, rows, theta, fits, rounds)
-        return Particles(
-            cause=cause,
-            rows=rows,
-            theta=theta,
-            weights=softmax(logs),
-            log_evidence=float(logsumexp(logs)) - math.log(len(rows)),
-        )
+            particles = self._weighted(cause, rows, theta, fits, rounds)
+        return particles
 
     def _centres(self, theta: Array, weights: Array) -> Array:
         """Amounts that explain most, of either sign, as one sign alone may be found by chance."""
@@ -324,10 +330,10 @@ class Weigher:
             ]
         )
 
-    def _log_weights(
+    def _weighted(
         self, cause: Cause, rows: Rows, theta: Array, fits: Array, rounds: Sequence[_Round]
-    ) -> Array:
-        """Logarithms of weights, shape (n,), against the mixture of all rounds' distributions."""
+    ) -> Particles:
+        """Particles with their weights against the mixture of all rounds' distributions."""
         prior = cause.log_density(theta)
         total = sum(one.count for one in rounds)
         drawn = [
@@ -336,8 +342,14 @@ class Weigher:
             + (prior if cause.row.switch else one.log_density(theta, prior))
             for one in rounds
         ]
-        weights: Array = fits + prior + np.log(self._weights[rows]) - logsumexp(np.array(drawn), 0)
-        return weights
+        logs = fits + prior + np.log(self._weights[rows]) - logsumexp(np.array(drawn), 0)
+        return Particles(
+            cause=cause,
+            rows=rows,
+            theta=theta,
+            weights=softmax(logs),
+            log_evidence=float(logsumexp(logs)) - math.log(len(rows)),
+        )
 
     def _sorted(self, particles: Sequence[Particles]) -> Weighed:
         logs = [one.log_evidence + self.log_prior(one.cause) for one in particles]

@@ -22,7 +22,7 @@ from estimator.exploration import best_programs
 from estimator.posterior.model.likelihood import FORKS, GRAVITY_TILTS, apart
 from estimator.readings.observation import Observation, Program
 from estimator.storage.database import holds_run
-from estimator.storage.posteriors import StoredMode, StoredPosterior
+from estimator.storage.posteriors import LOW_ESS, StoredMode, StoredPosterior
 from estimator.storage.records import Counters
 from estimator.storage.store import RunStore
 from estimator.use import competitor, movements, surprise
@@ -180,6 +180,20 @@ def test_an_edge_reaches_less_far_than_a_round_end_that_lifts_as_high() -> None:
     again = weigher().weigh(seen).particles[0]
     assert 1 / np.sum(first.weights**2) > 10  # of 704 particles
     assert first.log_evidence == pytest.approx(again.log_evidence, abs=1.0)
+
+
+def test_an_interval_does_not_hang_on_the_draw_where_few_bodies_are_left() -> None:
+    rng = np.random.default_rng(11)
+    known = sampled(64, 0.02)
+    vague = Weigher(known, [cause(FRONT)], rng)
+    act, ends = robot(damaged((FRONT, -0.6)), seed=4), []
+    low, high = known.program_range.T
+    seen = [act(tuple(rng.uniform(low, high).tolist()), "") for _ in range(4)]
+    for _ in range(4):
+        first = vague.weigh(seen).particles[0]
+        assert first.effective_bodies < LOW_ESS
+        ends.append(first.amount()[1:])
+    assert np.max(np.std(ends, axis=0)) < 0.003
 
 
 def test_a_robot_that_fell_to_its_other_side_is_no_surprise() -> None:
