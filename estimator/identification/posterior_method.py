@@ -23,6 +23,7 @@ from estimator.physics.backends import (
     physics_class,
 )
 from estimator.physics.base import ArrayPhysics, WorldSettings
+from estimator.physics.equivalence import PROGRAMS
 from estimator.posterior.checks.simulator import (
     fine,
     outliers_left,
@@ -30,12 +31,16 @@ from estimator.posterior.checks.simulator import (
     recheck,
 )
 from estimator.posterior.fitted import FittedPosterior
-from estimator.posterior.indistinguishable import in_run, probability_of
+from estimator.posterior.indistinguishable import (
+    Indistinguishable,
+    indistinguishable_points,
+    probability_of,
+)
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.posterior import Posterior
 from estimator.posterior.sampling.sampler import Effort, Sampler
 from estimator.posterior.summary import load_posterior, summarise
-from estimator.randomness import Stream, seeds
+from estimator.randomness import Stream, generator, seeds
 from estimator.readings.observation import Observation
 from estimator.storage.posteriors import RIVAL, SURE, NextMovement, StoredPosterior
 from estimator.storage.records import Counters
@@ -112,7 +117,7 @@ class PosteriorMethod:
         self._counters = stored[-1][1] if stored else Counters()
         self._started = time.monotonic()
         self._posterior = self._sampler.prior()
-        self._indistinguishable = in_run(store, self._predictor)
+        self._indistinguishable = indistinguishable_in(store, self._predictor)
         checkpoint = store.checkpoint()
         if checkpoint is not None:
             self._sampler.restore(checkpoint.state)
@@ -310,3 +315,12 @@ def _taking_arrays(executors: Executors, name: str, world: WorldSettings) -> Arr
         return opened
     opened.close()
     return open_arrays(name, world)
+
+
+def indistinguishable_in(store: RunStore, predictor: Predictor) -> Indistinguishable:
+    """The test by a run's sensors in random movements, which its seed determines."""
+    rng = generator(store.settings.seed, Stream.EQUIVALENCE)
+    movements = [store.problem.random_program(rng, store.capabilities) for _ in range(PROGRAMS)]
+    return partial(
+        indistinguishable_points, predictor, np.array(movements), store.settings.modalities
+    )

@@ -8,18 +8,15 @@ are compared as if no servo were dead and no sensor stuck: what such a fault hid
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import Final, TypeAlias
 
 import numpy as np
 
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
-from estimator.physics.equivalence import MARGIN, PROGRAMS, indistinguishable
+from estimator.physics.equivalence import MARGIN, indistinguishable
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.posterior import Mode, Posterior
-from estimator.randomness import Stream, generator
-from estimator.storage.store import RunStore
 
 Indistinguishable: TypeAlias = Callable[[Array, Array], Flags]
 """Whether no sensor discriminates between the bodies of two arrays of n points, pair by pair."""
@@ -47,15 +44,6 @@ def indistinguishable_points(
         lambda rows, programs: predictor.margins(first, rows, movements[programs], most=2 * MARGIN),
         (len(ones), len(movements)),
         modalities,
-    )
-
-
-def in_run(store: RunStore, predictor: Predictor) -> Indistinguishable:
-    """The test by a run's sensors in random movements, which its seed determines."""
-    rng = generator(store.settings.seed, Stream.EQUIVALENCE)
-    movements = [store.problem.random_program(rng, store.capabilities) for _ in range(PROGRAMS)]
-    return partial(
-        indistinguishable_points, predictor, np.array(movements), store.settings.modalities
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from estimator.posterior.posterior import (
 )
 from estimator.storage.posteriors import (
     LOW_ESS,
+    AttachmentsStated,
     Cause,
     Interval,
     PredictedInteraction,
@@ -75,26 +76,10 @@ def summarise(
     )
 
 
-class AttachmentsStated(NamedTuple):
-    """What a summary states of attachments; see ``StoredPosterior``."""
-
-    best: tuple[float, ...]
-    modes: tuple[StoredMode, ...]
-    probability_within_problem: float | None
-    coverage: float
-    low_ess: bool
-
-
 def attachments_stated(
     posterior: Posterior, predictor: Predictor, indistinguishable: Indistinguishable
 ) -> AttachmentsStated:
-    """The best body, its rivals, and how probable its attachments are.
-
-    Args:
-        posterior: The posterior after some interactions.
-        predictor: Computes readings.
-        indistinguishable: Tests whether bodies are indistinguishable.
-    """
+    """The best body, its rivals, and how probable its attachments are; see ``summarise``."""
     modes, unknowns = posterior.modes[:_STORED_MODES], predictor.unknowns
     compared = modes if posterior.adequate_fit else modes[:_COMPARED_MODES]
     shares = np.zeros(len(modes))
@@ -206,21 +191,8 @@ def _predicted(
     misfits = likelihood.misfits_of(predictor, posterior.values)
     inliers = likelihood.inlier_share(misfits, scales=posterior.scales)
     outlier = 1 - posterior.weights @ inliers
-    observed = likelihood.data.observed
-    return tuple(
-        PredictedInteraction(
-            touch=tuple(bool(bit) for bit in readings.touch[interaction]),
-            tilt=(float(readings.tilt[interaction, 0]), float(readings.tilt[interaction, 1])),
-            clearance=float(readings.clearance[interaction]),
-            residuals={
-                name: float(values[interaction])
-                for name, values in residuals.items()
-                if observed[name].count[interaction]
-            },
-            outlier_probability=float(np.clip(outlier[interaction], 0, 1)),
-        )
-        for interaction in range(len(likelihood))
-    )
+    counts = {name: observed.count for name, observed in likelihood.data.observed.items()}
+    return PredictedInteraction.each(readings, residuals, counts, outlier)
 
 
 def load_posterior(stored: StoredPosterior, unknowns: Unknowns) -> Posterior:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from enum import StrEnum
-from typing import Annotated, Final, Self
+from typing import Annotated, Final, NamedTuple, Self
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, computed_field, model_validator
 
-from estimator.readings.observation import Program, Reading
+from estimator.body.morphology import Array
+from estimator.readings.observation import PredictedReadings, Program, Reading
 
 OUTLIERS: Final = 1
 """Largest number of unexplained interactions that a body of the problem may have, as outliers."""
@@ -119,6 +123,37 @@ class PredictedInteraction(Record):
     clearance: Reading
     residuals: dict[str, Reading]
     outlier_probability: Probability
+
+    @classmethod
+    def each(
+        cls,
+        readings: PredictedReadings,
+        residuals: Mapping[str, Array],
+        counts: Mapping[str, NDArray[np.intp]],
+        outliers: Array,
+    ) -> tuple[Self, ...]:
+        """Each of n interactions.
+
+        Args:
+            readings: Readings of the n interactions.
+            residuals: Residuals by modality, shape (n,) each.
+            counts: Number of readings by modality, shape (n,) each.
+            outliers: Probability of each interaction that it is an outlier, shape (n,).
+        """
+        return tuple(
+            cls(
+                touch=tuple(readings.touch[at].astype(bool).tolist()),
+                tilt=(float(readings.tilt[at, 0]), float(readings.tilt[at, 1])),
+                clearance=float(readings.clearance[at]),
+                residuals={
+                    name: float(values[at])
+                    for name, values in residuals.items()
+                    if counts[name][at]
+                },
+                outlier_probability=outlier,
+            )
+            for at, outlier in enumerate(np.clip(outliers, 0, 1).tolist())
+        )
 
 
 class Interval(Record):
@@ -303,6 +338,16 @@ class StoredChange(Record):
     sentence: str
     probability: Share
     amounts: tuple[Reading, ...]
+
+
+class AttachmentsStated(NamedTuple):
+    """What a ``StoredPosterior`` states of attachments."""
+
+    best: tuple[float, ...]
+    modes: tuple[StoredMode, ...]
+    probability_within_problem: float | None
+    coverage: float
+    low_ess: bool
 
 
 class StoredPosterior(PosteriorSummary):

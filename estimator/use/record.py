@@ -17,13 +17,15 @@ import numpy as np
 
 from estimator.body.morphology import Array
 from estimator.errors import EstimatorError
+from estimator.identification.posterior_method import indistinguishable_in
 from estimator.posterior.fitted import FittedPosterior
-from estimator.posterior.indistinguishable import Indistinguishable, in_run
+from estimator.posterior.indistinguishable import Indistinguishable
 from estimator.posterior.model.sensor_data import COLUMNS, DENSITIES
 from estimator.posterior.posterior import Mode, Posterior
-from estimator.posterior.summary import AttachmentsStated, attachments_stated
+from estimator.posterior.summary import attachments_stated
 from estimator.readings.observation import Observation
 from estimator.storage.posteriors import (
+    AttachmentsStated,
     PredictedInteraction,
     StoredChange,
     StoredPosterior,
@@ -65,7 +67,7 @@ def write_run(
     )
     posteriors = []
     identified = replace(weigher.known, changes=())
-    attached = partial(_attached, identified, in_run(store, identified.predictor))
+    attached = partial(_attached, identified, indistinguishable_in(store, identified.predictor))
     for count in range(1, len(observations) + 1):
         seen = observations[:count]
         is_last = count == len(observations)
@@ -195,20 +197,8 @@ def _predicted(
         )
         for name, density in DENSITIES.items()
     }
-    predicted = tuple(
-        PredictedInteraction(
-            touch=tuple(readings.touch[at].tolist()),
-            tilt=(float(readings.tilt[at, 0]), float(readings.tilt[at, 1])),
-            clearance=float(readings.clearance[at]),
-            residuals={
-                name: float(values[at])
-                for name, values in residuals.items()
-                if data.observed[name].count[at]
-            },
-            outlier_probability=float(np.clip(outliers[at], 0, 1)),
-        )
-        for at in range(count)
-    )
+    counts = {name: data.observed[name].count for name in residuals}
+    predicted = PredictedInteraction.each(readings, residuals, counts, outliers)
     return predicted, tuple(
         UnexplainedInteraction(
             interaction=at,
