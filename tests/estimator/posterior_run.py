@@ -11,6 +11,7 @@ from estimator.readings.observation import Observation
 from estimator.storage.posteriors import Cause, NextMovement, StoredMode, StoredPosterior
 from estimator.storage.records import Counters
 from estimator.storage.store import RunStore
+from protocol.wire.capabilities import Capabilities
 from tests.estimator.evaluation.test_score import make_run
 from tests.estimator.model_robot import PROBLEM, TRUE_LENGTHS, make_capabilities
 
@@ -28,7 +29,7 @@ def make_posterior_run(
     causes: Sequence[Cause] = (),
     misspecified: float = 0.0,
     hinges: Sequence[float] | None = None,
-    reach: float = 0.2,
+    robot: Capabilities | None = None,
 ) -> RunStore:
     """A run whose best body is the first of some, the others being its samples.
 
@@ -44,7 +45,7 @@ def make_posterior_run(
         causes: What may make the robot otherwise than stated.
         misspecified: Probability that the problem does not describe the robot.
         hinges: Genes of the back legs' hinges of the samples, where they differ from ``hinge``.
-        reach: Where the robot's distance sensor ends, m.
+        robot: The robot; default: that of ``make_capabilities``.
     """
     text = PROBLEM.replace("radius = 0.006", f"radius = {radius}", 1)
     if mount is not None:
@@ -83,7 +84,7 @@ def make_posterior_run(
         causes=tuple(causes),
         misspecification_probability=misspecified,
     )
-    store = RunStore.create(folder / "posterior", settings, make_capabilities(reach), "me")
+    store = RunStore.create(folder / "posterior", settings, robot or make_capabilities(), "me")
     store.plan(0, (0.0,) * 4)
     store.observe(0, Observation(angles=(0.0,) * 4))
     store.save_posterior(0, stored, Counters(), None)

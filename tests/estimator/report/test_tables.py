@@ -27,7 +27,6 @@ from estimator.storage.posteriors import (
     StoredMode,
 )
 from estimator.storage.store import RunStore
-from tests.estimator import posterior_run
 from tests.estimator.evaluation.test_score import make_run
 from tests.estimator.model_robot import PROBLEM, TRUE_LENGTHS, make_capabilities
 from tests.estimator.posterior_run import make_posterior_run
@@ -150,12 +149,11 @@ def test_what_no_movement_could_tell_is_said(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("length", "told"), [(0.14, True), (0.16, False)])
 def test_exchanged_tilts_feel_like_a_square_body_turned(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, length: float, told: bool
+    tmp_path: Path, length: float, told: bool
 ) -> None:
     robot = replace(make_capabilities(), base_size=(length, 0.14, 0.03))
-    monkeypatch.setattr(posterior_run, "make_capabilities", lambda: robot)
     lengths = [TRUE_LENGTHS] * 3
-    with make_posterior_run(tmp_path, lengths, mount=7 / 8) as run:
+    with make_posterior_run(tmp_path, lengths, mount=7 / 8, robot=robot) as run:
         result = summarise(run)
     assert result.posterior is not None
     mirrored, *turned = result.posterior.equivalent

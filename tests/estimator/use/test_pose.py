@@ -180,7 +180,7 @@ def test_the_robot_takes_the_pose_and_says_how_it_stands(run: Path) -> None:
 
 
 def test_where_the_distance_sensor_ends_nobody_says_what_is_highest(tmp_path: Path) -> None:
-    with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3, reach=0.05) as store:
+    with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3, robot=make_capabilities(0.05)) as store:
         directory = store.directory
     with serving(ModelRobot(reach=0.05)) as uri:
         done = pose(directory, uri, "--level", "--highest", "--yes")
