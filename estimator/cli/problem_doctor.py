@@ -10,15 +10,9 @@ from typing import Final
 import numpy as np
 
 from estimator.cli.findings import ExaminedItem, bad, fine, note
+from estimator.cli.supposed_robot import PAPERS_SIZE, supposed_robot, with_sensors
 from estimator.errors import ProblemError
-from estimator.exploration.prospects import (
-    KNOWN,
-    NEVER,
-    Prospects,
-    prospects,
-    supposed_robot,
-    with_sensors,
-)
+from estimator.exploration.prospects import KNOWN, NEVER, Prospects, prospects
 from estimator.parameters.announced import tightens
 from estimator.physics.backends import open_arrays
 from estimator.problem.problem import Problem
@@ -70,8 +64,8 @@ def examine_problem(
     if robot is None:
         yield note(
             "robot",
-            f"None is given: one with {joints} joints of ±90°, {_words(has)} and the paper's main "
-            "body, 140 x 140 x 85 mm and 0.6 kg, is supposed. With --robot it is yours.",
+            f"None is given: one with {joints} joints of ±90°, {_words(has)} and "
+            f"{_main_body(capabilities)}, is supposed. With --robot it is yours.",
         )
     for sentence in differences:
         yield note("problem", f"{sentence[0].upper()}{sentence[1:]}.")
@@ -96,6 +90,13 @@ def examine_problem(
 def _prospects(problem: Problem, robot: Capabilities, modalities: Sequence[str]) -> Prospects:
     with closing(open_arrays("statics", problem.settings(robot))) as physics:
         return prospects(problem, robot, physics, modalities, np.random.default_rng(0))
+
+
+def _main_body(supposed: Capabilities) -> str:
+    size, papers = supposed.base_size, supposed.base_size == PAPERS_SIZE
+    whose = "the paper's main body" if papers else "a main body that fits its mounts"
+    extents = " x ".join(f"{1000 * extent:.0f}" for extent in size)
+    return f"{whose}, {extents} mm and {float(f'{supposed.base_mass:.2g}'):g} kg"
 
 
 def _bodies(expected: Prospects) -> ExaminedItem:

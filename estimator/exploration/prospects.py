@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -26,7 +26,7 @@ from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.problem.genes import Gene
 from estimator.problem.genome import Genome, Ways
 from estimator.problem.problem import Problem
-from protocol.wire.capabilities import MODALITIES, Capabilities, Joint, Sensor
+from protocol.wire.capabilities import Capabilities
 
 KNOWN: Final = 0.005
 """Error of a length, either way, within which it counts as known, m."""
@@ -43,12 +43,6 @@ _CHANGED_BODIES: Final = 24  # bodies of which each unknown is changed
 _COMPARED_PROGRAMS: Final = 60  # programs in which these are compared
 _STEP: Final = 0.25  # share of a length's range by which it is changed
 _FEWEST_BODIES: Final = 6  # least number of bodies on which an unknown can be changed
-
-_RATE: Final = 50.0  # samples per second of a sensor that is supposed
-_SENSORS: Final = {
-    "tilt": Sensor(modality="tilt", unit="rad", count=2, noise=math.radians(0.3), rate=_RATE),
-    "clearance": Sensor(modality="clearance", unit="m", count=1, noise=1e-3, rate=_RATE, upper=0.2),
-}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,40 +78,6 @@ class Prospects:
     def movements(self, bits: float) -> float:
         """Approximate number of movements that give so many bits; infinite if none gives any."""
         return bits / self.movement_bits if self.movement_bits > 0.05 else math.inf
-
-
-def supposed_robot(problem: Problem) -> Capabilities:
-    """A robot that a problem suits, where none is known: the paper's main body, all sensors."""
-    robot = problem.supposed
-    names = robot.names or tuple(f"joint {number}" for number in range(1, robot.joints + 1))
-    touch = problem.sensors if problem.touch is None else robot.touch_sensors
-    return with_sensors(
-        Capabilities(
-            robot="supposed",
-            software="none",
-            config_hash="none",
-            base_size=(0.14, 0.14, 0.085),
-            base_mass=0.6,
-            part_radii=None,
-            joints=tuple(
-                Joint(name=name, lower=-math.pi / 2, upper=math.pi / 2, speed=1.05, resolution=0.01)
-                for name in names
-            ),
-            sensors=(),
-            telemetry="*",
-            telemetry_rate=1.0,
-        ),
-        touch,
-    )
-
-
-def with_sensors(robot: Capabilities, touch: int) -> Capabilities:
-    """The robot with sensors added that it lacks, of usual noise; ``touch`` feet if it has none."""
-    sensors = dict(_SENSORS)
-    if touch:
-        sensors["touch"] = Sensor(modality="touch", unit="bool", count=touch, noise=0.0, rate=_RATE)
-    sensors |= {sensor.modality: sensor for sensor in robot.sensors}
-    return replace(robot, sensors=tuple(sensors[name] for name in MODALITIES if name in sensors))
 
 
 def prospects(

@@ -46,7 +46,10 @@ def test_bodies_are_counted_and_movements_foreseen() -> None:
     assert "7,962,624 ways to attach its parts (23 bits) and 4 lengths" in said(items, "bodies")
     # 4! parents, 4 sides and 6 hinges each; found after five or six movements (docs/accuracy.md).
     assert "attachments take about 5 movements" in said(items, "movements")
-    assert "None is given: one with 8 joints" in said(items, "robot")
+    assert said(items, "robot") == (
+        "None is given: one with 8 joints of ±90°, touch, tilt and clearance and the paper's main "
+        "body, 140 x 140 x 85 mm and 0.6 kg, is supposed. With --robot it is yours."
+    )
 
 
 @pytest.mark.parametrize(
@@ -69,6 +72,42 @@ def test_ways_are_counted_where_each_leg_has_a_mount_of_its_own(
     items = examined(written(tmp_path, text))
     assert f"To be found: {ways} and {legs} lengths" in said(items, "bodies")
     assert "attachments take about" in said(items, "movements")
+
+
+@pytest.mark.parametrize(
+    ("scale", "body"),
+    [
+        (0.01, "20 x 16 x 11 mm and 0.0013 kg"),
+        (1.0, "2000 x 1600 x 1086 mm and 1300 kg"),
+    ],
+)
+def test_the_main_body_that_is_supposed_is_no_larger_than_its_mounts_say(
+    tmp_path: Path, scale: float, body: str
+) -> None:
+    """Legs of half its length or more could not reach the ground past the paper's."""
+    corners = [(1.0, 0.8, 45.0), (1.0, -0.8, -45.0), (-1.0, 0.8, 135.0), (-1.0, -0.8, -135.0)]
+    text = re.sub(r"^sensor = .*\n", "", PROBLEM, flags=re.MULTILINE)
+    text = re.sub("mount = .*", 'mount = "unknown"', text)
+    text = re.sub("length = .*", f"length = [{scale}, {4 * scale}]", text)
+    text = re.sub("radius = .*", f"radius = {0.1 * scale}", text)
+    mounts = "".join(
+        f'[[mounts]]\nname = "m{yaw}"\nat = [{scale * x}, {scale * y}, 0.0]\nyaw_deg = {yaw}\n'
+        for x, y, yaw in corners
+    )
+    items = examined(written(tmp_path, f'touch = "outermost"\n{text}{mounts}'))
+    assert (
+        f"touch, tilt and clearance and a main body that fits its mounts, {body}, is supposed"
+        in said(items, "robot")
+    )
+    assert "a good movement tells" in said(items, "movements")
+    assert "nobody can tell" not in said(items, "unknowns")
+
+
+def test_mounts_on_one_side_say_nothing_of_the_main_bodys_size(tmp_path: Path) -> None:
+    mount = '\n[[mounts]]\nname = "{0}"\nat = [0.01, 0.0, 0.05]\nyaw_deg = 90.0\n'
+    text = PROBLEM + "".join(map(mount.format, ("left", "front", "right", "back")))
+    robot = said(examined(written(tmp_path, text)), "robot")
+    assert "and a main body that fits its mounts, 140 x 140 x 100 mm and 0.71 kg, is" in robot
 
 
 def test_what_is_allowed_is_counted_where_mounts_are_not_shared() -> None:
