@@ -23,7 +23,7 @@ Columns = NDArray[np.intp]
 Attachments = tuple[int, ...]
 """The choices of one body, in the order of its genes: parent, mount and hinge, part by part."""
 
-_MANY_BITS: Final = 24.0  # bits of attachments above which many are open
+_MANY_BITS: Final = 40.0  # bits of attachments above which many are open
 _BITS_LEARNT: Final = 6.0  # bits about attachments that one interaction with few moved limbs tells
 _OFF: Final = 2.0  # standard deviations off from which a length is another
 _LEAST_DEVIATION: Final = 0.01  # least such standard deviation, of a length's range
