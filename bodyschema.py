@@ -39,10 +39,12 @@ def _run(command: str, extra: str, package: str, *needed: str) -> int:
             if problem := _not_ours(name):
                 print(f"{command}: {problem}", file=sys.stderr)
                 return 1
-        return int(importlib.import_module(f"{package}.__main__").main() or 0)
-    except ModuleNotFoundError as error:  # what the package needs before anything else
-        lacking = importlib.import_module("protocol.system.missing_library").lacking
-        return int(lacking(command, extra, error))
+        try:
+            main = importlib.import_module(f"{package}.__main__").main
+        except ModuleNotFoundError as error:  # what the package needs before anything else
+            lacking = importlib.import_module("protocol.system.missing_library").lacking
+            return int(lacking(command, extra, error))
+        return int(main() or 0)
     except KeyboardInterrupt:
         print(f"{command}: interrupted", file=sys.stderr)
         return 1
