@@ -54,10 +54,6 @@ class Controller:
         log: Log for what a person may want to know.
         manager: Service manager; it is told that the control loop turns, and what became of the
             robot.
-
-    Attributes:
-        capabilities: The capabilities, as given.
-        address: The robot's address on this computer, for the commands that the log advises.
     """
 
     def __init__(
@@ -70,7 +66,7 @@ class Controller:
         manager: ServiceManager | None = None,
     ):
         self.capabilities = capabilities
-        self.address = DEFAULT_BIND
+        self._address = DEFAULT_BIND
         self._interaction = interaction
         self._housekeeping = housekeeping
         self._log = log
@@ -156,8 +152,13 @@ class Controller:
 
     # --- life -------------------------------------------------------------------------------------
 
-    def start(self) -> None:
-        """Starts the control thread."""
+    def start(self, address: str = DEFAULT_BIND) -> None:
+        """Starts the control thread.
+
+        Args:
+            address: The robot's address on this computer, for the commands that the log advises.
+        """
+        self._address = address
         if self._reason is not None:
             self._announce(logging.WARNING, self._reason)
         self._thread.start()
@@ -405,6 +406,6 @@ class Controller:
             self._outbox.finish(job, job.error(job_error))
 
     def _announce(self, level: int, sentence: str) -> None:
-        sentence = with_address(sentence, self.address)
+        sentence = with_address(sentence, self._address)
         self._log.log(level, "%s", sentence)
         self._manager.status(sentence)

@@ -169,9 +169,8 @@ def serve(
         ended_well = controller.shut_down()
         server.request_stop()
 
-    controller.address = str(Endpoint.parse(server.endpoint).seen_from(DEFAULT_BIND))
     with _quick_turns(), _on_signals(shut_down):
-        controller.start()
+        controller.start(str(Endpoint.parse(server.endpoint).seen_from(DEFAULT_BIND)))
         status = f"serving {controller.capabilities.robot} on {server.endpoint}"
         log.info("%s, telemetry on %s", status, server.telemetry_endpoint)
         manager.ready(status)

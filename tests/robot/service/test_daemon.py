@@ -5,9 +5,13 @@ from __future__ import annotations
 import logging
 import signal
 import sys
+import threading
 from dataclasses import replace
 
+import pytest
+
 from bench.still_robot import example_config, still_robot
+from protocol.wire.messages import Stop
 from robot.service.daemon import describe, serve
 from tests.robot.stepped import SteppedClock
 
@@ -46,13 +50,23 @@ def test_threads_take_quick_turns_while_it_serves_and_only_then() -> None:
     assert (sys.getswitchinterval(), signal.getsignal(signal.SIGTERM)) == before
 
 
-def test_what_the_log_advises_can_be_typed_where_the_robot_serves_every_address() -> None:
-    with still_robot(SteppedClock(), housekeeping=None, log=logging.getLogger("test")) as robot:
-        server = BriefServer()
-        server.endpoint = "tcp://*:5761"
-        serve(robot.controller, server, logging.getLogger("test"))  # type: ignore[arg-type]
+def test_what_the_log_advises_can_be_typed_where_the_robot_serves_every_address(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    log, stopped = logging.getLogger("test"), threading.Event()
+    with still_robot(SteppedClock(), housekeeping=None, log=log) as robot:
+
+        class StoppedServer(BriefServer):
+            endpoint = "tcp://*:5761"
+
+            def run(self) -> None:
+                robot.controller.set_notify(stopped.set)
+                robot.controller.submit(1, Stop(id=1, client="operator"))
+                assert stopped.wait(10)
+
+        serve(robot.controller, StoppedServer(), log)  # type: ignore[arg-type]
         assert robot.controller.shut_down()
-    assert robot.controller.address == "tcp://127.0.0.1:5761"
+    assert "python -m protocol tcp://127.0.0.1:5761 clear" in caplog.text
 
 
 def test_a_signal_that_nohup_has_taken_stays_ignored() -> None:
