@@ -18,7 +18,7 @@ import numpy as np
 
 from estimator.body.morphology import BASE, Array, Morphology
 from estimator.parameters.mechanical_rows import STUB
-from estimator.parameters.rows import table_of
+from estimator.parameters.rows import PartOutline, table_of
 from estimator.parameters.table import Draft, Parameter
 
 GROUPS: Final = frozenset(
@@ -54,21 +54,6 @@ class Within(Parameter):
         return np.copysign(self.low + (self.high - self.low) * places, theta)
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Outline:
-    """A part as the table is told of it."""
-
-    name: str
-    parent: int
-    mount: str
-    hinge: str
-    motor: int | None
-    sensor: int | None
-    radius: float
-    shape: str
-    length: tuple[float, float]
-
-
 def changes_of(
     body: Morphology, joints: Sequence[str], parts: Sequence[str]
 ) -> tuple[Parameter, ...]:
@@ -80,7 +65,7 @@ def changes_of(
         parts: Names of its parts.
     """
     outlines = [
-        _Outline(
+        PartOutline(
             name=name if part.motor is None else joints[part.motor],
             parent=part.parent,
             mount=body.mount(index).name,

@@ -13,16 +13,7 @@ import numpy as np
 from estimator.body.arrays import ACCELEROMETER, DISTANCE_GAIN, LEVEL, TOO_HIGH
 from estimator.body.morphology import Array
 from estimator.parameters.rows import PartOutline
-from estimator.parameters.table import (
-    DEGREES,
-    FARTHEST_TURN,
-    LARGEST_FACTOR,
-    MM,
-    Draft,
-    Parameter,
-    scaled,
-    shifted,
-)
+from estimator.parameters.table import MM, Draft, Parameter, scaled, scaling, shifted, switch, turn
 
 # --- sensors ----------------------------------------------------------------------------------
 
@@ -40,39 +31,34 @@ _QUARTER_TURNS: Final = {
 def of_sensors(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]:
     """Rows for how sensors were mounted and calibrated, and for those that fail."""
     for axis, (way, rises) in enumerate((("left/right", "left"), ("forward/back", "front"))):
-        yield Parameter(
+        yield turn(
             name=f"accelerometer's own tilt, {way}",
             group="accelerometer_deg",
             change=partial(shifted, ACCELEROMETER + axis),
             sentence=f"an accelerometer turned by {{}}° {way}, or ground that rises so to the "
             f"{rises}",
             check="put a spirit level on the ground and on the main body",
-            unit=DEGREES,
             narrow=math.radians(0.4),
             wide=math.radians(6.0),
-            limit=FARTHEST_TURN,
         )
-    yield Parameter(
+    yield turn(
         name="accelerometer's turn about the vertical",
         group="accelerometer_yaw_deg",
         change=_level_turned,
         sentence="an accelerometer turned by {}° leftward about the vertical",
         check="look from above how the accelerometer's board lies",
-        unit=DEGREES,
         narrow=math.radians(0.4),
         wide=math.radians(15.0),
         limit=math.radians(60.0),
     )
-    yield Parameter(
+    yield scaling(
         name="accelerometer's gain",
         group="accelerometer_gain",
         change=_level_scaled,
         sentence="an accelerometer that feels {} times gravity",
         check="calibrate the accelerometer again",
-        factor=True,
         narrow=0.01,
         wide=0.2,
-        limit=LARGEST_FACTOR,
     )
     yield Parameter(
         name="distance sensor's offset",
@@ -84,37 +70,33 @@ def of_sensors(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter
         narrow=0.002,
         wide=0.008,
     )
-    yield Parameter(
+    yield scaling(
         name="distance sensor's gain",
         group="distance_gain",
         change=partial(scaled, DISTANCE_GAIN),
         sentence="a distance sensor that reads {} times the distance",
         check="hold a ruler to the belly at two heights",
-        factor=True,
         narrow=0.01,
         wide=0.2,
-        limit=LARGEST_FACTOR,
     )
     # Where parents or mounts are to be found, bodies are found turned as well.
     mounts_known = all(part.parent is not None and part.mount is not None for part in parts)
     for name, matrix in _QUARTER_TURNS.items() if mounts_known else ():
-        yield Parameter(
+        yield switch(
             name=name,
             group="accelerometer_wiring",
             change=partial(_rewired, matrix),
             sentence=f"the {name}" if name.startswith("accel") else name,
             check="tilt the robot by hand, and watch which tilt changes, and its sign",
-            switch=True,
         )
     for gauge in range(sensors):
         for name, reads, group in (("dead", -1, "gauge_dead"), ("stuck on", 1, "gauge_stuck")):
-            yield Parameter(
+            yield switch(
                 name=f"touch sensor {gauge + 1} {name}",
                 group=group,
                 change=partial(_stuck, gauge, reads),
                 sentence=f"touch sensor {gauge + 1} {name}",
                 check=f"press touch sensor {gauge + 1} by hand, and watch its bit",
-                switch=True,
             )
 
 
@@ -152,23 +134,21 @@ def of_wiring(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]
     driven = [(index, part) for index, part in enumerate(parts) if part.motor is not None]
     for index, part in driven:
         if part.hinge is not None:
-            yield Parameter(
+            yield switch(
                 name=f"servo of {part.name} reversed",
                 group="servo_reversed",
                 change=partial(_reversed, index),
                 sentence=f"the servo of {part.name} turning the other way",
                 check=f"send {part.name} to +20°, and see which way it goes",
-                switch=True,
             )
     for (first_index, first), (second_index, second) in combinations(driven, 2):
         if None not in (first.mount, first.hinge, second.mount, second.hinge):
-            yield Parameter(
+            yield switch(
                 name=f"plugs of {first.name} and {second.name} exchanged",
                 group="servo_plugs",
                 change=partial(_exchanged, first_index, second_index),
                 sentence=f"the servo plugs of {first.name} and {second.name} exchanged",
                 check=f"move {first.name} alone, and see which leg moves",
-                switch=True,
             )
     known_by_gauge = {
         part.sensor: (part.parent, part.radius, part.shape, part.length)
@@ -179,14 +159,13 @@ def of_wiring(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]
         known = known_by_gauge.get(first_gauge)
         if known and known == known_by_gauge.get(second_gauge):
             continue  # it is found as if the parts themselves were exchanged
-        yield Parameter(
+        yield switch(
             name=f"plugs of touch sensors {first_gauge + 1} and {second_gauge + 1} exchanged",
             group="gauge_plugs",
             change=partial(_gauges_exchanged, first_gauge, second_gauge),
             sentence=f"the plugs of touch sensors {first_gauge + 1} and {second_gauge + 1} "
             "exchanged",
             check=f"press touch sensor {first_gauge + 1}, and watch which bit changes",
-            switch=True,
         )
 
 

@@ -12,16 +12,7 @@ import numpy as np
 from estimator.body.arrays import BASE_YAW, CENTRE, PART_YAW
 from estimator.body.morphology import BASE, Array
 from estimator.parameters.rows import PartOutline
-from estimator.parameters.table import (
-    DEGREES,
-    FARTHEST_TURN,
-    LARGEST_FACTOR,
-    MM,
-    Draft,
-    Parameter,
-    scaled,
-    shifted,
-)
+from estimator.parameters.table import MM, Draft, Parameter, scaled, scaling, shifted, switch, turn
 
 STUB: Final = 0.02
 """Share of its length that a part keeps which hangs limply, or is gone."""
@@ -40,59 +31,49 @@ _AXES: Final = (
 def of_parts(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]:
     """Rows for the thickness and mass of parts, and for how they are mounted."""
     all_parts = slice(None)
-    yield Parameter(
+    yield scaling(
         name="thickness of all parts",
         group="thickness",
         change=partial(_thicker, all_parts),
         sentence="parts {} times as thick",
         check="measure a leg, and a foot, with a caliper",
-        factor=True,
         narrow=0.25,
         wide=0.7,
-        limit=LARGEST_FACTOR,
     )
-    yield Parameter(
+    yield scaling(
         name="mass of all parts",
         group="mass",
         change=partial(_denser, all_parts),
         sentence="parts {} times as heavy",
         check="weigh a leg",
-        factor=True,
         narrow=1.0,
-        limit=LARGEST_FACTOR,
     )
     for index, part in enumerate(parts):
         name, column = part.name, slice(index, index + 1)
-        yield Parameter(
+        yield scaling(
             name=f"thickness of {name}",
             group="thickness_of_each",
             change=partial(_thicker, column),
             sentence=f"{name}, or its foot, {{}} times as thick",
             check=f"measure {name} and its foot with a caliper",
-            factor=True,
             narrow=0.05,
             wide=0.7,
-            limit=LARGEST_FACTOR,
         )
-        yield Parameter(
+        yield scaling(
             name=f"mass of {name}",
             group="mass_of_each",
             change=partial(_denser, column),
             sentence=f"{name} {{}} times as heavy",
             check=f"weigh {name}, and look for cables that pull at it",
-            factor=True,
             wide=1.0,
-            limit=LARGEST_FACTOR,
         )
-        yield Parameter(
+        yield turn(
             name=f"direction of {name}",
             group="mount_deg",
             change=partial(_aside, index),
             sentence=f"{name} pointing {{}}° leftward of its mount's direction",
             check=f"look from above where {name} points",
-            unit=DEGREES,
             wide=math.radians(20.0),
-            limit=FARTHEST_TURN,
         )
         if part.parent == BASE and part.mount is not None:
             yield Parameter(
@@ -158,15 +139,13 @@ def _turn(vectors: Array, columns: slice | list[int], angles: Array) -> None:
 
 def of_the_main_body(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]:
     """Rows for the main body's mass and centre of mass."""
-    yield Parameter(
+    yield scaling(
         name="mass of the main body",
         group="main_mass",
         change=partial(scaled, _MASS),
         sentence="a main body {} times as heavy, or all parts as much lighter",
         check="weigh the main body with its battery",
-        factor=True,
         wide=0.7,
-        limit=LARGEST_FACTOR,
     )
     for axis, way in enumerate(("forward", "leftward", "upward")):
         yield Parameter(
@@ -186,70 +165,61 @@ def of_the_main_body(parts: Sequence[PartOutline], sensors: int) -> Iterator[Par
 
 def of_servos(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]:
     """Rows for where servos stand at 0, how far they turn, about what, and whether they do."""
-    yield Parameter(
+    yield scaling(
         name="travel of all servos",
         group="travel",
         change=partial(_farther, slice(None)),
         sentence="all servos turning {} times as far as told",
         check="calibrate the servos again",
-        factor=True,
         wide=0.2,
-        limit=LARGEST_FACTOR,
     )
     for index, part in enumerate(parts):
         if part.motor is None:
             continue
         name, column = part.name, slice(index, index + 1)
-        yield Parameter(
+        yield turn(
             name=f"zero of {name}",
             group="zero_deg",
             change=partial(_off_zero, index),
             motor=part.motor,
             sentence=f"the zero of {name}'s servo off by {{}}°",
             check=f"send {name} to 0, and hold a protractor to it",
-            unit=DEGREES,
             narrow=math.radians(0.4),
             wide=math.radians(8.0),
             limit=math.radians(60.0),
         )
-        yield Parameter(
+        yield scaling(
             name=f"travel of {name}",
             group="travel_of_each",
             change=partial(_farther, column),
             motor=part.motor,
             sentence=f"the servo of {name} turning {{}} times as far as told",
             check=f"move {name} by 30°, and hold a protractor to it",
-            factor=True,
             narrow=0.01,
             wide=0.3,
-            limit=LARGEST_FACTOR,
         )
         for axis, (about, look) in enumerate(_AXES):
-            yield Parameter(
+            yield turn(
                 name=f"hinge of {name} about {about}",
                 group="hinge_deg",
                 change=partial(_askew, index, axis),
                 sentence=f"the hinge of {name} turned by {{}}° about {about}",
                 check=f"look at {name}: {look}",
-                unit=DEGREES,
                 wide=math.radians(20.0),
-                limit=FARTHEST_TURN,
             )
-        yield Parameter(
+        yield switch(
             name=f"servo of {name} dead",
             group="servo_dead",
             change=partial(_limp, index),
             sentence=f"the servo of {name} dead",
             check=f"take hold of {name}: a servo that works resists",
-            switch=True,
         )
-        yield Parameter(
+        yield turn(
             name=f"servo of {name} jammed",
             group="servo_jammed",
             change=partial(_jammed, index),
             sentence=f"the servo of {name} standing still at {{}}°",
             check=f"watch {name} while it is moved",
-            unit=DEGREES,
             wide=math.radians(20.0),
             limit=math.radians(90.0),
             stops=index,

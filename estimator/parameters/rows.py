@@ -10,50 +10,38 @@ the entry-point group ``bodyschema.parameters``.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import Final, Protocol, TypeAlias
+from dataclasses import dataclass
+from typing import Final, TypeAlias
 
 from estimator.parameters.table import Parameter
 from estimator.plugins import Registry
 
 
-class PartOutline(Protocol):
-    """What the table must know of a part; a parent, mount or hinge of ``None`` is to be found."""
+@dataclass(frozen=True, kw_only=True)
+class PartOutline:
+    """What the table must know of a part; a parent, mount or hinge of ``None`` is to be found.
 
-    @property
-    def name(self) -> str:
-        """Name for people."""
+    Attributes:
+        name: Name for people.
+        parent: Index of the part that it sits on, or ``BASE``.
+        mount: Name of the mount that it sits on.
+        hinge: Name of its hinge.
+        motor: Index of the motor that drives it; ``None``: none does.
+        sensor: Index of the touch sensor that it has; ``None``: it has none.
+        radius: Half of its thickness, m.
+        shape: ``capsule`` or ``box``.
+        length: Shortest and longest length, m.
+    """
 
-    @property
-    def parent(self) -> int | None:
-        """Index of the part that it sits on, or ``BASE``."""
-
-    @property
-    def mount(self) -> str | None:
-        """Name of the mount that it sits on."""
-
-    @property
-    def hinge(self) -> str | None:
-        """Name of its hinge."""
-
-    @property
-    def motor(self) -> int | None:
-        """Index of the motor that drives it; ``None``: none does."""
-
-    @property
-    def sensor(self) -> int | None:
-        """Index of the touch sensor that it has; ``None``: it has none."""
-
-    @property
-    def radius(self) -> float:
-        """Half of its thickness, m."""
-
-    @property
-    def shape(self) -> str:
-        """``capsule`` or ``box``."""
-
-    @property
-    def length(self) -> tuple[float, float]:
-        """Shortest and longest length, m."""
+    name: str
+    parent: int | None
+    mount: str | None
+    hinge: str | None
+    motor: int | None
+    sensor: int | None
+    radius: float
+    shape: str
+    length: tuple[float, float]
 
 
 RowSource: TypeAlias = Callable[[Sequence[PartOutline], int], Iterable[Parameter]]

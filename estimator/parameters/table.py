@@ -12,6 +12,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -185,6 +186,16 @@ class Parameter:
         shown = amount * self.unit
         digits = max(0, 1 - math.floor(math.log10(abs(shown)))) if shown else 0
         return f"{shown:{'' if self.factor else '+'}.{min(digits, 3)}f}"
+
+
+scaling = partial(Parameter, factor=True, limit=LARGEST_FACTOR)
+"""Makes a row whose amounts are factors."""
+
+turn = partial(Parameter, unit=DEGREES, limit=FARTHEST_TURN)
+"""Makes a row whose amounts are turns."""
+
+switch = partial(Parameter, switch=True)
+"""Makes a row of what either is so or is not."""
 
 
 def applied(table: Sequence[Parameter], bodies: Bodies, deviations: Array) -> Bodies:

@@ -21,7 +21,7 @@ from pydantic import Field, PrivateAttr, ValidationError, model_validator
 from estimator.body.morphology import Array, Base
 from estimator.errors import ProblemError
 from estimator.parameters.announced import announced, tightened
-from estimator.parameters.rows import table_of
+from estimator.parameters.rows import PartOutline, table_of
 from estimator.parameters.table import Parameter
 from estimator.physics.base import WorldSettings
 from estimator.problem.attachment_tables import AttachmentTables
@@ -228,13 +228,18 @@ class Problem(Strict):
         """
         return self.uncertain.spreads.get("accelerometer_deg", 0.0) >= _UNCERTAIN_TILT
 
+    @property
+    def outlines(self) -> list[PartOutline]:
+        """What the table of parameters must know of each part."""
+        return [part.outline for part in self.parts]
+
     @cached_property
     def table(self) -> tuple[Parameter, ...]:
         """Parameters in which the robot may differ from what the problem says.
 
         ``[uncertain]`` tightens, widens or removes rows; the robot's calibration tightens others.
         """
-        rows, spreads = table_of(self.parts, self.sensors), self.uncertain.spreads
+        rows, spreads = table_of(self.outlines, self.sensors), self.uncertain.spreads
         if self.uncertain.exact:
             return ()
         return tuple(
@@ -247,7 +252,7 @@ class Problem(Strict):
 
     def _check_uncertain(self) -> None:
         # how many touch sensors there are is not known yet, and groups are the same for two or more
-        switches = {row.group: row.switch for row in table_of(self.parts, 2)}
+        switches = {row.group: row.switch for row in table_of(self.outlines, 2)}
         for group, spread in self.uncertain.spreads.items():
             if group not in switches:
                 raise ValueError(

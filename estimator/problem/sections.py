@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from typing import Annotated, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from estimator.body.morphology import PartShape
+from estimator.parameters.rows import PartOutline
 from estimator.physics.base import WorldSettings
 from estimator.problem.operators import (
     BlendCrossover,
@@ -103,6 +105,11 @@ class PartRule(Strict):
     motor: Number | None = None
     locked: Number | None = None
     sensor: Number | None = None
+
+    @property
+    def outline(self) -> PartOutline:
+        """What the table of parameters must know of it."""
+        return PartOutline(**{one.name: getattr(self, one.name) for one in fields(PartOutline)})
 
     @property
     def length_unknown(self) -> bool:

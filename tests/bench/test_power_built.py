@@ -85,7 +85,7 @@ def test_what_is_otherwise_is_a_row_of_the_table(trial: Trial) -> None:
         return
     text = trial.problem
     problem = Problem.parse(text, "") if "\n" in text else Problem.load(text)
-    names = [row.name for row in table_of(problem.parts, problem.sensors)]
+    names = [row.name for row in table_of(problem.outlines, problem.sensors)]
     assert any(name.startswith(true.cause) for name in names)
 
 

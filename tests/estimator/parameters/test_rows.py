@@ -34,7 +34,7 @@ from tests.estimator.outside_package import install, put_on_path
 from tests.estimator.two_unknown_rows import programs
 
 KNOWN = Problem.load("parametric")
-TABLE = {one.name: one for one in table_of(KNOWN.parts, KNOWN.sensors)}
+TABLE = {one.name: one for one in table_of(KNOWN.outlines, KNOWN.sensors)}
 LENGTHS = np.array([[0.5, 0.62, 0.41, 0.55, 0.71, 0.48, 0.66, 0.59]])
 MOVED = np.pad(programs(40, seed=3), ((0, 0), (0, 4)))
 SEVERAL = np.random.default_rng(5).uniform(0.1, 0.9, (8, 8))
@@ -220,25 +220,25 @@ def test_one_robot_in_twenty_is_built_otherwise_and_as_many_are_miswired() -> No
 
 def test_what_repeats_an_open_choice_has_no_row() -> None:
     unknown = Problem.load("topological")
-    names = {one.name for one in table_of(unknown.parts, unknown.sensors)}
+    names = {one.name for one in table_of(unknown.outlines, unknown.sensors)}
     assert not any("reversed" in name or "plugs of leg" in name for name in names)
     assert not any("axes exchanged" in name or "quarter turn" in name for name in names)
     assert any("plugs of touch sensors" in name for name in names)
-    table = table_of(unknown.parts, unknown.sensors)
+    table = table_of(unknown.outlines, unknown.sensors)
     gauges = ["plugs of touch sensors" in one.name for one in table]
     assert prior_probabilities(table)[:-1][gauges].sum() == pytest.approx(MISWIRED / len(WIRING))
 
 
 def test_of_alike_parts_that_sit_anywhere_and_turn_with_others_gauges_are_not_exchanged() -> None:
     unknown = Problem.load("topological-20")
-    rows = table_of(unknown.parts, unknown.sensors)
+    rows = table_of(unknown.outlines, unknown.sensors)
     assert not any("plugs of touch sensors" in row.name for row in rows)
     assert any("touch sensor 4 dead" in row.name for row in rows)
-    *others, last = unknown.parts
-    thicker = [*others, last.model_copy(update={"radius": 0.01})]
+    *others, last = unknown.outlines
+    thicker = [*others, replace(last, radius=0.01)]
     names = [row.name for row in table_of(thicker, unknown.sensors) if "plugs of" in row.name]
     assert names == [f"plugs of touch sensors {gauge} and 4 exchanged" for gauge in (1, 2, 3)]
-    own = [part.model_copy(update={"parent": number}) for number, part in enumerate(others[4:])]
+    own = [replace(part, parent=number) for number, part in enumerate(others[4:])]
     names = [row.name for row in table_of([*others[:4], *own, last], unknown.sensors)]
     assert sum("plugs of touch sensors" in name for name in names) == 6
 
