@@ -52,7 +52,6 @@ class ADS1115Emulator(I2CDevice):
         super().__init__(clock)
         self._volts = volts
         self._address = address
-        self._stuck_volts: dict[int, float] = {}
         self.power_cycle()
 
     def power_cycle(self) -> None:
@@ -61,12 +60,6 @@ class ADS1115Emulator(I2CDevice):
         self._registers = [0x0000, _RESET_CONFIG, 0x8000, 0x7FFF]
         self._done_at: float | None = None
         self._conversion_config = _RESET_CONFIG  # the settings of the conversion under way
-
-    def mend(self, fault: str | None = None) -> None:
-        """Switches a fault off, or all of them; a stuck input moves again."""
-        super().mend(fault)
-        if fault in (None, "stuck_channel"):
-            self._stuck_volts.clear()
 
     def answers(self, address: int) -> bool:
         """Whether an address is the chip's, or that of the general call."""
@@ -131,5 +124,6 @@ class ADS1115Emulator(I2CDevice):
 
     def _volts_at(self, channel: int) -> float:
         if self._faults.get("stuck_channel") == channel:
-            return self._stuck_volts.setdefault(channel, self._volts(channel))
+            volts: float = self._held.setdefault("stuck_channel", self._volts(channel))
+            return volts
         return self._volts(channel)

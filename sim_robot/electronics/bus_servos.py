@@ -225,10 +225,9 @@ class BusServos(SerialDevice, Generic[S]):
 
     def _damage_answer(self, line: bytes) -> bytes:
         self._answer_count += 1
-        garbage, lost = self._faults.get("garbage"), self._faults.get("lost")
-        if lost is not None and self._answer_count % max(lost, 1) == 0:
+        if self._strikes("lost", self._answer_count):
             return b""
-        if garbage is not None and self._answer_count % max(garbage, 1) == 0:
+        if self._strikes("garbage", self._answer_count):
             return line[:-1] + bytes((line[-1] ^ 1,))
         return line
 

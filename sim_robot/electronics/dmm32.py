@@ -86,7 +86,6 @@ class DMM32Emulator(FaultSwitch):
         self._clock = clock
         self._base = base
         self._depth = fifo_depth
-        self._stuck_codes: dict[int, int] = {}
         self._paged = [bytearray(4) for _ in range(8)]
         self._last_code = 0
         self._reset()
@@ -127,12 +126,6 @@ class DMM32Emulator(FaultSwitch):
 
     def close(self) -> None:
         """Does nothing."""
-
-    def mend(self, fault: str | None = None) -> None:
-        """Switches a fault off, or all of them; a stuck channel moves again."""
-        super().mend(fault)
-        if fault in (None, "stuck_channel"):
-            self._stuck_codes.clear()
 
     def _reset(self) -> None:
         self._low = self._high = self._channel = 0
@@ -215,13 +208,11 @@ class DMM32Emulator(FaultSwitch):
             self._fifo.pop()
 
     def _convert(self, channel: int) -> int:
-        if self._faults:
-            if self._faults.get("railed_channel") == channel:
-                return _CODES_PER_SIDE - 1
-            if self._faults.get("stuck_channel") == channel:
-                if channel not in self._stuck_codes:
-                    self._stuck_codes[channel] = self._code(channel)
-                return self._stuck_codes[channel]
+        if self._faults.get("railed_channel") == channel:
+            return _CODES_PER_SIDE - 1
+        if self._faults.get("stuck_channel") == channel:
+            code: int = self._held.setdefault("stuck_channel", self._code(channel))
+            return code
         return self._code(channel)
 
     def _code(self, channel: int) -> int:

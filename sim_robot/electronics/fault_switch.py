@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Final
+from typing import Any, ClassVar, Final
 
 from robot.errors import CommandError
 
@@ -41,6 +41,7 @@ class FaultSwitch:
     def __init__(self) -> None:
         self._faults: dict[str, int] = {}
         self._amounts: dict[str, float] = {}
+        self._held: dict[str, Any] = {}  # of a fault, by name, what stays as it was when it began
 
     @property
     def faults(self) -> Mapping[str, int]:
@@ -61,7 +62,7 @@ class FaultSwitch:
         if self.FAULTS[fault].once:
             self._happen(fault, value)
         else:
-            if self._faults.get(fault, value) != value:
+            if self._faults.get(fault) != value:
                 self.mend(fault)  # what it kept was of another number
             self._amounts[fault] = amount  # first: others look at the faults at any time
             self._faults[fault] = value
@@ -108,8 +109,15 @@ class FaultSwitch:
         """Switches a fault off, or all of them."""
         if fault is None:
             self._faults.clear()
+            self._held.clear()
         else:
             self._faults.pop(fault, None)
+            self._held.pop(fault, None)
+
+    def _strikes(self, fault: str, count: int) -> bool:
+        """Whether a fault that strikes every n-th time strikes at the count-th."""
+        nth = self._faults.get(fault)
+        return nth is not None and count % max(nth, 1) == 0
 
     def _happen(self, event: str, value: int) -> None:
         """Makes an event happen; called with the name of one."""

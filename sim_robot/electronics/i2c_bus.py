@@ -58,11 +58,11 @@ class I2CDevice(FaultSwitch, ABC):
     def begin(self) -> bool:
         """Called at the beginning of a transfer; returns whether the device takes part in it."""
         self._transfers += 1
-        return not self._fails("nak")
+        return not self._strikes("nak", self._transfers)
 
     def heard(self) -> bool:
         """Called at the end of a transfer; returns whether its acknowledges reached the host."""
-        return not self._fails("unheard")
+        return not self._strikes("unheard", self._transfers)
 
     def hears(self, address: int) -> bool:
         """Called at the beginning of a message; returns whether the device takes part in it."""
@@ -83,11 +83,6 @@ class I2CDevice(FaultSwitch, ABC):
 
     def stop(self) -> None:
         """Called at the end of a transfer."""
-
-    def _fails(self, fault: str) -> bool:
-        """Whether a fault of every n-th transfer hits this one."""
-        nth = self._faults.get(fault)
-        return nth is not None and self._transfers % max(nth, 1) == 0
 
 
 class I2CBus(FaultSwitch):

@@ -68,7 +68,6 @@ class MPU6050Emulator(I2CDevice):
         self._acceleration = acceleration
         self._address = address
         self._samples = 0
-        self._stuck_code: int | None = None
         self.celsius = 28.0
         self.power_cycle()
 
@@ -89,12 +88,6 @@ class MPU6050Emulator(I2CDevice):
     def restart_dither(self) -> None:
         """Restarts the last bit's noise, so that a repeated observation reads the same."""
         self._samples = 0
-
-    def mend(self, fault: str | None = None) -> None:
-        """Switches a fault off, or all of them; a stuck axis moves again."""
-        super().mend(fault)
-        if fault in (None, "stuck_axis"):
-            self._stuck_code = None
 
     def answers(self, address: int) -> bool:
         """Whether an address is the chip's."""
@@ -147,8 +140,7 @@ class MPU6050Emulator(I2CDevice):
         codes = [self._code(axis, value) for axis, value in enumerate(self._acceleration())]
         stuck_axis = self._faults.get("stuck_axis")
         if stuck_axis is not None and 0 <= stuck_axis < 3:
-            self._stuck_code = codes[stuck_axis] if self._stuck_code is None else self._stuck_code
-            codes[stuck_axis] = self._stuck_code
+            codes[stuck_axis] = self._held.setdefault("stuck_axis", codes[stuck_axis])
         words = [*codes, _word((self.celsius - 36.53) * 340), 0, 0, 0]
         for axis in range(3):
             if self._registers[_STANDBY] & 0x20 >> axis:

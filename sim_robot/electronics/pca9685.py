@@ -202,8 +202,7 @@ class PCA9685Emulator(I2CDevice):
 
     def _store_output(self, register: int, value: int) -> None:
         self._writes += 1
-        nth = self._faults.get("lost")
-        if nth is not None and self._writes % max(nth, 1) == 0:
+        if self._strikes("lost", self._writes):
             return
         is_high_byte = (register - _LED0) % 2
         self._registers[register] = value & 0x1F if is_high_byte else value

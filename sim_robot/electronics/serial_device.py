@@ -132,14 +132,11 @@ class SerialDevice(FaultSwitch, ABC):
         return reply
 
     def _damage(self, data: bytes) -> bytes:
-        drop, corrupt = self._faults.get("drop"), self._faults.get("corrupt")
         arrived = bytearray()
         for byte in data:
             self._bytes_seen += 1
-            if drop is not None and self._bytes_seen % max(drop, 1) == 0:
-                continue
-            flip = corrupt is not None and self._bytes_seen % max(corrupt, 1) == 0
-            arrived.append(byte ^ flip)
+            if not self._strikes("drop", self._bytes_seen):
+                arrived.append(byte ^ self._strikes("corrupt", self._bytes_seen))
         return bytes(arrived)
 
 

@@ -49,8 +49,6 @@ class Servos(FaultSwitch):
         super().__init__()
         self._count = count
         self._last_driven: tuple[int, ...] = ()
-        # count when the fault began, by fault and number
-        self._stuck: dict[tuple[str, int], int] = {}
 
     def numbers(self, fault: str) -> Sequence[int]:
         """Numbers of servos, from 1; the last has no neighbour to exchange plugs with."""
@@ -61,12 +59,10 @@ class Servos(FaultSwitch):
         driven = list(pulses)
         faults = self.faults
         _swap(driven, faults)
-        self._stuck = {key: count for key, count in self._stuck.items() if key in faults.items()}
         for name, play in (("jammed", 0.0), ("blocked", _PLAY)):
             if name in faults:
                 servo = faults[name] - 1
-                key = name, faults[name]
-                count = self._stuck.setdefault(key, (self._last_driven or driven)[servo])
+                count = self._held.setdefault(name, (self._last_driven or driven)[servo])
                 if count and driven[servo]:
                     room = round(play * count)
                     driven[servo] = min(max(driven[servo], count - room), count + room)

@@ -271,11 +271,8 @@ class SV203Emulator(SerialDevice):
     def _damage_reply(self, reply: bytes) -> bytes:
         if "mute" in self._faults:
             return b""
-        nth = self._faults.get("garbage")
-        if nth is None:
-            return reply
         self._replies += 1
-        return reply if self._replies % max(nth, 1) else b"~" + reply[1:]
+        return b"~" + reply[1:] if self._strikes("garbage", self._replies) else reply
 
 
 def _report_move(

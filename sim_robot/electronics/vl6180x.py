@@ -94,7 +94,6 @@ class VL6180XEmulator(I2CDevice):
         self._reach = reach_mm
         self._factory_offset = offset_mm
         self._distance = distance_mm
-        self._frozen: tuple[int, int, bytes] | None = None
         self._measurements = 0
         self.power_cycle()
 
@@ -110,12 +109,6 @@ class VL6180XEmulator(I2CDevice):
         self._index = 0
         self._done_at: float | None = None
         self._result = (0, 0, bytes(_COUNTS_SIZE))
-
-    def mend(self, fault: str | None = None) -> None:
-        """Switches a fault off, or all of them; a frozen distance thaws."""
-        super().mend(fault)
-        if fault in (None, "frozen"):
-            self._frozen = None
 
     def answers(self, address: int) -> bool:
         """Whether an address is the sensor's."""
@@ -181,12 +174,8 @@ class VL6180XEmulator(I2CDevice):
     def _measure(self, distance: float | None) -> tuple[int, int, bytes]:
         """Error code, value and photon counts of a measurement."""
         self._measurements += 1
-        if "frozen" in self._faults and self._frozen is not None:
-            return self._frozen
-        measurement = (*self._see(distance), self._count())
-        if "frozen" in self._faults:
-            self._frozen = measurement
-        return measurement
+        measured = (*self._see(distance), self._count())
+        return self._held.setdefault("frozen", measured) if "frozen" in self._faults else measured
 
     def _see(self, distance: float | None) -> tuple[int, int]:
         if "error" in self._faults:
