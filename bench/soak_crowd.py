@@ -22,77 +22,39 @@ from sim_robot.world.sensor_noise import NoiseLevels
 
 VIEWERS = 4
 WEATHER = Weather(loss=0.05, duplication=0.2, jitter=0.02)
+
+
+def _of(device: str, faults: str) -> list[str]:
+    return [f"{device}.{fault}" for fault in faults.split()]
+
+
 EVERYWHERE = (
-    "servos.dead=3",
-    "servos.swapped=2",
-    "distance.nak",
-    "distance.hang",
-    "distance.busy",
-    "distance.frozen",
-    "distance.reset",
-    "distance.rescaled",
-    "distance.unheard=20",
+    *_of("servos", "dead=3 swapped=2"),
+    *_of("distance", "nak hang busy frozen reset rescaled unheard=20"),
     "i2c.unplugged",
-    "clock.jump=10",
-    "clock.jump=-10",
+    *_of("clock", "jump=10 jump=-10"),
 )
 ON_THE_BUS = (
-    "adc.nak",
-    "adc.busy",
-    "adc.railed_channel=2",
-    "adc.reset",
-    "adc.comparing",
-    "adc.nak=20",
-    "accelerometer.nak",
-    "accelerometer.stuck_axis=1",
-    "accelerometer.railed_axis=2",
-    "accelerometer.reset",
-    "accelerometer.sleep",
-    "accelerometer.reranged",
-    "accelerometer.nak=20",
+    *_of("adc", "nak busy railed_channel=2 reset comparing nak=20"),
+    *_of("accelerometer", "nak stuck_axis=1 railed_axis=2 reset sleep reranged nak=20"),
 )
-OF_SERVOS = (
-    *("unplugged", "drop=43", "corrupt=47", "garbage=5", "lost=5"),
-    *("silent=2", "twin=3", "hot=5", "dip", "wheel_mode=6", "reboot", "reboot=4", "overload=4"),
-    "moved=3",
-)
+OF_SERVOS = """
+unplugged drop=43 corrupt=47 garbage=5 lost=5 silent=2 twin=3 hot=5 dip wheel_mode=6 reboot
+reboot=4 overload=4 moved=3
+"""
+OF_PWM = """
+nak nak=3 unheard=3 hang lost=5 reset sleep doze prescale=60 mode2=20 moved=3 full_on=2 all_off
+"""
+OF_DAQ = "absent stuck_wait stuck_busy overflow lost_sample stuck_channel=1 railed_channel=4"
 FAULTS = {
     "pc104": (
         *EVERYWHERE,
-        "servo_board.unplugged",
-        "servo_board.drop=43",
-        "servo_board.corrupt=47",
-        "servo_board.garbage=5",
-        "servo_board.mute",
-        "servo_board.brown_out",
-        "servo_board.moved=3",
-        "daq.absent",
-        "daq.stuck_wait",
-        "daq.stuck_busy",
-        "daq.overflow",
-        "daq.lost_sample",
-        "daq.stuck_channel=1",
-        "daq.railed_channel=4",
+        *_of("servo_board", "unplugged drop=43 corrupt=47 garbage=5 mute brown_out moved=3"),
+        *_of("daq", OF_DAQ),
     ),
-    "pi": (
-        *EVERYWHERE,
-        "pwm.nak",
-        "pwm.nak=3",
-        "pwm.unheard=3",
-        "pwm.hang",
-        "pwm.lost=5",
-        "pwm.reset",
-        "pwm.sleep",
-        "pwm.doze",
-        "pwm.prescale=60",
-        "pwm.mode2=20",
-        "pwm.moved=3",
-        "pwm.full_on=2",
-        "pwm.all_off",
-        *ON_THE_BUS,
-    ),
+    "pi": (*EVERYWHERE, *_of("pwm", OF_PWM), *ON_THE_BUS),
     **{
-        family: (*EVERYWHERE, *ON_THE_BUS, *(f"{family}.{fault}" for fault in OF_SERVOS))
+        family: (*EVERYWHERE, *ON_THE_BUS, *_of(family, OF_SERVOS))
         for family in ("feetech", "dynamixel")
     },
 }
