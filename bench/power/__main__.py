@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Final
 
-from bench.power.robots import BODIES, Robot, from_prior, shipped
+from bench.power.robots import BODIES, Robot, shipped
 from bench.power.study import PICTURES, REPORTED, SEEDS, study
 from bench.power.tables import by_group, overview, plot_success, write_tables
 from bench.power.trial import Trial, TrialRun
+from bench.prior_bodies import drawn_body
 from bench.study_command import add_options, complete_by_command
 from estimator.report.canvas import as_png
 from estimator.reproduction.harness import made_by
@@ -77,7 +79,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def _by_hand(options: argparse.Namespace) -> Trial:
     problem, name = options.problem, options.body
-    body = from_prior(problem) if name == "prior" else BODIES.get(name) or shipped(name)
+    body = partial(drawn_body, problem) if name == "prior" else BODIES.get(name) or shipped(name)
     text = Path(problem).read_text("utf-8") if problem.endswith(".toml") else problem
     settings = (options.method, options.explore, options.engine, options.interactions)
     return Trial(

@@ -18,7 +18,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from bench.power.faults import measured_with, reversed_tilt, servos_calibrated, with_calibration
+from bench.power.faults import measured_with, miscalibrated, reversed_tilt, servos_calibrated
 from bench.power.robots import Otherwise, Robot, TextOf, shipped, turned_joint
 from bench.power.trial import Trial
 from bench.prior_bodies import drawn_genes, on_robot
@@ -290,9 +290,9 @@ def _wired() -> dict[str, Robot]:
             "plugs of touch sensors 1 and 2 exchanged", "daq.swapped_channels=3"
         ),
         "accelerometer by 90°": replace(
-            with_calibration(quarter),
+            miscalibrated(accelerometer=quarter),
             options=(
-                *with_calibration(quarter).options,
+                *miscalibrated(accelerometer=quarter).options,
                 *("--fault", "daq.swapped_channels=0"),
             ),
             otherwise=Otherwise(_QUARTER),
@@ -305,7 +305,7 @@ def _wired() -> dict[str, Robot]:
 
 def _default(cause: str, *faults: str, amount: float | None = None) -> Robot:
     options = [word for fault in faults for word in ("--fault", fault)]
-    return Robot(body=shipped(DEFAULT), options=tuple(options), otherwise=Otherwise(cause, amount))
+    return Robot(options=tuple(options), otherwise=Otherwise(cause, amount))
 
 
 _JAMMED: Final = 20.0  # degrees

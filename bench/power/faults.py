@@ -13,12 +13,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 from xml.etree import ElementTree
 
 from bench.power.robots import (
     Robot,
-    always,
     exchanged,
     make_heavier,
     noisier,
@@ -99,13 +98,13 @@ def _in_millimetres() -> str:
     )
 
 
-def with_calibration(calibration: Calibration, truth: Callable[[str], str] = str) -> Robot:
-    """The default robot, whose daemon believes in a calibration that is wrong."""
+def miscalibrated(*, truth: Callable[[str], str] = str, **parts: Any) -> Robot:
+    """The default robot, whose daemon believes in a calibration with these wrong parts."""
+    calibration = Calibration(robot=DEFAULT, revision=1, **parts)
     return Robot(
-        body=shipped(DEFAULT),
         truth=truth,
         options=("--calibration", "{folder}/calibration.toml"),
-        files={"calibration.toml": always(to_toml(calibration, COUNTS))},
+        files={"calibration.toml": to_toml(calibration, COUNTS)},
     )
 
 
@@ -114,7 +113,11 @@ def reversed_tilt(axis: int) -> Robot:
     gains = [VOLTS_PER_G] * 3
     gains[axis] = -VOLTS_PER_G
     opposite = ("hip_front", "hip_back") if axis == 0 else ("hip_left", "hip_right")
-    return with_calibration(measured_with(gains), partial(exchanged, *opposite))
+    return miscalibrated(accelerometer=measured_with(gains), truth=partial(exchanged, *opposite))
+
+
+def _failing(fault: str) -> Robot:
+    return Robot(options=("--fault", fault))
 
 
 def _along_the_diagonal(urdf: str) -> str:
@@ -122,27 +125,16 @@ def _along_the_diagonal(urdf: str) -> str:
     return exchanged("hip_left", "hip_front", exchanged("hip_right", "hip_back", urdf))
 
 
-def measured_with(volts_per_g: Sequence[float]) -> Calibration:
+def measured_with(volts_per_g: Sequence[float]) -> AxesCalibration:
     """Calibration by which an accelerometer's axes give so many volts per g."""
-    axes = AxesCalibration(
+    return AxesCalibration(
         wiring={"channels": AXES_INPUTS}, unit="V", zero=(ZERO_VOLTS,) * 3, per_g=tuple(volts_per_g)
     )
-    return Calibration(robot=DEFAULT, revision=1, accelerometer=axes)
 
 
 def _turning(factor: float, *, servos: int) -> Robot:
     """A robot whose first servos turn so many times as far as its daemon believes."""
-    return with_servo_calibration([lambda angle: angle / factor] * servos)
-
-
-def with_servo_calibration(angles: Sequence[Callable[[float], float]]) -> Robot:
-    """A robot whose daemon believes its first servos at other angles than they are, rad.
-
-    Each of ``angles`` gives the believed angle for the true one.
-    """
-    return with_calibration(
-        Calibration(robot=DEFAULT, revision=1, joints=servos_calibrated(angles))
-    )
+    return miscalibrated(joints=servos_calibrated([lambda angle: angle / factor] * servos))
 
 
 def servos_calibrated(
@@ -171,36 +163,28 @@ _DULL: Final = {
 }
 _THREE_LEGS: Final = Robot(body=shipped("three_legs"))
 FAULTS: Final = {
-    "dead servo": Robot(body=shipped(DEFAULT), options=("--fault", "servos.dead=1")),
-    "servo jammed at -11°": Robot(body=shipped(DEFAULT), options=("--fault", "servos.jammed=1")),
+    "dead servo": _failing("servos.dead=1"),
+    "servo jammed at -11°": _failing("servos.jammed=1"),
     "swapped servos": Robot(
-        body=shipped(DEFAULT),
         truth=partial(exchanged, "hip_left", "hip_front"),
         options=("--fault", "servos.swapped=1"),
     ),
     "left/right tilt reversed": reversed_tilt(1),
     "tilt axes exchanged": Robot(
-        body=shipped(DEFAULT),
         truth=_along_the_diagonal,
         options=("--fault", "daq.swapped_channels=0"),
     ),
-    "gauge torn off": Robot(body=shipped(DEFAULT), options=("--fault", "daq.stuck_channel=3")),
-    "gauge that hardly feels": with_calibration(
-        Calibration(robot=DEFAULT, revision=1, gauges=_DULL)
-    ),
+    "gauge torn off": _failing("daq.stuck_channel=3"),
+    "gauge that hardly feels": miscalibrated(gauges=_DULL),
     "servos turning 1.2 times as far": _turning(1.2, servos=8),
     "one servo turning 1.3 times as far": _turning(1.3, servos=1),
-    "accelerometer that feels a fifth less": with_calibration(
-        measured_with((1.25 * VOLTS_PER_G, 1.25 * VOLTS_PER_G, VOLTS_PER_G))
+    "accelerometer that feels a fifth less": miscalibrated(
+        accelerometer=measured_with((1.25 * VOLTS_PER_G, 1.25 * VOLTS_PER_G, VOLTS_PER_G))
     ),
-    "distance sensor that reads 7 mm too much": with_calibration(
-        Calibration(
-            robot=DEFAULT,
-            revision=1,
-            distance=DistanceCalibration(zero=RECESS - 0.007, scale=1.0),
-        )
+    "distance sensor that reads 7 mm too much": miscalibrated(
+        distance=DistanceCalibration(zero=RECESS - 0.007, scale=1.0)
     ),
-    "servos too weak": Robot(body=with_leg_mass(DEFAULT, 0.2 / 0.09)),
+    "servos too weak": Robot(body=partial(with_leg_mass, 0.2 / 0.09)),
     "noise three times as announced": noisier(3.0),
 }
 
@@ -234,7 +218,7 @@ def odd_trials(seeds: tuple[int, ...]) -> tuple[Trial, ...]:
         "a hip 5 cm off the middle of its side": _built({"hip_left": _at("left", aside=0.05)}),
         "a leg that points 16° aside": _built({"hip_left": _at("left", turned=16.0)}),
         "zeros off by 5°, −4°, 3° and −5°": _off_zero((5.0, -4.0, 3.0, -5.0)),
-        "a robot that is never laid down anew": _default("--no-operator"),
+        "a robot that is never laid down anew": Robot(options=("--no-operator",)),
         "noise 1.5 times as announced": noisier(1.5),
         "noise twice as announced": noisier(2.0),
     }
@@ -242,14 +226,6 @@ def odd_trials(seeds: tuple[int, ...]) -> tuple[Trial, ...]:
         Trial(name=name, seeds=seeds, interactions=_MOVEMENTS, robot=robot)
         for name, robot in robots.items()
     )
-
-
-def _default(*options: str) -> Robot:
-    return Robot(body=shipped(DEFAULT), options=options)
-
-
-def _failing(fault: str) -> Robot:
-    return _default("--fault", fault)
 
 
 def _built(joints: Mapping[str, _Elements]) -> Robot:
@@ -299,7 +275,9 @@ def _with_link(link: str, mass: float, radius: float | None, centre: str | None,
 
 def _off_zero(degrees: tuple[float, ...]) -> Robot:
     """A robot whose first servos stand so far from where its daemon believes them."""
-    return with_servo_calibration([partial(operator.add, math.radians(off)) for off in degrees])
+    return miscalibrated(
+        joints=servos_calibrated([partial(operator.add, math.radians(off)) for off in degrees])
+    )
 
 
 def _always_on() -> Robot:
@@ -310,4 +288,4 @@ def _always_on() -> Robot:
         on=0.5,
         off=0.3,
     )
-    return with_calibration(Calibration(robot=DEFAULT, revision=1, gauges={"lower_left": gauge}))
+    return miscalibrated(gauges={"lower_left": gauge})

@@ -6,14 +6,24 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
+from pathlib import Path
 from typing import Final
 from xml.etree import ElementTree
 
-from bench.prior_bodies import drawn_body
 from sim_robot.world.body import DEFAULT, body_path
 
 TextOf = Callable[[int], str]
 """Returns, for a seed, the URDF of a body, or the content of a file."""
+
+
+def shipped(name: str) -> TextOf:
+    """A body that comes with the simulator, by name, or the body in a file."""
+    return partial(_read, name)
+
+
+def _read(name: str, seed: int) -> str:
+    del seed  # it is always the same
+    return body_path(name).read_text(encoding="utf-8")
 
 
 @dataclass(frozen=True)
@@ -42,56 +52,33 @@ class Robot:
         truth: Returns the URDF of the body that its readings describe, given that of its body: a
             mirrored one, for instance, where a tilt has its sign reversed.
         options: Options of ``sim-robotd``; ``{folder}`` stands for the folder of ``files``.
-        files: Content of files, by name.
+        files: Content of files, or what returns it for a seed, by name.
         otherwise: What it has otherwise than its problem says; ``None``: nothing, or many things.
     """
 
-    body: TextOf
+    body: TextOf = shipped(DEFAULT)
     truth: Callable[[str], str] = str
     options: tuple[str, ...] = ()
-    files: Mapping[str, TextOf] = field(default_factory=dict)
+    files: Mapping[str, TextOf | str] = field(default_factory=dict)
     otherwise: Otherwise | None = None
 
-
-def shipped(name: str) -> TextOf:
-    """A body that comes with the simulator, by name, or the body in a file."""
-    return partial(_read, name)
-
-
-def from_prior(problem: str) -> TextOf:
-    """A body drawn from a problem's prior."""
-    return partial(drawn_body, problem)
+    def write_files(self, folder: Path, seed: int) -> None:
+        """Writes ``files`` for a seed."""
+        for name, content in self.files.items():
+            text = content if isinstance(content, str) else content(seed)
+            (folder / name).write_text(text, encoding="utf-8")
 
 
 def noisier(factor: float) -> Robot:
     """The default robot with so many times the noise that it announces."""
     noise = f"tilt_deg = {0.3 * factor}\nclearance_mm = {factor}\nannounced = {1 / factor!r}\n"
     options = ("--noise", "{folder}/noise.toml")
-    return Robot(body=shipped(DEFAULT), options=options, files={"noise.toml": always(noise)})
+    return Robot(options=options, files={"noise.toml": noise})
 
 
-def with_leg_mass(name: str, factor: float) -> TextOf:
-    """A body that ships, with every link but the main body so many times as heavy."""
-    return partial(_heavier, name, factor)
-
-
-def always(text: str) -> TextOf:
-    """The same text for each seed."""
-    return partial(_same, text)
-
-
-def _same(text: str, seed: int) -> str:
-    del seed
-    return text
-
-
-def _read(name: str, seed: int) -> str:
-    del seed  # it is always the same
-    return body_path(name).read_text(encoding="utf-8")
-
-
-def _heavier(name: str, factor: float, seed: int) -> str:
-    root = ElementTree.fromstring(_read(name, seed))
+def with_leg_mass(factor: float, seed: int) -> str:
+    """The default body, with every link but the main body so many times as heavy."""
+    root = ElementTree.fromstring(shipped(DEFAULT)(seed))
     for link in root.findall("link")[1:]:
         for inertial in link.findall("inertial"):
             make_heavier(inertial, factor)
@@ -153,6 +140,6 @@ BODIES: Final[Mapping[str, TextOf]] = {
     "leg on leg": shipped("leg_on_leg"),
     "twisted hinge": shipped("twisted_hinge"),
     "two legs on one side": two_on_one_side,
-    "legs 3.5 times as heavy": with_leg_mass(DEFAULT, 3.5),
+    "legs 3.5 times as heavy": partial(with_leg_mass, 3.5),
 }
 """The six other bodies of the study."""

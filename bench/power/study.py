@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Final
 
 from bench.power.built import BUILT, built_trials
 from bench.power.faults import fault_trials, odd_trials
-from bench.power.robots import BODIES, Robot, from_prior, shipped
+from bench.power.robots import BODIES, Robot
 from bench.power.trial import Trial, as_stated
-from sim_robot.world.body import DEFAULT
+from bench.prior_bodies import drawn_body
 
 REPORTED: Final = "reported"
 SEEDS: Final[Mapping[str, tuple[int, ...]]] = {
@@ -64,7 +65,7 @@ def study(seeds: tuple[int, ...]) -> Groups:
         seeds: Thirty seeds. Some trials take the first few of them.
     """
     ten, four = seeds[:10], seeds[:4]
-    in_mujoco = Robot(body=shipped(DEFAULT), options=("--engine", "mujoco"))
+    in_mujoco = Robot(options=("--engine", "mujoco"))
     return {
         "whole body": (
             Trial(name="posterior, information", seeds=seeds),
@@ -102,7 +103,11 @@ def study(seeds: tuple[int, ...]) -> Groups:
             Trial(name="paper, MuJoCo", seeds=ten, method="paper", robot=in_mujoco, interactions=9),
         ),
         "prior bodies": (
-            Trial(name="topological", seeds=seeds, robot=Robot(body=from_prior("topological"))),
+            Trial(
+                name="topological",
+                seeds=seeds,
+                robot=Robot(body=partial(drawn_body, "topological")),
+            ),
         ),
         "eight parts": (
             Trial(name="topological-20", seeds=ten, problem="topological-20", interactions=16),

@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from bench.power.robots import Robot, shipped
+from bench.power.robots import Robot
 from estimator.body.limbs import leg_lengths
 from estimator.body.morphology import Array
 from estimator.evaluation.attachments import Comparison, Truth
@@ -33,7 +33,6 @@ from estimator.storage.run_config import MethodName, RunConfig
 from estimator.storage.store import RunStore
 from protocol.errors import BodyschemaError
 from protocol.system.files import replace_text
-from sim_robot.world.body import DEFAULT
 
 RUN: Final = "run"
 """Folder of a trial's run."""
@@ -62,7 +61,7 @@ class Trial:
     interactions: int = 6
     method: MethodName = "posterior"
     explore: str | None = None
-    robot: Robot = Robot(body=shipped(DEFAULT))
+    robot: Robot = Robot()
 
 
 def as_stated(problem: str) -> str:
@@ -207,8 +206,7 @@ def _run(trial: Trial, seed: int, place: Path) -> Figures:
     robot, body = trial.robot, trial.robot.body(seed)
     (place / "body.urdf").write_text(body, encoding="utf-8")
     (place / "truth.urdf").write_text(robot.truth(body), encoding="utf-8")
-    for name, content in robot.files.items():
-        (place / name).write_text(content(seed), encoding="utf-8")
+    robot.write_files(place, seed)
     problem = trial.problem
     if "\n" in problem:
         problem = str(place / "problem.toml")

@@ -52,8 +52,7 @@ def test_the_daemon_of_such_a_robot_states_what_the_problem_does(tmp_path: Path)
     for name in ("as people build them", "bars of 5 mm called 7.5", "rods of 13 mm called 6"):
         trial = TRIALS[name]
         seed = trial.seeds[0]
-        for file, content in trial.robot.files.items():
-            (tmp_path / file).write_text(content(seed), encoding="utf-8")
+        trial.robot.write_files(tmp_path, seed)
         config, _ = read_config(tmp_path / "robot.toml")
         radius = (
             float(Problem.parse(trial.problem, "its problem").parts[0].radius)
