@@ -7,7 +7,7 @@ searched from any lengths, since a deviation that is left out biases the lengths
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -23,7 +23,7 @@ from estimator.posterior.sampling.tempering import Particles, Target, equilibrat
 _ANYWHERE: Final = 100  # points with random lengths, the best of which a fit starts from
 _DRAWN: Final = 1000  # points drawn from the prior of lengths and narrow components
 _STARTS: Final = 4  # best of these points, from which fits start
-_START_DEVIATION: Final = 1.5  # deviation of starting points, in standard deviations
+_START_DEVIATIONS: Final = (1.5, 1.5, 0.6)  # of starting points in turn, in standard deviations
 _PEAKS: Final = 3  # peaks of a hypothesis, at most, around which particles start
 _LOWEST_PEAK: Final = 10.0  # nats below the best peak beyond which a peak does not count
 
@@ -169,7 +169,7 @@ class Integrals:
         return list(np.swapaxes(best, 0, 1))
 
     def fitted_with_cost(
-        self, task: tuple[Sequence[int], Array, int]
+        self, task: tuple[Sequence[int], Array, Mapping[int, Array], int]
     ) -> tuple[list[tuple[float, int, Array]], Cost]:
         """The best points with each of some wide components, and the cost of finding them.
 
@@ -180,13 +180,14 @@ class Integrals:
         Args:
             task: Rows of the table, all of which have amounts or none; −1: no wide component.
                 Points of one set of attachments from which fits start, shape (n, size), the first
-                as stated, and a seed, which draws other lengths of the last as further starts.
+                as stated; points with wide components, by row, from which fits of these rows start,
+                too; and a seed, which draws other lengths of the last as further starts.
 
         Returns:
             Laplace's approximation of the evidence, the row, and the point, for each row and set of
             attachments.
         """
-        rows, starts, seed = task
+        rows, starts, known, seed = task
         before, rng = self._predictor.cost, np.random.default_rng(seed)
         table = self._predictor.unknowns.table
         sizes = np.array([table[row].wide or 1.0 for row in rows])  # that of −1 is not used
@@ -198,9 +199,10 @@ class Integrals:
         fits = self._solver.rough_fits(points).sum(axis=1).reshape(_ANYWHERE, -1)
         first = np.arange(len(rows)) + len(rows) * np.argmax(fits, axis=0)
         pieces = [(points[first], which[first])]
-        for sign in (-_START_DEVIATION, _START_DEVIATION) if have_amounts else (1.0,):
-            signs = np.full((len(starts), 1), sign)
-            pieces.append(self._with_wide(starts, rows, signs * sizes))
+        amounts = np.resize(_START_DEVIATIONS if have_amounts else 1.0, (len(starts), 1)) * sizes
+        for sign in (-1, 1) if have_amounts else (1,):
+            pieces.append(self._with_wide(starts, rows, sign * amounts))
+        pieces += [(known[row][None], np.array([row])) for row in rows if row in known]
         stopping = [row for row in rows if row >= 0 and table[row].stops is not None]
         for row in stopping:
             standing = self._standing_still(starts[0], row, rng)

@@ -112,6 +112,7 @@ class Sampler:
         self._known: set[Attachments] = set() if unknowns.choices.size else {()}
         self._cleared: set[Attachments] = set()  # than which many rounds have found nothing better
         self._verified: set[Attachments] = set()  # beside which a restart has found little
+        self._causes: dict[int, Array] = {}  # the last point weighed with each large deviation
 
     def state(self) -> dict[str, Any]:
         """All that ``restore`` needs, for JSON."""
@@ -125,6 +126,7 @@ class Sampler:
             "known": sorted(self._known),
             "cleared": sorted(self._cleared),
             "verified": sorted(self._verified),
+            "causes": [[row, point.tolist()] for row, point in sorted(self._causes.items())],
             "deviations": self._deviations.tolist(),
         }
 
@@ -155,6 +157,7 @@ class Sampler:
         self._known, self._cleared, self._verified = (
             set(map(tuple, state[name])) for name in ("known", "cleared", "verified")
         )
+        self._causes = {row: np.array(point, dtype=float) for row, point in state["causes"]}
         self._search_with(np.array(state["deviations"], dtype=float))
 
     @property
@@ -298,7 +301,12 @@ class Sampler:
         """Modes by their evidences, and samples."""
         predictor, effort, unknowns = self.predictor, self._effort, self.predictor.unknowns
         weigher = Weigher(
-            predictor, likelihood, self._rng, workers=self._workers, particles=effort.particles
+            predictor,
+            likelihood,
+            self._rng,
+            workers=self._workers,
+            particles=effort.particles,
+            causes=self._causes,
         )
         weigher.weigh(agreement.points, agreement.guesses)
         agreement = agreement.with_fit(fit_of(weigher.best, predictor, likelihood))
@@ -310,6 +318,7 @@ class Sampler:
             predictor.add_cost(cost)
             weigher.weigh_causes(points)
             agreement = agreement.with_fit(fit_of(weigher.best, predictor, likelihood))
+        self._causes |= weigher.causes
         modes = weigher.summed(effort.samples)
         misfits = likelihood.misfits_of(predictor, np.vstack([modes.values, modes.rare]))
         all_scales = likelihood.drawn_scales(misfits, self._rng)

@@ -10,7 +10,7 @@ components, unless no set explains the readings without one and these can tell a
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from operator import itemgetter
@@ -103,6 +103,8 @@ class Weigher:
         workers: Executor of tasks for some hypotheses each; its number of workers changes no
             result.
         particles: Largest number of particles of one hypothesis.
+        causes: Points with one wide component each, by its row of the table, from which fits of
+            that component start, too: those that were weighed before.
     """
 
     def __init__(
@@ -113,8 +115,10 @@ class Weigher:
         *,
         workers: Executor,
         particles: int,
+        causes: Mapping[int, Array],
     ) -> None:
         self._predictor, self._likelihood, self._rng = predictor, likelihood, rng
+        self._known_causes = causes
         self._workers, self._particles = workers, particles
         self._integrals = Integrals(predictor, likelihood)
         self._weights: list[_Weight] = []
@@ -150,6 +154,16 @@ class Weigher:
     def best(self) -> Array:
         """The best point of the most probable hypothesis, shape (size,)."""
         return max(self._weights, key=lambda one: one.log).particles.best
+
+    @property
+    def causes(self) -> dict[int, Array]:
+        """The best point with each wide component that was weighed, by its row of the table."""
+        by_log = sorted(self._weights, key=lambda one: one.log)
+        return {
+            weight.hypothesis.wide: weight.hypothesis.point
+            for weight in by_log
+            if weight.hypothesis.wide >= 0
+        }
 
     def weigh_causes(self, points: Array) -> None:
         """Weighs points with one wide component each, too, shape (n, size), if they fit well."""
@@ -265,7 +279,8 @@ class Weigher:
         seeds = self._rng.integers(2**32, size=len(batches)).tolist()
         # Also as stated: small deviations may stand in for a large one.
         starts = np.vstack([unknowns.as_stated(unknowns.cube(point[None])), best, point])
-        tasks = [(rows, starts, seed) for rows, seed in zip(batches, seeds, strict=True)]
+        known = self._known_causes
+        tasks = [(rows, starts, known, seed) for rows, seed in zip(batches, seeds, strict=True)]
         fitted = []
         for results, cost in self._workers.map(self._integrals.fitted_with_cost, tasks):
             self._predictor.add_cost(cost)

@@ -113,7 +113,7 @@ def test_what_was_found_with_it_is_weighed_beside_what_was_found_without(
     wrong = unknowns.as_stated(POINT[None])
     wrong[:, unknowns.choices[2]] += 0.5
     rng = np.random.default_rng(1)
-    weigher = Weigher(predictor, likelihood, rng, workers=ThisProcess(), particles=60)
+    weigher = Weigher(predictor, likelihood, rng, workers=ThisProcess(), particles=60, causes={})
     weigher.weigh(wrong, np.zeros(1))
     if given:
         weigher.weigh_causes(true)
@@ -139,7 +139,7 @@ def test_what_was_found_both_ways_is_weighed_once(
 
     monkeypatch.setattr(Weigher, "_of", noted)
     rng = np.random.default_rng(1)
-    weigher = Weigher(predictor, likelihood, rng, workers=ThisProcess(), particles=60)
+    weigher = Weigher(predictor, likelihood, rng, workers=ThisProcess(), particles=60, causes={})
     weigher.weigh(unknowns.as_stated(POINT[None]), np.zeros(1))
     weigher.weigh_causes(np.vstack([true, true]))
     each = [(one.wide, *unknowns.keys(one.point[None])[0]) for one in added]

@@ -213,6 +213,20 @@ def test_where_there_are_many_modes_those_that_are_drawn_stand_for_all() -> None
     assert np.std(totals) < 0.02 * shares.sum()
 
 
+def test_large_deviations_that_were_weighed_are_in_the_state() -> None:
+    problem = Problem.parse(TWO_UNKNOWN_ROWS, "two rows")
+    genome = Genome(problem, Base(size=(0.14, 0.14, 0.085), mass=1.0))
+    predictor = Predictor(Unknowns(genome, problem.table), StaticsPhysics())
+    (true,) = predictor.unknowns.points(POINT[None], {"travel of all servos": np.array([0.3])})
+    likelihood = Likelihood(draw(predictor, true, programs(6), np.random.default_rng(2)), NOISE)
+    here, there = (make_sampler(predictor, effort=QUICK) for _ in range(2))
+    here.learn(likelihood[:5])
+    state = json.loads(json.dumps(here.state()))
+    assert state["causes"]
+    there.restore(state)
+    assert np.array_equal(there.learn(likelihood).values, here.learn(likelihood).values)
+
+
 def test_the_state_of_another_version_is_refused_in_words(predictor: Predictor) -> None:
     state = make_sampler(predictor).state()
     del state["known"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from typing import Any
 
@@ -17,7 +17,7 @@ from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.model.gauss_newton import Free, GaussNewton
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.unknowns import Predictor, Unknowns
-from estimator.posterior.sampling import weighing
+from estimator.posterior.sampling import integrals, weighing
 from estimator.posterior.sampling.integrals import Hypothesis, Integrals
 from estimator.posterior.sampling.weighing import Weigher
 from estimator.problem.genome import Genome
@@ -35,6 +35,7 @@ class Heard(ThisProcess):
         super().__init__()
         self.as_built = 0
         self.starts: list[Array] = []
+        self.known: list[Mapping[int, Array]] = []
         self.roughly: list[Hypothesis] = []
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
@@ -45,6 +46,7 @@ class Heard(ThisProcess):
                 self.roughly += [one for one in hypotheses if one.wide >= 0]
         if fn.__name__ == Integrals.fitted_with_cost.__name__:
             self.starts.append(args[0][1])
+            self.known.append(args[0][2])
         return super().submit(fn, *args, **kwargs)
 
 
@@ -72,7 +74,7 @@ def test_a_cause_is_named_where_there_is_one(
 ) -> None:
     point, likelihood = observed(predictor, travel)
     rng, workers = np.random.default_rng(1), Heard()
-    weigher = Weigher(predictor, likelihood, rng, workers=workers, particles=PARTICLES)
+    weigher = Weigher(predictor, likelihood, rng, workers=workers, particles=PARTICLES, causes={})
     weigher.weigh(point[None], np.zeros(1))
     causes = {
         predictor.unknowns.table[one.row].name: one.probability for one in weigher.summed(16).causes
@@ -91,7 +93,7 @@ def test_what_is_improbable_has_points_if_the_body_would_be_another(
     monkeypatch.setattr(weighing, "_PROBABLE", 0.0)
     point, likelihood = observed(predictor, 1.0)
     rng, workers, some = np.random.default_rng(1), Heard(), likelihood[:interactions]
-    weigher = Weigher(predictor, some, rng, workers=workers, particles=PARTICLES)
+    weigher = Weigher(predictor, some, rng, workers=workers, particles=PARTICLES, causes={})
     weigher.weigh(point[None], np.zeros(1))
     modes = weigher.summed(16)
     table, first = predictor.unknowns.table, predictor.unknowns.genes_size
@@ -106,7 +108,7 @@ def test_what_is_improbable_has_points_if_the_body_would_be_another(
 def test_one_set_alone_is_weighed_once_and_several_twice(predictor: Predictor, sets: int) -> None:
     point, likelihood = observed(predictor, 1.0)
     rng, workers = np.random.default_rng(1), Heard()
-    weigher = Weigher(predictor, likelihood, rng, workers=workers, particles=PARTICLES)
+    weigher = Weigher(predictor, likelihood, rng, workers=workers, particles=PARTICLES, causes={})
     weigher.weigh(point[None].repeat(sets, axis=0), np.zeros(sets))
     modes = weigher.summed(16)
     assert workers.as_built == (1 if sets == 1 else 4)
@@ -122,7 +124,7 @@ def test_of_many_sets_causes_are_asked_once_readings_should_tell_them(
     point, likelihood = observed(predictor, 1.3)
     rng, workers = np.random.default_rng(1), Heard()
     some = likelihood[:interactions]
-    weigher = Weigher(predictor, some, rng, workers=workers, particles=PARTICLES)
+    weigher = Weigher(predictor, some, rng, workers=workers, particles=PARTICLES, causes={})
     weigher.weigh(point[None].repeat(24, axis=0), np.zeros(24))
     assert bool(workers.starts) == (interactions >= telling)
 
@@ -138,7 +140,7 @@ def test_what_may_be_otherwise_is_fitted_as_well_as_from_each_known_point(
     rows = [number for number, row in enumerate(unknowns.table) if row.wide and not row.switch]
     starts, first = point[None].repeat(2, axis=0), unknowns.genes_size
     starts[:, first:] += narrow * np.random.default_rng(5).standard_normal((2, len(narrow)))
-    found, _ = Integrals(predictor, likelihood).fitted_with_cost((rows[:12], starts, 4))
+    found, _ = Integrals(predictor, likelihood).fitted_with_cost((rows[:12], starts, {}, 4))
     for _, row, fitted in found:
         several = np.vstack([fitted, starts.repeat(2, axis=0)])
         wide, which = unknowns.table[row].wide, np.full(len(several), row)
@@ -148,6 +150,47 @@ def test_what_may_be_otherwise_is_fitted_as_well_as_from_each_known_point(
         polished[0], fits[0] = fitted, (solver.fits(several) + free.log_prior(several))[0]
         fits += unknowns.log_narrow(polished, which)
         assert fits[0] >= fits.max() - 1e-6
+
+
+def test_what_was_weighed_before_is_tried_again(
+    predictor: Predictor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Another movement may hide from all other starts what was probable before it."""
+    monkeypatch.setattr(integrals, "_ANYWHERE", 1)
+    point, likelihood = observed(predictor, 1.3)
+    unknowns = predictor.unknowns
+    row = [one.name for one in unknowns.table].index(CAUSE)
+    (true,) = unknowns.points(
+        np.full((1, unknowns.genes_size), 0.5), {CAUSE: np.array([math.log(1.3)])}
+    )
+    far = point.copy()
+    far[unknowns.continuous] = 0.02
+    fitted_with = Integrals(predictor, likelihood).fitted_with_cost
+    (missed, _, _), *_ = fitted_with(([row], far[None], {}, 4))[0]
+    (reached, _, again), *_ = fitted_with(([row], far[None], {row: true}, 4))[0]
+    assert reached > missed + 10.0
+    assert again[unknowns.genes_size + row] == pytest.approx(math.log(1.3), abs=0.05)
+
+
+def test_weighers_hand_on_what_they_have_weighed(predictor: Predictor) -> None:
+    point, likelihood = observed(predictor, 1.3)
+    known: dict[int, Array] = {}
+    for interactions in (3, 6):
+        workers = Heard()
+        weigher = Weigher(
+            predictor,
+            likelihood[:interactions],
+            np.random.default_rng(1),
+            workers=workers,
+            particles=PARTICLES,
+            causes=known,
+        )
+        weigher.weigh(point[None], np.zeros(1))
+        assert all(one is known for one in workers.known)
+        known = weigher.causes
+        table, first = predictor.unknowns.table, predictor.unknowns.genes_size
+        assert CAUSE in {table[row].name for row in known}
+        assert all(one[first + row] != 0 for row, one in known.items())
 
 
 @pytest.fixture(scope="module")
@@ -181,7 +224,7 @@ def test_a_leg_that_stands_still_is_tried_on_every_hinge(
     true, likelihood, predictor, angle, hinge = jammed
     unknowns = predictor.unknowns
     starts, row = on_other_hinges(true, angle, hinge)[:1], angle - unknowns.genes_size
-    found, _ = Integrals(predictor, likelihood).fitted_with_cost(([row], starts, 4))
+    found, _ = Integrals(predictor, likelihood).fitted_with_cost(([row], starts, {}, 4))
     points = np.array([point for _, _, point in found])
     assert len(set(unknowns.keys(points))) == len(points) == unknowns.genes[hinge].choices
     fits = GaussNewton(predictor, likelihood).fits(np.vstack([points, true]))
@@ -197,7 +240,7 @@ def test_an_amount_that_the_prior_led_back_to_nothing_is_no_fit(
     true, likelihood, predictor, _, _ = jammed
     unknowns = predictor.unknowns
     row = [one.name for one in unknowns.table].index("servo of leg 2 jammed")
-    found, _ = Integrals(predictor, likelihood).fitted_with_cost(([row], true[None], 4))
+    found, _ = Integrals(predictor, likelihood).fitted_with_cost(([row], true[None], {}, 4))
     fits = GaussNewton(predictor, likelihood).fits(true[None])
     assert max(guess for guess, _, _ in found) < fits[0] - 10.0
 
@@ -207,7 +250,7 @@ def test_what_two_sets_lead_to_is_weighed_once(
 ) -> None:
     true, likelihood, predictor, angle, hinge = jammed
     rng, workers = np.random.default_rng(1), Heard()
-    weigher = Weigher(predictor, likelihood, rng, workers=workers, particles=PARTICLES)
+    weigher = Weigher(predictor, likelihood, rng, workers=workers, particles=PARTICLES, causes={})
     weigher.weigh(on_other_hinges(true, angle, hinge), np.array([0.0, 0.1]))
     points = np.array([one.point for one in workers.roughly])
     rows = [one.wide for one in workers.roughly]
