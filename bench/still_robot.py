@@ -1,20 +1,18 @@
 """A robot on emulated electronics in a world that never moves: it lies flat, whatever it does.
 
-With the boards of a PC-104, with the chips of a Pi, or with serial bus servos. It needs neither
-numpy nor PyBullet, so it shows what the daemon itself costs, and lets tests drive the control loop
-with a clock of their own.
+With the boards of a PC-104, or with the chips of a Pi. It needs neither numpy nor PyBullet, so it
+shows what the daemon itself costs, and lets tests drive the control loop with a clock of their own.
 """
 
 from __future__ import annotations
 
 import logging
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field, replace
 from importlib import resources
 from pathlib import Path
-from typing import Any, Final, cast
+from typing import Final, cast
 
 from robot.configuration.joint_calibration import DrivenJoint, JointScale
 from robot.configuration.robot_config import RobotConfig, load_config
@@ -24,9 +22,6 @@ from robot.drivers.buses import Buses
 from robot.drivers.sensors.ads1115 import ADS1115Settings
 from robot.drivers.sensors.analogue import StrainGauge
 from robot.drivers.sensors.mpu6050 import MPU6050Settings
-from robot.drivers.servos.answering_servos import AnsweringServos
-from robot.drivers.servos.dynamixel import DynamixelSettings
-from robot.drivers.servos.feetech import FeetechSettings
 from robot.drivers.servos.pca9685 import PCA9685Settings
 from robot.drivers.servos.servo_bus import ServoBus, ServoSettings
 from robot.drivers.servos.sv203 import SERVOS, SV203, SV203Settings
@@ -34,12 +29,9 @@ from robot.host.clock import Clock, WatchedClock
 from robot.host.service_manager import ServiceManager
 from robot.service.daemon import build_controller
 from sim_robot.electronics.ads1115 import ADS1115Emulator
-from sim_robot.electronics.bus_servos import STEPS, BusServos
 from sim_robot.electronics.clock import HostClock
 from sim_robot.electronics.dmm32 import Dither, DMM32Emulator
-from sim_robot.electronics.dynamixel import DynamixelEmulator
 from sim_robot.electronics.fault_switch import FaultSwitch
-from sim_robot.electronics.feetech import FeetechEmulator
 from sim_robot.electronics.i2c_bus import I2CBus, I2CDevice
 from sim_robot.electronics.mpu6050 import MPU6050Emulator
 from sim_robot.electronics.pca9685 import PCA9685Emulator
@@ -228,7 +220,6 @@ def still_robot(
 
 
 _ENDS: Final = (106, 509)  # counts at the limits of each joint
-_TURN: Final = math.tau * (STEPS - 1) / STEPS  # over all counts of a bus servo, rad
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -238,14 +229,6 @@ class StillPi(OnElectronics):
     servos: ServoBus
     pwm: PCA9685Emulator
     bus: I2CBus
-
-
-@dataclass(frozen=True, kw_only=True)
-class StillOnServos(OnElectronics):
-    """A robot with serial bus servos, ADS1115, MPU-6050 and VL6180X, and the servos' line."""
-
-    servos: AnsweringServos
-    line: BusServos[Any]
 
 
 def pi_config(servos: ServoSettings, scale: Callable[[DrivenJoint], JointScale]) -> RobotConfig:
@@ -270,7 +253,7 @@ def pi_config(servos: ServoSettings, scale: Callable[[DrivenJoint], JointScale])
 
 
 @contextmanager
-def _with_pi_sensors(
+def on_pi_sensors(
     config: RobotConfig,
     clock: Clock,
     name: str,
@@ -309,39 +292,7 @@ def still_pi(clock: Clock, *, housekeeping: float | None, log: logging.Logger) -
         return JointScale(tuple(zip(_ENDS, limits, strict=True)))
 
     pwm = PCA9685Emulator(clock)
-    with _with_pi_sensors(
+    with on_pi_sensors(
         pi_config(servos, scale), clock, "pwm", pwm, housekeeping=housekeeping, log=log
     ) as (robot, bus):
         yield StillPi(**vars(robot), servos=robot.devices.servos, pwm=pwm, bus=bus)
-
-
-@contextmanager
-def still_on_servos(
-    family: str, clock: Clock, *, housekeeping: float | None, log: logging.Logger
-) -> Iterator[StillOnServos]:
-    """Builds the robot on ``feetech`` or ``dynamixel`` servos, which stand in the zero pose."""
-    ids = range(1, 9)
-    settings: ServoSettings
-    line: BusServos[Any]
-    with ExitStack() as stack:
-        if family == "feetech":
-            line = stack.enter_context(closing(FeetechEmulator(ids)))
-            settings = FeetechSettings(port=line.port, baud=1_000_000)
-        else:
-            line = stack.enter_context(closing(DynamixelEmulator(ids)))
-            settings = DynamixelSettings(port=line.port, baud=1_000_000)
-        line.connect(clock)
-        counts = settings.counts
-        points = ((counts[0], -_TURN / 2), (counts[-1], _TURN / 2))
-        robot, _ = stack.enter_context(
-            _with_pi_sensors(
-                pi_config(settings, lambda joint: JointScale(points)),
-                clock,
-                family,
-                line,
-                housekeeping=housekeeping,
-                log=log,
-            )
-        )
-        servos = cast(AnsweringServos, robot.devices.servos)
-        yield StillOnServos(**vars(robot), servos=servos, line=line)

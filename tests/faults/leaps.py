@@ -36,14 +36,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Final, cast
 
-from bench.still_robot import (
-    StillOnServos,
-    StillPi,
-    StillRobot,
-    still_on_servos,
-    still_pi,
-    still_robot,
-)
+from bench.still_robot import StillPi, StillRobot, still_pi, still_robot
 from protocol.errors import RobotError
 from protocol.wire.messages import Clear, ErrorReply, ObservationReply
 from robot.control.interaction import LATENESS
@@ -52,6 +45,7 @@ from robot.drivers.servos.pca9685_board import TICKS
 from robot.drivers.servos.sv203 import NEUTRAL, SERVOS, SV203Settings
 from sim_robot.electronics.serial_device import Follower
 from sim_robot.faults.fault_panel import FaultSpec
+from tests.faults.still_on_servos import StillOnServos, still_on_servos
 from tests.robot.stepped import Bench, SteppedClock, program, request
 
 LONGEST: Final = 3.0  # s; a motion of ±60° from ±60° takes 1 s to zero, 0.3 s there, and 1 s on

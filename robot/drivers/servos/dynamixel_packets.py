@@ -20,7 +20,6 @@ from typing import Final
 HEADER: Final = b"\xff\xff\xfd\x00"
 BROADCAST: Final = 0xFE
 """The id to which every servo listens."""
-IDS: Final = range(253)
 OVERHEAD: Final = 11
 """Bytes of a status packet without parameters; an instruction packet has one fewer."""
 LONGEST: Final = 1024
@@ -171,11 +170,6 @@ class Decoder:
         return []
 
 
-def write(servo: int, address: int, value: int, size: int) -> Packet:
-    """Packet that writes a number of ``size`` bytes at an address of one servo or all."""
-    return Packet(servo, Instruction.WRITE, _word(address) + _number(value, size))
-
-
 def read(servo: int, address: int, size: int) -> Packet:
     """Packet that asks one servo for ``size`` bytes from an address on."""
     return Packet(servo, Instruction.READ, _word(address) + _word(size))
@@ -183,7 +177,10 @@ def read(servo: int, address: int, size: int) -> Packet:
 
 def sync_write(address: int, values: Mapping[int, int], size: int) -> Packet:
     """Packet that writes a number at the same address of several servos; none answers."""
-    parts = (bytes((servo,)) + _number(value, size) for servo, value in values.items())
+    parts = (
+        bytes((servo,)) + value.to_bytes(size, "little", signed=value < 0)
+        for servo, value in values.items()
+    )
     head = _word(address) + _word(size)
     return Packet(BROADCAST, Instruction.SYNC_WRITE, head + b"".join(parts))
 
@@ -197,7 +194,3 @@ def sync_read(address: int, size: int, servos: Iterable[int]) -> Packet:
 
 def _word(value: int) -> bytes:
     return value.to_bytes(2, "little")
-
-
-def _number(value: int, size: int) -> bytes:
-    return value.to_bytes(size, "little", signed=value < 0)

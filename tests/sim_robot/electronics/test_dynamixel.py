@@ -18,7 +18,6 @@ from robot.drivers.servos.dynamixel_packets import (
     read,
     sync_read,
     sync_write,
-    write,
 )
 from robot.errors import CommandError
 from sim_robot.electronics.bus_servos import BOOT, LIMP
@@ -65,6 +64,11 @@ def told(servo: Servo, packet: Packet) -> bytes:
     assert answer is not None
     assert answer.instruction == Instruction.STATUS
     return answer.parameters
+
+
+def write(servo: int, address: int, value: int, size: int) -> Packet:
+    number = value.to_bytes(size, "little", signed=value < 0)
+    return Packet(servo, Instruction.WRITE, address.to_bytes(2, "little") + number)
 
 
 def of(data: bytes) -> int:
