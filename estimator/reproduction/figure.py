@@ -23,6 +23,7 @@ from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation
 from estimator.report.evaluations import TRUTH
+from estimator.report.plots import draw_errors, draw_lengths
 from estimator.report.result import Result
 from estimator.reproduction.paper_runs import PlannedRun, Summary
 from estimator.storage.records import Generation, InteractionRecord, Prediction
@@ -30,6 +31,7 @@ from estimator.storage.store import RunStore
 from protocol.system.files import replace_file, replace_text
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 Row = tuple[object, ...]
@@ -201,11 +203,6 @@ class FinishedRun:
         """Length of each leg of the robot, m, shape (legs,)."""
         return np.array(self.score.true_lengths_m)
 
-    @property
-    def true_mounts(self) -> tuple[str, ...]:
-        """Mount of each leg of the robot."""
-        return tuple(leg.limb.mount for leg in self.truth.legs.values())
-
     def best(self, generation: Generation) -> Morphology:
         """The best model of a generation."""
         return self.genome.decode(np.array(generation.best))
@@ -214,6 +211,18 @@ class FinishedRun:
         """Leg lengths of the best model of a generation, m, shape (legs,)."""
         lengths: Array = leg_lengths([self.best(generation)])[0]
         return lengths
+
+    def draw_history(self, errors: Axes, lengths: Axes) -> None:
+        """Draws every model's error, and the best models' leg lengths beside the robot's."""
+        draw_errors(errors, self.generations)
+        draw_lengths(
+            lengths,
+            self.generations,
+            self.genome,
+            self.score.joints,
+            targets=self.score.true_lengths_m,
+            mounts=[leg.limb.mount for leg in self.truth.legs.values()],
+        )
 
     def configurations_right(self, generation: Generation) -> tuple[bool, ...]:
         """Which configurations the best model of a generation has right, in the genome's order."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 from estimator.report.canvas import new_figure
-from estimator.report.plots import draw_errors, draw_lengths
 from estimator.report.tables import number
 from estimator.reproduction.figure import (
     HISTORY,
@@ -38,15 +37,7 @@ def make(root: Path, budget: Budget) -> DrawnFigure:
     axes = picture.subplots(2, 2)
     rows: list[Row] = []
     for row, (run, panels) in enumerate(zip(finished, PANELS, strict=True)):
-        draw_errors(axes[row, 0], run.generations)
-        draw_lengths(
-            axes[row, 1],
-            run.generations,
-            run.genome,
-            run.score.joints,
-            targets=run.score.true_lengths_m,
-            mounts=run.true_mounts,
-        )
+        run.draw_history(*axes[row])
         for panel, panel_axes in zip(panels, axes[row], strict=True):
             modalities = ", ".join(run.planned.variant.modalities)
             panel_axes.set_title(f"{panel}   {modalities}", loc="left", fontsize="medium", pad=22)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from estimator.report.canvas import new_figure
-from estimator.report.plots import draw_errors, draw_lengths, mark_iterations
+from estimator.report.plots import mark_iterations
 from estimator.report.tables import number
 from estimator.reproduction.figure import (
     HISTORY,
@@ -54,15 +54,7 @@ def make(root: Path, budget: Budget, runs: int | None) -> DrawnFigure:
     names = _names(run)
     picture = new_figure(12, 8)
     axes = picture.subplots(2, 2, height_ratios=(1, 1))
-    draw_errors(axes[0, 0], run.generations)
-    draw_lengths(
-        axes[0, 1],
-        run.generations,
-        run.genome,
-        run.score.joints,
-        targets=run.score.true_lengths_m,
-        mounts=run.true_mounts,
-    )
+    run.draw_history(*axes[0])
     _draw_ends(axes[1, 0], run, right, names)
     _draw_generations(axes[1, 1], run, right, names)
     for panel, letter in zip(axes.flat, ("a", "b", "c", "c, each generation"), strict=True):

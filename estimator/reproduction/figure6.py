@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -16,6 +15,14 @@ from estimator.reproduction.paper_runs import TOPOLOGICAL, TOPOLOGICAL_8X4, Budg
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+_PROBLEMS: Final = {"fig6": TOPOLOGICAL, "fig6-8x4": TOPOLOGICAL_8X4}
+_RUNS: Final = {
+    "fig6": "The topological runs; a configuration is P, O or J of one of four legs.",
+    "fig6-8x4": (
+        "The topological runs with the genome of the paper's text, 8×4; a configuration is P or O "
+        "of one of eight parts, or J of one of the four that are driven."
+    ),
+}
 _CAPTION: Final = (
     "Each column: how many local configurations the best model has right (black: right; white: "
     "wrong); the best is the one with the lowest subjective error. Hatched: wrong, but no sensor "
@@ -28,43 +35,14 @@ HEADER: Final = (
 )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Study:
-    """A study of runs with one genome.
-
-    Attributes:
-        name: Stem of the figure's files.
-        problem: Name of the problem.
-        caption: What is to be seen.
-    """
-
-    name: str
-    problem: str
-    caption: str
-
-
-FOUR_BY_FOUR: Final = Study(
-    name="fig6",
-    problem=TOPOLOGICAL,
-    caption="The topological runs; a configuration is P, O or J of one of four legs. " + _CAPTION,
-)
-EIGHT_BY_FOUR: Final = Study(
-    name="fig6-8x4",
-    problem=TOPOLOGICAL_8X4,
-    caption=(
-        "The topological runs with the genome of the paper's text, 8×4; a configuration is P or O "
-        "of one of eight parts, or J of one of the four that are driven. " + _CAPTION
-    ),
-)
-
-
 def make(
-    root: Path, budget: Budget, runs: int | None, study: Study
+    root: Path, budget: Budget, runs: int | None, name: str
 ) -> tuple[DrawnFigure, Share | None]:
-    """Draws a study's figure and writes its files; returns it and the share of successful runs."""
-    finished = list(read_finished(root, topological_runs(runs, budget, study.problem)))
+    """Draws ``fig6`` or ``fig6-8x4`` and writes its files; returns it and the successful share."""
+    caption = f"{_RUNS[name]} {_CAPTION}"
+    finished = list(read_finished(root, topological_runs(runs, budget, _PROBLEMS[name])))
     if not finished:
-        return DrawnFigure.missing(study.name, study.caption), None
+        return DrawnFigure.missing(name, caption), None
     total = finished[0].score.configurations_total
     informative = finished[0].score.configurations_informative
     chance = finished[0].score.configurations_chance
@@ -77,7 +55,7 @@ def make(
     )
     hidden = sum(map(_is_hidden, finished))
     numbers: dict[str, Any] = {
-        "caption": study.caption,
+        "caption": caption,
         "seeds": [run.planned.seed for run in finished],
         "right": [run.score.configurations_right for run in finished],
         "right_up_to_equivalence": [
@@ -94,7 +72,7 @@ def make(
     }
     write_figure(
         root,
-        study.name,
+        name,
         picture,
         header=HEADER,
         rows=[_row(run) for run in finished],
@@ -111,7 +89,7 @@ def make(
         "than the best one that was found. Where by much, its simulation comes to rest otherwise "
         "in some interaction than the robot did, and the search is led away from it.",
     )
-    return DrawnFigure(name=study.name, caption=study.caption, sentences=sentences), successes
+    return DrawnFigure(name=name, caption=caption, sentences=sentences), successes
 
 
 def _is_hidden(run: FinishedRun) -> bool:

@@ -57,17 +57,14 @@ def share(successes: int, trials: int) -> Share:
     )
 
 
-def smaller(differences: Sequence[float]) -> float:
-    """One-sided p of Wilcoxon's signed-rank test that paired differences tend to be negative.
+def signed_rank(differences: Sequence[float], alternative: Literal["less", "two-sided"]) -> float:
+    """Returns p of Wilcoxon's signed-rank test; ``less``: that differences tend to be negative.
 
     Pairs without a difference are left out, as Wilcoxon did.
     """
-    return _signed_rank(differences, "less")
-
-
-def different(differences: Sequence[float]) -> float:
-    """Two-sided p of Wilcoxon's signed-rank test."""
-    return _signed_rank(differences, "two-sided")
+    if not any(differences):
+        return 1.0
+    return float(_scipy().wilcoxon(differences, alternative=alternative).pvalue)
 
 
 def mean_difference(differences: Sequence[float]) -> MeanDifference:
@@ -114,12 +111,6 @@ def mean_and_deviation(values: Sequence[float]) -> tuple[float | None, float | N
 
 def _scipy() -> Any:
     return importlib.import_module("scipy.stats")
-
-
-def _signed_rank(differences: Sequence[float], alternative: Literal["less", "two-sided"]) -> float:
-    if not any(differences):
-        return 1.0
-    return float(_scipy().wilcoxon(differences, alternative=alternative).pvalue)
 
 
 SIGNIFICANT: Final = 0.05
@@ -296,8 +287,9 @@ def judge(samples: Samples) -> tuple[VariantComparison, ...]:
     ]
     pairs = [_Paired.of(samples, *claim) for claim in claims]
     tested = [index for index, pair in enumerate(pairs) if len(pair)]
-    p_values = [smaller(pairs[index].differences) for index in tested]
-    opposite = [smaller([-value for value in pairs[index].differences]) for index in tested]
+    differences = [pairs[index].differences for index in tested]
+    p_values = [signed_rank(values, "less") for values in differences]
+    opposite = [signed_rank([-value for value in values], "less") for values in differences]
     triples = zip(p_values, holm(p_values), holm(opposite), strict=True)
     corrected = dict(zip(tested, triples, strict=True))
     comparisons = []
@@ -341,7 +333,7 @@ def tilt_alone(samples: Samples) -> tuple[TiltAloneComparison, ...]:
                     other=number,
                     means=pair.means,
                     difference=pair.mean_difference,
-                    p=different(pair.differences) if len(pair) else None,
+                    p=signed_rank(pair.differences, "two-sided") if len(pair) else None,
                 )
             )
     return tuple(asides)

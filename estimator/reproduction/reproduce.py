@@ -113,10 +113,10 @@ def _draw(
     if "fig5" in figures:
         drawn.append(figure5.make(root, budget, runs))
     if "fig6" in figures:
-        figure_6, successes = figure6.make(root, budget, runs, figure6.FOUR_BY_FOUR)
+        figure_6, successes = figure6.make(root, budget, runs, "fig6")
         drawn.append(figure_6)
     if "fig6-8x4" in figures:
-        figure_6, _ = figure6.make(root, budget, runs, figure6.EIGHT_BY_FOUR)
+        figure_6, _ = figure6.make(root, budget, runs, "fig6-8x4")
         drawn.append(figure_6)
     if samples is None and successes is None:
         return tuple(drawn), None

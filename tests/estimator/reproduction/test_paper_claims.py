@@ -13,7 +13,6 @@ from estimator.reproduction.claims_table import ClaimsTable
 from estimator.reproduction.paper_claims import (
     STATEMENTS,
     Panel,
-    different,
     holm,
     judge,
     judge_successes,
@@ -21,7 +20,7 @@ from estimator.reproduction.paper_claims import (
     mean_difference,
     rates_differ,
     share,
-    smaller,
+    signed_rank,
     tilt_alone,
     verdict_on,
 )
@@ -44,20 +43,20 @@ def test_holm_on_a_textbook_example() -> None:
 
 def test_signed_ranks_of_differences_of_one_sign_are_one_of_all_signs() -> None:
     lower = [-1.0, -2.0, -3.0, -4.0, -5.0]
-    assert smaller(lower) == pytest.approx(0.5**5)
-    assert smaller([-item for item in lower]) == pytest.approx(1.0)
-    assert different(lower) == pytest.approx(2 * 0.5**5)
+    assert signed_rank(lower, "less") == pytest.approx(0.5**5)
+    assert signed_rank([-item for item in lower], "less") == pytest.approx(1.0)
+    assert signed_rank(lower, "two-sided") == pytest.approx(2 * 0.5**5)
 
 
 def test_signed_ranks_on_a_textbook_example() -> None:
     """Darwin's maize, crossed minus self-fertilised, in eighths of an inch; rank sums 96 and 24."""
     differences = [49.0, -67, 8, 16, 6, 23, 28, 41, 14, 29, 56, 24, 75, 60, -48]
-    assert different(differences) == pytest.approx(0.0413, abs=5e-5)
+    assert signed_rank(differences, "two-sided") == pytest.approx(0.0413, abs=5e-5)
 
 
 def test_equal_pairs_tell_nothing() -> None:
-    assert smaller([0.0] * 4) == different([0.0] * 4) == 1.0
-    assert smaller([0.0, -1.0, 0.0]) == pytest.approx(0.5)
+    assert signed_rank([0.0] * 4, "less") == signed_rank([0.0] * 4, "two-sided") == 1.0
+    assert signed_rank([0.0, -1.0, 0.0], "less") == pytest.approx(0.5)
 
 
 def test_a_mean_difference_lies_in_its_interval() -> None:
