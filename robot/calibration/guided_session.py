@@ -14,7 +14,13 @@ from typing import Any, Final
 from robot.calibration.joints import HELP, Mover, calibrate_joint
 from robot.calibration.oscillators import measure_oscillators
 from robot.calibration.questions import Questions
-from robot.calibration.sensors import AccelerometerSession, DistanceSession, GaugeSession
+from robot.calibration.sensors import (
+    SAMPLES,
+    calibrate_accelerometer,
+    calibrate_distance,
+    calibrate_gauge,
+    sample_at_rest,
+)
 from robot.configuration.calibration_file import (
     AxesCalibration,
     Calibration,
@@ -28,6 +34,7 @@ from robot.configuration.robot_config import RobotConfig
 from robot.devices import Devices
 from robot.errors import AbandonedError, CommandError, ConfigError
 from robot.host.clock import Clock
+from robot.sensing.samples import sample_channel
 from robot.uncertainty import Uncertainty
 
 WELCOME: Final = """\
@@ -159,29 +166,20 @@ class GuidedSession:
         driver: Any = self._devices.accelerometer  # where there are axes, it is a ``RawAxes``
         if "accelerometer" not in self._parts or axes is None:
             return None
-        return AccelerometerSession(
-            sensor=axes,
-            driver=driver,
-            rate=self._config.settling.rate,
-            clock=self._clock,
-            dialogue=self._dialogue,
-        ).run()
+        sample = partial(sample_at_rest, driver, rate=self._config.settling.rate, clock=self._clock)
+        return calibrate_accelerometer(axes, sample, self._dialogue)
 
     def _gauges(self) -> Iterator[tuple[str, GaugeCalibration]]:
         gauges, inputs = self._config.gauges, self._devices.inputs
         points = [p for p in self._config.touch if p.name in gauges and p.name in self._parts]
         if not points or inputs is None:
             return
+        rate, clock = self._config.settling.rate, self._clock
         self._dialogue.say(GAUGES)
         for point in points:
-            measured = GaugeSession(
-                point=point,
-                channel=gauges[point.name].channel,
-                inputs=inputs,
-                rate=self._config.settling.rate,
-                clock=self._clock,
-                dialogue=self._dialogue,
-            ).run()
+            channel = gauges[point.name].channel
+            sample = partial(sample_channel, inputs, channel, count=SAMPLES, rate=rate, clock=clock)
+            measured = calibrate_gauge(point, channel, sample, self._dialogue)
             if measured is not None:
                 yield point.name, measured
 
@@ -189,9 +187,9 @@ class GuidedSession:
         belly, finder = self._config.distance, self._devices.distance
         if "distance" not in self._parts or belly is None or finder is None:
             return None
-        return DistanceSession(
-            belly.sensor, finder, noise=self._config.noise.clearance, dialogue=self._dialogue
-        ).run()
+        return calibrate_distance(
+            belly.sensor, finder, self._config.noise.clearance, self._dialogue
+        )
 
     def _changes(self, before: Calibration, after: Calibration) -> Iterator[str]:
         """Yields what is new, line by line."""

@@ -6,11 +6,13 @@ import math
 import random
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import pytest
 
+from robot.calibration import sensors
 from robot.calibration.questions import Questions
-from robot.calibration.sensors import POSITIONS, AccelerometerSession, DistanceSession, GaugeSession
+from robot.calibration.sensors import POSITIONS, SAMPLES, placements, sample_at_rest
 from robot.configuration.calibration_file import (
     AxesCalibration,
     DistanceCalibration,
@@ -18,6 +20,7 @@ from robot.configuration.calibration_file import (
 )
 from robot.drivers.sensors.analogue import AnalogueAccelerometer, AnalogueAxes, StrainGauge
 from robot.errors import AbandonedError
+from robot.sensing.samples import sample_channel
 from robot.sensing.sensors import BellySensor, TouchPoint
 from robot.uncertainty import Uncertainty
 from tests.robot.calibration.desk import Answer, Inputs, Script
@@ -50,13 +53,9 @@ class Body:
 
 
 def calibrate_axes(body: Body, script: Script, axes: AnalogueAxes = AXES) -> AxesCalibration | None:
-    return AccelerometerSession(
-        sensor=axes,
-        driver=AnalogueAccelerometer(axes, body.inputs.connected(dict(enumerate("xyz", 1)))),
-        rate=50,
-        clock=InstantClock(),
-        dialogue=Questions(script),
-    ).run()
+    driver = AnalogueAccelerometer(axes, body.inputs.connected(dict(enumerate("xyz", 1))))
+    sample = partial(sample_at_rest, driver, rate=50, clock=InstantClock())
+    return sensors.calibrate_accelerometer(axes, sample, Questions(script))
 
 
 def test_an_axis_at_its_rail_is_measured_again() -> None:
@@ -178,14 +177,11 @@ class Foot:
 
 
 def calibrate_gauge(foot: Foot, script: Script) -> GaugeCalibration | None:
-    return GaugeSession(
-        point=POINT,
-        channel=GAUGE.channel,
-        inputs=foot.inputs.connected({GAUGE.channel: "the gauge of foot"}),
-        rate=50,
-        clock=InstantClock(),
-        dialogue=Questions(script),
-    ).run()
+    inputs = foot.inputs.connected({GAUGE.channel: "the gauge of foot"})
+    sample = partial(
+        sample_channel, inputs, GAUGE.channel, count=SAMPLES, rate=50, clock=InstantClock()
+    )
+    return sensors.calibrate_gauge(POINT, GAUGE.channel, sample, Questions(script))
 
 
 @pytest.mark.parametrize("gain", [0.12, -0.3])
@@ -299,8 +295,7 @@ class Ruler:
 def calibrate_distance(
     ruler: Ruler, script: Script, noise: float = 1e-3
 ) -> DistanceCalibration | None:
-    dialogue = Questions(script)
-    return DistanceSession(BELLY, ruler, noise=noise, dialogue=dialogue).run()
+    return sensors.calibrate_distance(BELLY, ruler, noise, Questions(script))
 
 
 def placed(ruler: Ruler, height: float, times: int) -> list[Answer]:
@@ -323,11 +318,9 @@ def test_many_placements_find_zero_and_scale() -> None:
     assert gain == pytest.approx(math.hypot(math.sqrt(2) * 0.38, 0.5) / 150, rel=0.2)
 
 
-@pytest.mark.parametrize(("noise", "placements"), [(0.1e-3, 3), (1e-3, 16), (1.0, 25)])
-def test_a_noisier_sensor_is_placed_more_often(noise: float, placements: int) -> None:
-    dialogue = Questions(Script())
-    session = DistanceSession(BELLY, Ruler(), noise=noise, dialogue=dialogue)
-    assert session.placements == placements
+@pytest.mark.parametrize(("noise", "times"), [(0.1e-3, 3), (1e-3, 16), (1.0, 25)])
+def test_a_noisier_sensor_is_placed_more_often(noise: float, times: int) -> None:
+    assert placements(noise) == times
 
 
 def test_three_placements_are_the_least() -> None:
