@@ -1,6 +1,7 @@
 """Attacks on a robot: ``python -m bench.attackers NAME URI OTHER``, until standard input ends.
 
-OTHER is where telemetry is published, or where faults are injected (``idle_faults``).
+OTHER is where telemetry is published, for ``subscriptions``, or where faults are injected, for
+``idle_faults``.
 
 Prints ``under way`` when an attack goes on, and at the end what it did. ``RawPeer`` is a ZMTP 3
 peer on a plain socket, which does what ZeroMQ's own sockets would not. It knows the NULL mechanism
@@ -32,7 +33,7 @@ EMPTY_MAPS: Final = b"\x81\xa1a" + b"\xdc\x00\x40" + 64 * (b"\xdc\x03\xf8" + b"\
 HELLO: Final = encode({"type": "hello", "id": 1, "client": "attacker", "versions": [1]})
 SUBSCRIPTIONS: Final = 20_000  # bytes at a time
 
-Attack = Callable[[str, str], Iterator[None]]
+Attack = Callable[[str], Iterator[None]]
 
 
 class RawPeer:
@@ -106,15 +107,14 @@ def _property(name: bytes, value: bytes) -> bytes:
     return bytes([len(name)]) + name + struct.pack(">I", len(value)) + value
 
 
-def identities(uri: str, telemetry: str) -> Iterator[None]:
+def identities(uri: str) -> Iterator[None]:
     """Claims the routing ids that ZeroMQ would give the next peers, then has it give some."""
-    del telemetry
     named = 0
     while True:
         held: list[RawPeer] = []
         claims = [*guessed_identities(sockets=10, first=named, connections=10), *(10 * [b""])]
         for identity in claims:
-            with _unless_cut():
+            with suppress(OSError):
                 held.append(RawPeer(uri, identity=identity))
             named += not identity
             yield
@@ -122,11 +122,10 @@ def identities(uri: str, telemetry: str) -> Iterator[None]:
             peer.close()
 
 
-def parts(uri: str, telemetry: str) -> Iterator[None]:
+def parts(uri: str) -> Iterator[None]:
     """Messages of 3,000 parts of 1 MB."""
-    del telemetry
     while True:
-        with _unless_cut():
+        with suppress(OSError):
             peer = RawPeer(uri)
             for _ in range(2_999):
                 peer.send(MEGABYTE, MORE)
@@ -134,127 +133,109 @@ def parts(uri: str, telemetry: str) -> Iterator[None]:
             peer.send(MEGABYTE)
 
 
-def empty_parts(uri: str, telemetry: str) -> Iterator[None]:
+def empty_parts(uri: str) -> Iterator[None]:
     """Messages of millions of empty parts."""
-    del telemetry
     while True:
-        with _unless_cut():
+        with suppress(OSError):
             peer = RawPeer(uri)
             for _ in range(10_000):
                 peer.socket.sendall(1000 * frame(b"", MORE))
                 yield
 
 
-def unfinished(uri: str, telemetry: str) -> Iterator[None]:
+def unfinished(uri: str) -> Iterator[None]:
     """A hundred messages of almost 1 MB that never end."""
-    del telemetry
     held: deque[RawPeer] = deque(maxlen=100)
     while True:
-        with _unless_cut():
+        with suppress(OSError):
             held.append(RawPeer(uri))
             held[-1].send(bytes(MAX_MESSAGE - 1000), MORE)
             yield
 
 
-def subscriptions(uri: str, telemetry: str) -> Iterator[None]:
+def subscriptions(uri: str) -> Iterator[None]:
     """Subscriptions to topics that nobody else wants, 500 MB if they are taken."""
-    del uri
     topics = (b"\1" + number.to_bytes(8, "big") * 10 for number in itertools.count())
     while True:
-        with _unless_cut():
-            peer = RawPeer(telemetry, b"SUB")
+        with suppress(OSError):
+            peer = RawPeer(uri, b"SUB")
             while True:
                 piece = b"".join(frame(next(topics)) for _ in range(SUBSCRIPTIONS // 83))
                 peer.socket.sendall(piece)
                 yield
 
 
-def empty_maps(uri: str, telemetry: str) -> Iterator[None]:
+def empty_maps(uri: str) -> Iterator[None]:
     """Frames of 64 KiB of empty maps, as many as are taken, on ten connections."""
-    del telemetry
     assert len(EMPTY_MAPS) <= MAX_FRAME
     yield from _on_ten(uri, 10 * frame(EMPTY_MAPS))
 
 
-def garbage(uri: str, telemetry: str) -> Iterator[None]:
+def garbage(uri: str) -> Iterator[None]:
     """The smallest frames that are no message, as many as are taken, on ten connections."""
-    del telemetry
     yield from _on_ten(uri, 1000 * frame(b"\xc1"))
 
 
-def unread(uri: str, telemetry: str) -> Iterator[None]:
+def unread(uri: str) -> Iterator[None]:
     """Sends hello endlessly, on ten connections, and never reads an answer."""
-    del telemetry
     yield from _on_ten(uri, 1000 * frame(HELLO), reads=False)
 
 
-def connections(uri: str, telemetry: str) -> Iterator[None]:
+def connections(uri: str) -> Iterator[None]:
     """Opens connections that send nothing, as fast as possible."""
-    del telemetry
     place = Endpoint.parse(uri)
     held: deque[socket.socket] = deque()
     while True:
-        with _unless_cut():
+        with suppress(OSError):
             held.append(socket.create_connection((place.host, place.port), timeout=10))
         if len(held) > 500:
             held.popleft().close()
         yield
 
 
-def idle_faults(uri: str, control: str) -> Iterator[None]:
-    """Opens connections to the socket for faults that ask for nothing, as fast as possible."""
-    del uri
-    yield from connections(control, "")
-
-
-def hanging_driver(uri: str, telemetry: str) -> Iterator[None]:
+def hanging_driver(uri: str) -> Iterator[None]:
     """Asks for a motion, of servos whose driver does not return."""
-    del telemetry
     with RobotClient(uri) as client:
         client.acquire()
-        targets = dict.fromkeys((joint.name for joint in client.capabilities.joints), 0.5)
-        moving = threading.Thread(target=_moved, args=(client, targets), daemon=True)
+        moving = threading.Thread(target=_moved, args=(client,), daemon=True)
         moving.start()
         while True:
             yield
             moving.join(0.05)
 
 
-def dying_driver(uri: str, telemetry: str) -> Iterator[None]:
+def dying_driver(uri: str) -> Iterator[None]:
     """Asks for motions again and again, of servos whose driver raises ``SystemExit``."""
-    del telemetry
     with RobotClient(uri) as client:
         client.acquire()
-        targets = dict.fromkeys((joint.name for joint in client.capabilities.joints), 0.5)
         while True:
-            _moved(client, targets)
+            _moved(client)
             with suppress(RobotError):
                 client.clear()
             yield
 
 
-def _moved(client: RobotClient, targets: Mapping[str, float]) -> None:
+def _moved(client: RobotClient) -> None:
     with suppress(RobotError):
-        client.perform(targets)
+        client.perform({joint.name: 0.5 for joint in client.capabilities.joints})
 
 
 ATTACKS: Final[Mapping[str, Attack]] = {
-    attack.__name__: attack
-    for attack in (
-        identities,
-        parts,
-        empty_parts,
-        unfinished,
-        subscriptions,
-        empty_maps,
-        garbage,
-        unread,
-        connections,
-        idle_faults,
-        hanging_driver,
-        dying_driver,
-    )
+    "identities": identities,
+    "parts": parts,
+    "empty_parts": empty_parts,
+    "unfinished": unfinished,
+    "subscriptions": subscriptions,
+    "empty_maps": empty_maps,
+    "garbage": garbage,
+    "unread": unread,
+    "connections": connections,
+    "idle_faults": connections,
+    "hanging_driver": hanging_driver,
+    "dying_driver": dying_driver,
 }
+ON_OTHER: Final = ("subscriptions", "idle_faults")
+"""Attacks on OTHER, in the place of URI."""
 
 
 def _on_ten(uri: str, piece: bytes, *, reads: bool = True) -> Iterator[None]:
@@ -278,13 +259,9 @@ def _on_ten(uri: str, piece: bytes, *, reads: bool = True) -> Iterator[None]:
         yield
 
 
-def _unless_cut() -> suppress:
-    return suppress(OSError)
-
-
 def main() -> None:
     """Attacks until standard input ends."""
-    name, uri, telemetry = sys.argv[1:]
+    name, uri, other = sys.argv[1:]
     ended = threading.Event()
 
     def listen() -> None:
@@ -293,7 +270,7 @@ def main() -> None:
 
     threading.Thread(target=listen, daemon=True).start()
     count = 0
-    for count, _ in enumerate(ATTACKS[name](uri, telemetry)):
+    for count, _ in enumerate(ATTACKS[name](other if name in ON_OTHER else uri)):
         if count == 10:
             print("under way", flush=True)
         if ended.is_set():
