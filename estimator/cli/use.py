@@ -59,6 +59,10 @@ LOG: Final = "monitor.jsonl"
 Robot = Annotated[str, typer.Option(help="tcp://HOST:PORT; a record cannot move.")]
 Yes = Annotated[bool, typer.Option("--yes", help="Move the robot without asking first.")]
 Seed = Annotated[int, typer.Option(help="Of what is drawn.")]
+NONE_OF_THESE: Final = (
+    "None of the changes that are known explains the readings, nor does any body of this run: see "
+    "whether the robot stands free on the ground, and whether its servos turn."
+)
 _MAX_CAUSES: Final = 4
 _LENGTH_PATTERN: Final = re.compile(r"(\d+(?:\.\d*)?)\s*(mm|cm|m)")
 _METRES_BY_UNIT: Final = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
@@ -218,8 +222,13 @@ def monitor(
         out.print("The body has changed.", style="bold red")
         for suspect, share in suspects:
             out.print(f"{share:8.3f}  {said(suspect, known)}", soft_wrap=True)
+        if not suspects:
+            out.print(NONE_OF_THESE, soft_wrap=True)
         command = command_line("estimator", "diagnose", directory, "--robot", robot)
         out.print(f"Find out with: {command}", soft_wrap=True)
+        if not suspects:
+            anew = ("identify", "--robot", robot, "--problem", store.settings.problem)
+            out.print(f"Or identify it anew: {command_line('estimator', *anew)}", soft_wrap=True)
     raise typer.Exit(CHANGED)
 
 
@@ -237,6 +246,7 @@ def _log(
         "threshold": watch.threshold,
         "alarm": watch.alarm,
         "suspects": {one.cause.name: share for one, share in suspects if one.cause is not None},
+        "none_of_these": watch.none_of_these,
         "observation": observation.model_dump(mode="json"),
     }
     with unless_unwritable(directory), open(directory / LOG, "a", encoding="utf-8") as log:

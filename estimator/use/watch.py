@@ -7,6 +7,9 @@ each particle of a cause follow Shiryaev's recursion (1963)::
 
 and their sum is the odds that something has changed. Were the models exact, an alarm beyond
 ``hazard / rate`` would be false once in ``1 / rate`` movements or less often (Pollak 1985).
+
+One more cause is in no row of the table: under it any reading is as probable as another. Without it
+readings that nothing explains would tell nothing, since they are outliers whatever has changed.
 """
 
 from __future__ import annotations
@@ -36,6 +39,7 @@ PATROL: Final = 6
 """Default number of movements of a patrol."""
 
 _PARTICLES: Final = 64  # of a cause
+_UNLISTED: Final = 0.05  # share of changes that are in no row of the table
 _RECENT: Final = 30  # last movements, in one of which a change that is noticed must have happened
 _CANDIDATES: Final = 400  # programs, among which a patrol chooses
 _WATCHED: Final = 8  # particles of a cause, by which a patrol chooses
@@ -64,9 +68,10 @@ class Watch:
         self._particles = [weigher.prior(cause, _PARTICLES) for cause in weigher.causes]
         self._bodies = Bodies.joined([weigher.bodies(particles) for particles in self._particles])
         self._scales = np.concatenate([weigher.scales(particles) for particles in self._particles])
-        self._log_prior = np.repeat(
-            [cause.log_prior - math.log(_PARTICLES) for cause in weigher.causes], _PARTICLES
-        )
+        share = math.log(1 - _UNLISTED) - math.log(_PARTICLES)
+        listed = np.repeat([cause.log_prior + share for cause in weigher.causes], _PARTICLES)
+        # The last entry of these is that of what is in no row of the table.
+        self._log_prior = np.append(listed, math.log(_UNLISTED))
         self._logs = np.full(len(self._log_prior), -np.inf)  # logarithms of R
         self._recent = deque[tuple[Observation, Array]](maxlen=_RECENT)  # log-likelihood ratios
 
@@ -78,7 +83,8 @@ class Watch:
     def take(self, observation: Observation) -> None:
         """Takes in what was observed in one more movement."""
         weigher = self.weigher
-        changed = weigher.fits_of(self._bodies, self._scales, [observation])[:, 0]
+        listed = weigher.fits_of(self._bodies, self._scales, [observation])[:, 0]
+        changed = np.append(listed, weigher.known.likelihood_of([observation]).log_anywhere)
         old = weigher.prior(None, len(weigher.known))
         unchanged = logsumexp(weigher.fits(old, [observation])[:, 0]) - math.log(len(old))
         log_odds = np.logaddexp(self._logs, math.log(HAZARD) + self._log_prior)
@@ -87,12 +93,19 @@ class Watch:
         self.odds = float(np.exp(np.minimum(logsumexp(self._logs), 300.0)))
         self.movements += 1
 
+    @property
+    def none_of_these(self) -> float:
+        """How probable it is, if anything has changed, that it is in no row of the table."""
+        return float(softmax(self._logs)[-1]) if self.movements else _UNLISTED
+
     def suspects(self, count: int = 3) -> tuple[tuple[Particles, float], ...]:
-        """The most probable causes, with how probable each is if anything has changed.
+        """The most probable causes, with how probable each is if one of them has come about.
 
         Weighed as in a diagnosis, by the movements since the one from which on a change explains
-        most.
+        most. There are none where it is more probably none of these.
         """
+        if self.none_of_these > 0.5:
+            return ()
         observed, ratios = zip(*self._recent, strict=True)
         log_odds = np.cumsum(ratios[::-1], axis=0) + self._log_prior
         weighed = self.weigher.weigh(observed[-1 - int(np.argmax(logsumexp(log_odds, axis=1))) :])
@@ -103,8 +116,8 @@ class Watch:
         ]
 
     def _likely(self) -> list[tuple[Particles, float]]:
-        """All causes weighed by the recursion, each with its probability if anything changed."""
-        logs = self._logs if self.movements else self._log_prior
+        """The table's causes weighed by the recursion, each with its share of these."""
+        logs = (self._logs if self.movements else self._log_prior)[:-1]
         by_cause = logs.reshape(len(self._particles), -1)
         shares = softmax(logsumexp(by_cause, axis=1)).tolist()
         return [

@@ -72,6 +72,8 @@ class Likelihood:
     Attributes:
         data: As above, like ``noise``.
         sigmas: Announced standard deviation of each residual, shape (RESIDUALS,).
+        log_anywhere: Log-density of each interaction's readings if nothing is known of them, shape
+            (k,).
         noise_factors: Noise factors over which ``integrated`` integrates.
     """
 
@@ -80,16 +82,16 @@ class Likelihood:
         self.noise = noise
         counts = {name: observed.count for name, observed in data.observed.items()}
         beyond = data.observed["clearance"].beyond
-        anywhere = np.zeros(len(data))
+        self.log_anywhere = np.zeros(len(data))
         for name in MODALITIES:
-            anywhere += DENSITIES[name].log_anywhere(counts[name], beyond, data.cap)
+            self.log_anywhere += DENSITIES[name].log_anywhere(counts[name], beyond, data.cap)
         self._ordered = np.arange(len(data))[None]
         self._read = _compiled().Read(
             tilts=counts["tilt"].astype(float),
             clear=counts["clearance"] > 0,
             beyond=beyond,
             bits=counts["touch"].astype(float),
-            log_anywhere=math.log(noise.outlier) + anywhere,
+            log_anywhere=math.log(noise.outlier) + self.log_anywhere,
         )
         self._log_elsewhere = math.log1p(-noise.nearby) + self._read.log_anywhere
         self.noise_factors = NoiseFactors.known_by(counts["tilt"].sum(), counts["clearance"].sum())

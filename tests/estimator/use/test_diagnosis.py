@@ -8,6 +8,7 @@ import re
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from shutil import copytree
 from typing import Any
 
 import numpy as np
@@ -114,6 +115,7 @@ def test_one_change_is_noticed_and_named(name: str, amount: float, within: float
     while not watch.alarm:
         watch.take(act(tuple(watch.next_movement().tolist()), ""))
         assert watch.movements <= 5
+    assert watch.none_of_these < 0.05
     suspects = {one.cause.name: share for one, share in watch.suspects() if one.cause is not None}
     assert suspects[name] > 0.1
     assert suspects[name] > max(suspects.values()) - 0.1  # what feels the same is as probable
@@ -134,6 +136,48 @@ def test_nothing_has_changed() -> None:
     found = diagnose(weigher(), act)
     assert found.verdict is Verdict.UNCHANGED
     assert "Nothing has changed" in found.in_words(weigher().known)
+
+
+LIFTED = Observation(
+    angles=(), touch=(False,) * 4, tilt=(0.0, 0.0), clearance=0.2, clearance_saturated=True
+)
+
+
+def moved(seen: Callable[[Program], Observation]) -> Callable[[Program, str], Observation]:
+    """A robot that reads what it is told to, as if it had performed the program."""
+    return lambda program, reason: seen(program).model_copy(update={"angles": program})
+
+
+@pytest.mark.parametrize("how", ["still", "lifted", "reversed"])
+def test_what_no_body_explains_is_noticed_and_none_of_these(how: str) -> None:
+    act = robot(damaged(), seed=4)
+    seen: dict[str, Callable[[Program], Observation]] = {
+        "still": lambda program: act((0.0,) * 4, ""),
+        "lifted": lambda program: LIFTED,
+        "reversed": lambda program: act(tuple(-angle for angle in program), ""),
+    }
+    changed = moved(seen[how])
+    watch = Watch(weigher())
+    while not watch.alarm:
+        watch.take(changed(tuple(watch.next_movement().tolist()), ""))
+        assert watch.movements <= 5
+    assert watch.movements > 1
+    assert watch.none_of_these > 0.95
+    assert not watch.suspects()
+    assert diagnose(weigher(), changed).verdict is not Verdict.CHANGED
+
+
+def test_one_movement_that_nothing_explains_is_no_alarm_and_others_take_it_back() -> None:
+    """Such as one in which somebody held the robot."""
+    act, watch = robot(damaged(), seed=5), Watch(weigher())
+    for number, program in enumerate(watch.patrol(6)):
+        seen = act(tuple(program.tolist()), "")
+        watch.take(seen if number != 1 else LIFTED.model_copy(update={"angles": seen.angles}))
+        assert not watch.alarm
+        if number == 1:
+            held = watch.odds
+    assert held > HAZARD
+    assert watch.odds < HAZARD
 
 
 def test_two_things_at_once_are_none_of_these() -> None:
@@ -285,6 +329,26 @@ def test_a_cut_leg_is_noticed_named_and_stood_on(run: Path, tmp_path: Path) -> N
     assert 1000 * front.leg_lengths[:, 1].mean() == pytest.approx(90, abs=3)
     (own_tilt,) = front.unknowns.amounts(front.points).values()
     assert np.allclose(own_tilt, ASKEW)
+
+
+def test_a_robot_that_no_longer_moves_has_none_of_the_known_changes(
+    run: Path, tmp_path: Path
+) -> None:
+    watched = tmp_path / "watched"
+    copytree(run, watched)
+    with serving(ModelRobot(askew=ASKEW, travel=0.0)) as uri:
+        noticed = estimator("monitor", watched, "--robot", uri, "--once", "--yes")
+    assert noticed.exit_code == 3, noticed.output
+    sentence = " ".join(noticed.stdout.split())
+    assert "None of the changes that are known explains the readings, nor does any body" in sentence
+    assert "its servos turn" in sentence
+    assert f"estimator diagnose {watched} --robot {uri}" in sentence
+    assert f"estimator identify --robot {uri}" in sentence
+    assert "leg of" not in sentence
+    line = json.loads((watched / "monitor.jsonl").read_text().splitlines()[-1])
+    assert line["alarm"]
+    assert line["none_of_these"] > 0.95
+    assert line["suspects"] == {}
 
 
 ROLL_LEFT, UP = (np.array([4, 2]) + 0.5) / 6

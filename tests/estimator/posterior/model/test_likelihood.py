@@ -70,6 +70,13 @@ def test_one_interaction_costs_no_more_than_an_outlier() -> None:
     assert densities([far], one_reading())[0] == pytest.approx(anywhere, rel=1e-6)
 
 
+def test_readings_of_which_nothing_is_known_have_a_density_of_their_own() -> None:
+    seen = Observation(angles=(0.0,), touch=(False, None), tilt=(-1.2, 1.2), clearance=0.0)
+    data = SensorData.of([seen], ("touch", "tilt", "clearance"), CAP)
+    anywhere = 0.5 / math.pi**2 * 0.9 / CAP
+    assert np.exp(Likelihood(data, NOISE).log_anywhere) == pytest.approx([anywhere], rel=1e-10)
+
+
 def test_one_that_ends_beside_the_pose_foretold_costs_less() -> None:
     predicted, beside, elsewhere = (
         math.log(densities([one], one_reading())[0])
