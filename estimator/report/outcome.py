@@ -51,6 +51,9 @@ def headline(result: Result) -> str:
         return f"{legs}, not judged yet" if judged is None else "Not found: no body explains it all"
     if posterior is None:
         return f"{legs}: a model that explains the readings; how surely, nobody knows"
+    if posterior.at_ends:
+        parts = " and ".join(name for length in posterior.at_ends for name in length.parts)
+        return f"{legs}, not found yet: the problem's range ends where the length of {parts} does"
     if not posterior.attachments:
         return f"{legs}, {_how_well(posterior)}"
     return f"{legs}, {_how_sure(posterior.probability)}"
@@ -208,12 +211,15 @@ def next_steps(result: Result, directory: Path | None) -> list[str]:
             "  or under [uncertain]), and identify it anew: more movements make this no surer.",
         ]
     elif posterior is not None and not (
-        (posterior.probability or 0.0) >= _SURE and posterior.knows_cause(_SURE)
+        (posterior.probability or 0.0) >= _SURE
+        and posterior.knows_cause(_SURE)
+        and not posterior.at_ends
     ):
         problem, interactions = result.problem_asked or result.problem, result.interactions + 3
         asked = ("--problem", problem, "--interactions", interactions)
         again = ("identify", "--robot", robot, *asked)
-        movements.append((again, "more movements make it surer"))
+        anew = "anew, with the range widened if the length may lie beyond it"
+        movements.append((again, anew if posterior.at_ends else "more movements make it surer"))
     else:
         validate = ("validate", directory, "--robot", robot)
         movements.append((validate, "predicts fresh movements, then makes them"))

@@ -13,6 +13,12 @@ from pydantic import computed_field
 from estimator.body.morphology import Array
 from estimator.posterior.fitted import Attachment, FittedPosterior
 from estimator.posterior.model.sensor_data import SCALED
+from estimator.posterior.range_ends import (
+    LEARNT_WIDTH,
+    PRIOR_WIDTH,
+    LengthAtEnd,
+    lengths_at_ends,
+)
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.report.verdict import verdict_on_posterior
@@ -21,8 +27,6 @@ from estimator.storage.store import RunStore
 
 _MAX_RIVALS: Final = 5
 _QUANTILES: Final = (0.05, 0.5, 0.95)
-_LEARNT_WIDTH: Final = 0.3  # largest width of a posterior's interval, relative to the prior's
-_PRIOR_WIDTH: Final = 3.29  # width of a 90 % interval, in standard deviations
 _SUM_WIDTH: Final = 0.5  # largest width of a sum's interval, relative to either length's
 _VAGUE_WIDTH: Final = 0.02  # m; narrower intervals of single lengths need no sums
 _SQUARE: Final = 0.05  # tolerance relative to the longer side; else sensors tell where a leg sits
@@ -104,6 +108,8 @@ class PosteriorReport(PosteriorSummary):
         steps: How the posterior changed, one entry per interaction.
         samples: Number of samples that stand for the posterior.
         changes: What has changed since the robot was identified, as sentences.
+        at_ends: Lengths that the readings press against an end of the problem's range: until it is
+            widened, or more movements tell, the body does not count as found.
     """
 
     contradictions: tuple[str, ...]
@@ -118,6 +124,7 @@ class PosteriorReport(PosteriorSummary):
     steps: tuple[Step, ...]
     samples: int
     changes: tuple[str, ...] = ()
+    at_ends: tuple[LengthAtEnd, ...] = ()
 
     # mypy knows no decorators on properties; pydantic's manual says to ignore that.
     @computed_field  # type: ignore[prop-decorator]
@@ -159,6 +166,7 @@ def posterior_report(store: RunStore, fitted: FittedPosterior) -> PosteriorRepor
         ),
         samples=len(genes),
         changes=tuple(f"{change.sentence} ({change.probability:.2f})" for change in stored.changes),
+        at_ends=lengths_at_ends(fitted),
     )
 
 
@@ -252,7 +260,7 @@ def _parameters(fitted: FittedPosterior) -> tuple[ParameterEstimate, ...]:
         row = next(row for row in fitted.problem.table if row.name == name)
         interval = _interval(deviations, fitted.weights)
         excludes_zero = interval.low > 0 or interval.high < 0
-        is_learnt = excludes_zero or _width(interval) < _LEARNT_WIDTH * _PRIOR_WIDTH * row.narrow
+        is_learnt = excludes_zero or _width(interval) < LEARNT_WIDTH * PRIOR_WIDTH * row.narrow
         if row.switch or not row.narrow or not is_learnt:
             continue
         low, median, high = row.amounts(

@@ -13,6 +13,7 @@ from estimator.body.limbs import driven_limbs, leg_lengths
 from estimator.body.morphology import BASE, Array, Morphology, Part
 from estimator.identification.paper.reference_check import pairs_turned
 from estimator.posterior.fitted import FittedPosterior
+from estimator.posterior.range_ends import LengthAtEnd
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation, touched
 from estimator.report.posterior_report import posterior_report
@@ -57,7 +58,12 @@ def summarise(store: RunStore) -> Result:
     error = errors[0][0] if errors else None
     is_diagnosed = bool(posteriors) and posteriors[-1][0].diagnosed
     learnt = () if is_diagnosed else legs  # of a diagnosis, lengths come from other movements
-    warnings = (*_contradictions(problem, capabilities), *_warnings(learnt, observations))
+    at_ends = () if posterior is None else posterior.at_ends
+    warnings = (
+        *_contradictions(problem, capabilities),
+        *map(_at_end, at_ends),
+        *_warnings(learnt, observations),
+    )
     if bodies and error is None and posterior is None:
         warnings = (
             "No model could be simulated, so nothing here says anything about the robot.",
@@ -210,6 +216,20 @@ def _contradictions(problem: Problem, capabilities: Capabilities) -> Iterator[st
     """Sentences about what the problem says otherwise than the robot."""
     for sentence in problem.differences(capabilities):
         yield f"{sentence[0].upper()}{sentence[1:]}."
+
+
+def _at_end(length: LengthAtEnd) -> str:
+    """The question that a length at an end of its range asks, and what to write in the problem."""
+    parts, longer = " and ".join(length.parts), length.end == "longest"
+    comparative = (
+        f"{'longer' if longer else 'shorter'}{' together' if len(length.parts) > 1 else ''}"
+    )
+    return (
+        f"May {parts} be {comparative} than {1000 * length.length_m:.1f} mm, the {length.end} that "
+        "the problem allows? The readings press the length against this end of its range. If it "
+        f"may, write a {'larger second' if longer else 'smaller first'} number into length = "
+        "[shortest, longest] there, and identify the robot anew."
+    )
 
 
 def _warnings(legs: Sequence[LegResult], observations: Sequence[Observation]) -> tuple[str, ...]:

@@ -271,3 +271,33 @@ def test_where_searches_disagree_the_problem_is_not_blamed(tmp_path: Path) -> No
         "But the searches found different ones, so that a better one may have been missed: more "
         "movements help, and a problem that leaves less open."
     )
+
+
+@pytest.mark.parametrize("hinge", [None, UP])
+@pytest.mark.parametrize(
+    ("sign", "end", "asked"), [(-1, 0.25, "longer than 250.0"), (1, 0.05, "shorter than 50.0")]
+)
+def test_a_length_that_ends_where_the_range_ends_is_not_found_but_asked_about(
+    tmp_path: Path, hinge: float | None, sign: int, end: float, asked: str
+) -> None:
+    crowded = [
+        (TRUE_LENGTHS[0] + 1e-4 * row, end - sign * 0.01 * math.log1p(-row / 41), *TRUE_LENGTHS[2:])
+        for row in range(41)
+    ]
+    with make_posterior_run(tmp_path, crowded, hinge=hinge) as run:
+        (stored, cost) = run.posteriors()[-1]
+        sure = {"probability_within_problem": 0.99, "too_early": False}
+        run.save_posterior(0, stored.model_copy(update=sure), cost, None)
+        result = summarise(run).model_copy(update=ENDED)
+        page, _ = run_page(run, result)
+    text = io.StringIO()
+    print_result(Console(file=text, width=400), result, tmp_path / "run")
+    for said in (text.getvalue(), page.replace("&#39;", "'")):
+        assert "not found yet: the problem's range ends where the length of front does" in said
+        assert f"May front be {asked} mm" in said
+    assert "identify" in text.getvalue()
+    assert "with the range widened" in text.getvalue()
+    assert "surer" not in text.getvalue()
+    assert result.posterior is not None
+    assert [length.parts for length in result.posterior.at_ends] == [("front",)]
+    assert Result.model_validate_json(result.model_dump_json()) == result
