@@ -4,6 +4,7 @@ The tree::
 
     BodyschemaError
     └── EstimatorError
+        ├── PluginError                      no implementation has a name, or several have it
         ├── RunDirectoryError                a run cannot be made, opened or continued
         ├── InteractionError                 the robot did not do its part; the run can go on later
         ├── ReadingsError (ValueError)       a hand-written table of readings is wrong
@@ -57,6 +58,10 @@ class SearchOrderError(SearchError, RuntimeError):
 
 class SearchStateError(SearchError, ValueError):
     """A saved state or a choice of operators that fits no search."""
+
+
+class PluginError(EstimatorError):
+    """No implementation has a name that was asked for, or more than one has it."""
 
 
 class RunDirectoryError(EstimatorError):

@@ -23,7 +23,7 @@ from functools import lru_cache
 from importlib import metadata
 from typing import Final, Generic, TypeVar, cast
 
-from estimator.errors import EstimatorError, RunDirectoryError
+from estimator.errors import EstimatorError, PluginError, RunDirectoryError
 from protocol.text import error_text
 
 _GROUPS: Final = "bodyschema."
@@ -38,6 +38,16 @@ def installed_packages() -> dict[str, str]:
         if any(entry.group.startswith(_GROUPS) for entry in package.entry_points):
             versions.setdefault(package.name, package.version)  # the first on the path counts
     return versions
+
+
+def missing(packages: Mapping[str, str]) -> str:
+    """Those packages, by name and version, that a run was made with and that are not installed."""
+    installed = installed_packages()
+    return ", ".join(
+        f"{name} {version}"
+        for name, version in packages.items()
+        if version != _ADDED and name not in installed
+    )
 
 
 def _entry_points(group: str) -> metadata.EntryPoints:
@@ -107,7 +117,7 @@ class Registry(Generic[T]):
         """Refuses a name that no implementation has; imports nothing.
 
         Raises:
-            EstimatorError: No implementation has this name, or more than one.
+            PluginError: No implementation has this name, or more than one.
         """
         if name not in self._added:
             self._entry(name)
@@ -116,7 +126,8 @@ class Registry(Generic[T]):
         """Imports an implementation, unless the calling program has added it.
 
         Raises:
-            EstimatorError: No implementation has this name, or more than one; or its import fails.
+            PluginError: No implementation has this name, or more than one.
+            EstimatorError: Its import fails.
         """
         if name in self._added:
             return self._added[name]
@@ -153,7 +164,7 @@ class Registry(Generic[T]):
         """Version, by name, of the package that has an implementation; empty if it is ours.
 
         Raises:
-            EstimatorError: No implementation has this name, or more than one.
+            PluginError: No implementation has this name, or more than one.
         """
         if name in self._added:
             return {name: _ADDED}
@@ -175,12 +186,10 @@ class Registry(Generic[T]):
                 "run, and add it to its registry before"
             )
         if not entries:
-            raise EstimatorError(
-                f"there is no {self.kind} {name!r}: choose {', '.join(self.names())}"
-            )
+            raise PluginError(f"there is no {self.kind} {name!r}: choose {', '.join(self.names())}")
         if len(entries) > 1:
             packages = ["bodyschema" if item.dist is None else item.dist.name for item in entries]
-            raise EstimatorError(
+            raise PluginError(
                 f"there is more than one {self.kind} {name!r}: uninstall all but one of "
                 f"{', '.join(packages)}"
             )

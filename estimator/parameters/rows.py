@@ -61,8 +61,20 @@ SOURCES: Final = Registry[RowSource](
 
 
 def table_of(parts: Sequence[PartOutline], sensors: int) -> tuple[Parameter, ...]:
-    """All rows for a robot with these parts and this number of touch sensors."""
-    return tuple(row for name in SOURCES.names() for row in SOURCES.load(name)(parts, sensors))
+    """All rows for a robot with these parts and this number of touch sensors.
+
+    Raises:
+        EstimatorError: A package's source fails, or gives something else.
+    """
+    rows = list[Parameter]()
+    for name in SOURCES.names():
+        source = SOURCES.load(name)
+        with SOURCES.named_when_failing(name):
+            for row in source(parts, sensors):
+                if not isinstance(row, Parameter):
+                    raise TypeError(f"it gave {row!r}, and not a Parameter")
+                rows.append(row)
+    return tuple(rows)
 
 
 def packages() -> dict[str, str]:

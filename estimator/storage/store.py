@@ -24,8 +24,9 @@ from typing import Any, Final, Self
 import numpy as np
 
 from estimator.body.morphology import Array
-from estimator.errors import RunDirectoryError
+from estimator.errors import PluginError, RunDirectoryError
 from estimator.physics.base import WorldSettings
+from estimator.plugins import missing
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation, Program
@@ -88,6 +89,23 @@ class RunStore(Closable):
         self._joints = len(self.capabilities.joints)
         self.search_end = SearchEnd(database, directory)
         self.validations = Validations(database, directory, self._joints)
+
+    def __exit__(self, *raised: object) -> None:
+        """Closes the run; an error that packages explain which are not installed names these.
+
+        Raises:
+            RunDirectoryError: The run was made with a package that is not installed.
+        """
+        super().__exit__(*raised)
+        _, error, _ = raised
+        if isinstance(error, (PluginError, RunDirectoryError, ValueError)):
+            packages = missing(self.settings.plugins)
+            if packages:
+                reason = error.__cause__ or error
+                raise RunDirectoryError(
+                    f"{self.directory} was made with {packages}, which is not installed here: "
+                    f"install it ({reason})."
+                ) from error
 
     # --- what follows from the settings -----------------------------------------------------------
 

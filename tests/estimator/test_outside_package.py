@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -17,11 +18,12 @@ from typer.testing import CliRunner
 
 from estimator import Objective, Result, Rule, Search
 from estimator.cli.command_line import app
-from estimator.errors import EstimatorError
+from estimator.errors import EstimatorError, RunDirectoryError
 from estimator.identification.paper.search import SEARCHES
 from estimator.identification.run import identify, resume
 from estimator.physics.backends import IN_THIS_PROCESS
 from estimator.report.formats import Format
+from estimator.storage.database import reading
 from estimator.storage.records import Generation
 from estimator.storage.run_config import RunConfig
 from estimator.storage.store import RunStore
@@ -115,6 +117,21 @@ def test_a_search_that_is_interrupted_and_resumed(tmp_path: Path) -> None:
             identify(folder / "run", order, IN_THIS_PROCESS, Witness(4), report=without_plots)
         resumed = resume(folder / "run", IN_THIS_PROCESS, Witness(), report=without_plots)
     assert outcome(resumed) == outcome(whole)
+
+
+def test_a_run_whose_package_is_gone_names_it_and_can_be_shown(tmp_path: Path) -> None:
+    whole, *_ = run(tmp_path, search="random")
+    shutil.rmtree(tmp_path / "outside")
+    assert Result.model_validate(json.loads(show(tmp_path / "run", "json"))) == whole
+    asked = "run was made with bodyschema-parts 1.2, which is not installed here: install it"
+    with pytest.raises(RunDirectoryError, match=rf"{asked} \(there is no search 'random'"):
+        resume(tmp_path / "run", IN_THIS_PROCESS, Witness(), report=without_plots)
+    with (
+        pytest.raises(RunDirectoryError, match=rf"{asked} \(no parameter is called 'cable'\)"),
+        RunStore.open(tmp_path / "run", to_write=False) as store,
+        reading(store.directory),
+    ):
+        raise ValueError("no parameter is called 'cable'")
 
 
 def test_a_report_in_html(tmp_path: Path) -> None:

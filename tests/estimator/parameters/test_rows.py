@@ -12,6 +12,7 @@ import pytest
 
 from estimator.body.arrays import ACCELEROMETER, Bodies
 from estimator.body.morphology import BASE, Array, Base, Morphology, Part
+from estimator.errors import EstimatorError
 from estimator.parameters.changes import changes_of
 from estimator.parameters.instruments import as_sensed
 from estimator.parameters.rows import packages, table_of
@@ -276,6 +277,25 @@ def test_a_package_adds_a_row(
     pulled = rows["cable of left upper"].applied(bodies, 0.1)
     assert same(read(predictor, pulled), changed(predictor, "zero of left upper", 0.1))
     assert pulled.base[0, ACCELEROMETER] == 0
+
+
+@pytest.mark.parametrize(
+    ("body", "reason"),
+    [
+        ("raise ValueError('no table')", "ValueError: no table"),
+        ("return None", "TypeError: 'NoneType' object is not iterable"),
+        ("return [3]", "TypeError: it gave 3, and not a Parameter"),
+    ],
+)
+def test_rows_of_a_package_that_fails_are_its_own_fault(
+    body: str, reason: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    points = "[bodyschema.parameters]\ncables = my_cables:rows\n"
+    code = f"def rows(parts, sensors):\n    {body}\n"
+    put_on_path(install(tmp_path / "my", points, name="my-cables", code=code), monkeypatch)
+    named = f"the table of parameters 'cables' of my-cables 0.3 failed: {reason}"
+    with pytest.raises(EstimatorError, match=re.escape(named)):
+        assert Problem.load("parametric").table
 
 
 def test_a_leg_that_breaks_off_takes_what_it_carries_along() -> None:
