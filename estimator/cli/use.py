@@ -28,7 +28,7 @@ from estimator.cli.screen import Screen
 from estimator.errors import EstimatorError
 from estimator.identification.robot_link import RobotLink
 from estimator.identification.run import reconnect
-from estimator.physics.statics import StaticsPhysics
+from estimator.physics.backends import open_arrays
 from estimator.posterior.fitted import FittedPosterior
 from estimator.readings.observation import Observation, Program
 from estimator.report.run_files import write_report
@@ -309,7 +309,7 @@ def diagnose(
 
 @contextmanager
 def identified(directory: Path, jobs: int) -> Iterator[tuple[RunStore, FittedPosterior]]:
-    """Opens a run and what it knows of its robot's body, with statics on ``jobs`` threads."""
+    """Opens a run and what it knows of its robot's body, with its physics on ``jobs`` threads."""
     with RunStore.open(directory, to_write=False) as store:
         known = FittedPosterior.of(store)
         if known is None or known.best is None:
@@ -317,7 +317,8 @@ def identified(directory: Path, jobs: int) -> Iterator[tuple[RunStore, FittedPos
                 f"{directory} has no model yet: go on with "
                 f"`{command_line('estimator', 'resume', directory)}` first"
             )
-        with closing(StaticsPhysics(store.world, jobs=jobs)) as physics:
+        opened = open_arrays(store.settings.predicting, store.world, jobs=jobs)
+        with closing(opened) as physics:
             yield store, known.computed_by(physics)
 
 

@@ -95,17 +95,16 @@ def maker(name: str, settings: WorldSettings) -> partial[Physics]:
     return partial(cast(Callable[..., Physics], physics_class(name)), settings)
 
 
-def open_arrays(name: str, settings: WorldSettings) -> ArrayPhysics:
-    """Opens a back-end that takes arrays, on one core of the calling process.
+def open_arrays(name: str, settings: WorldSettings, *, jobs: int = 1) -> ArrayPhysics:
+    """Opens a back-end that takes arrays, on ``jobs`` cores of the calling process.
 
     Raises:
         EstimatorError: There is no such back-end, it cannot be used, or it takes no arrays.
     """
-    physics = maker(name, settings)()
-    if isinstance(physics, ArrayPhysics):
-        return physics
-    physics.close()
-    raise EstimatorError(f"the physics {BACKENDS.described(name)} is no estimator.ArrayPhysics")
+    if not issubclass(physics_class(name), ArrayPhysics):
+        raise EstimatorError(f"the physics {BACKENDS.described(name)} is no estimator.ArrayPhysics")
+    make = cast(Callable[..., ArrayPhysics], maker(name, settings))
+    return make() if jobs == 1 else make(jobs=jobs)
 
 
 def approximation_of(name: str, settings: WorldSettings) -> ArrayPhysics | None:
@@ -133,7 +132,7 @@ def on_this_computer(jobs: int) -> Iterator[Executors]:
 
         def opened(name: str, settings: WorldSettings) -> Physics:
             if issubclass(physics_class(name), ArrayPhysics):
-                return partial(maker(name, settings), jobs=jobs)()
+                return open_arrays(name, settings, jobs=jobs)
             return in_workers(name, settings, workers)
 
         yield Executors(open_physics=opened, workers=workers, threads=jobs)

@@ -170,14 +170,13 @@ class FittedPosterior:
             observations: Observations that the samples were learnt from.
         """
         settings = store.settings
-        physics = settings.physics if settings.keeps_samples else "statics"
         return cls(
             problem=store.problem,
             capabilities=store.capabilities,
             modalities=settings.modalities,
             observations=tuple(observations),
             posterior=posterior,
-            open_physics=partial(open_arrays, physics, store.world),
+            open_physics=partial(open_arrays, settings.predicting, store.world),
         )
 
     def computed_by(self, physics: ArrayPhysics) -> FittedPosterior:

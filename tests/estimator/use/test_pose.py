@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import math
 import re
+import shutil
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +15,11 @@ from typer.testing import CliRunner, Result
 
 from estimator import EstimatorError, FittedPosterior, Goal, Observation, find_pose
 from estimator.cli.command_line import app
+from estimator.cli.use import identified
+from estimator.physics.backends import BACKENDS
+from estimator.physics.statics import StaticsPhysics
+from estimator.storage.database import DATABASE
+from estimator.storage.store import RunStore
 from estimator.use.pose import SAFE, standing_on
 from tests.estimator.evaluation.test_score import make_ended_run
 from tests.estimator.model_robot import (
@@ -157,6 +165,22 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def pose(run: Path, robot: str, *options: str) -> Result:
     return CliRunner().invoke(app, ["pose", str(run), "--robot", robot, "--jobs", "1", *options])
+
+
+class OwnStatics(StaticsPhysics):
+    """Stands for a back-end of a package."""
+
+
+def test_what_is_known_of_a_run_is_predicted_by_its_physics(run: Path, tmp_path: Path) -> None:
+    own = shutil.copytree(run, tmp_path / "own")
+    with RunStore.open(own, to_write=False) as store:
+        settings = store.settings.model_copy(update={"physics": BACKENDS.add(OwnStatics)})
+    with closing(sqlite3.connect(own / DATABASE)) as database, database:
+        text = settings.model_dump_json()
+        database.execute("UPDATE meta SET value = ? WHERE key = 'settings'", (text,))
+    for directory, physics in ((run, StaticsPhysics), (own, OwnStatics)):
+        with identified(directory, 2) as (_, known):
+            assert type(known.open_physics()) is physics
 
 
 def test_the_robot_takes_the_pose_and_says_how_it_stands(run: Path) -> None:
