@@ -21,7 +21,6 @@ from __future__ import annotations
 
 import importlib
 import math
-from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -58,6 +57,7 @@ _MARGIN_RATIO: Final = (
     1.2  # ratio of the two inclinations between which a margin is known to lie; not tuned
 )
 _UNKNOWN_STANCE: Final = np.full(1, -1)  # no known stance, for all bodies
+_OF_THE_PROCESS: Final = {"_threads", "_kernel", "_compiling", "_compiled"}  # attributes
 _FARTHEST_TURN: Final = 100 * 2 * math.pi  # rad; no joint turns as far
 
 
@@ -97,9 +97,9 @@ class StaticsPhysics(ArrayPhysics):
             ) from error
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickles settings, pace and counts; the copy works on one core."""
-        make = partial(StaticsPhysics, self._settings, pace=self._pace)
-        return make, (), {"simulations": self.simulations, "steps": self.steps}
+        """Pickles all but threads and kernel, also of a derived class; a copy has one core."""
+        state = {name: value for name, value in vars(self).items() if name not in _OF_THE_PROCESS}
+        return type(self), (self._settings,), state
 
     def close(self) -> None:
         """Ends the threads; may be called twice. The next batch starts new ones."""

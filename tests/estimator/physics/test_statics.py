@@ -2,11 +2,13 @@
 
 import math
 import os
+import pickle
 import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import fields, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -569,3 +571,27 @@ def test_a_full_cache_is_gone_without(tmp_path: Path) -> None:
     assert f"Compiled code cannot be kept in {tmp_path}" in spoken
     assert "(File too large)" in spoken
     assert "Traceback" not in spoken
+
+
+class WeakServos(StaticsPhysics):
+    """A back-end that a user derives."""
+
+    def __init__(self, settings: WorldSettings, *, jobs: int = 1) -> None:
+        super().__init__(settings, jobs=jobs, pace=PACE / 2)
+        self.share = 1.0
+
+    def read_bodies(self, bodies: Bodies, programs: Array, *how: Any, **options: Any) -> Any:
+        return super().read_bodies(bodies, self.share * programs, *how, **options)
+
+
+def test_a_copy_in_another_process_is_of_the_same_class_with_its_counts(
+    random_tree: MakeBody,
+) -> None:
+    pairs = random_pairs(random_tree, 6, seed=10)
+    with WeakServos(WorldSettings(clearance_cap=0.1), jobs=2) as physics:
+        physics.share = 0.5
+        expected = physics.read(pairs)
+        with pickle.loads(pickle.dumps(physics)) as copy:
+            assert (type(copy), copy.simulations) == (WeakServos, 6)
+            assert np.array_equal(copy.read(pairs).tilt, expected.tilt)
+            assert np.array_equal(copy.read(pairs).clearance, expected.clearance)
