@@ -38,7 +38,6 @@ from estimator.posterior.indistinguishable import (
 )
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.posterior import Posterior
-from estimator.posterior.range_ends import lengths_at_ends
 from estimator.posterior.sampling.sampler import Effort, Sampler
 from estimator.posterior.summary import load_posterior, summarise
 from estimator.randomness import Stream, generator, seeds
@@ -203,16 +202,11 @@ class PosteriorMethod:
         return sure[-1] if chance < 1 - SURE else None
 
     def _lengths_known(self, summary: StoredPosterior) -> bool:
-        """Whether all leg lengths are known to ``PRECISE`` if the robot is as stated.
-
-        None may be pressed against an end of its range.
-        """
-        fitted = FittedPosterior.of_stored(self._store, summary, ())
-        if lengths_at_ends(fitted):
-            return False
+        """Whether all leg lengths are known to ``PRECISE`` if the robot is as stated."""
         if summary.as_stated_m:
             return all(ends.high - ends.low <= 2 * PRECISE for ends in summary.as_stated_m)
-        low, high = np.quantile(fitted.leg_lengths, (0.05, 0.95), axis=0)
+        lengths = FittedPosterior.of_stored(self._store, summary, ()).leg_lengths
+        low, high = np.quantile(lengths, (0.05, 0.95), axis=0)
         return bool(np.all(high - low <= 2 * PRECISE))
 
     def finish(self, observations: Sequence[Observation]) -> None:

@@ -13,14 +13,14 @@ from pydantic import computed_field
 from estimator.body.morphology import Array
 from estimator.posterior.fitted import Attachment, FittedPosterior
 from estimator.posterior.model.sensor_data import SCALED
-from estimator.posterior.range_ends import (
+from estimator.problem.genome import Genome
+from estimator.problem.problem import Problem
+from estimator.report.range_ends import (
     LEARNT_WIDTH,
     PRIOR_WIDTH,
     LengthAtEnd,
     lengths_at_ends,
 )
-from estimator.problem.genome import Genome
-from estimator.problem.problem import Problem
 from estimator.report.verdict import verdict_on_posterior
 from estimator.storage.posteriors import RIVAL, Interval, PosteriorSummary, Record, StoredPosterior
 from estimator.storage.store import RunStore

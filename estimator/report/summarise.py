@@ -13,10 +13,10 @@ from estimator.body.limbs import driven_limbs, leg_lengths
 from estimator.body.morphology import BASE, Array, Morphology, Part
 from estimator.identification.paper.reference_check import pairs_turned
 from estimator.posterior.fitted import FittedPosterior
-from estimator.posterior.range_ends import LengthAtEnd
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation, touched
 from estimator.report.posterior_report import posterior_report
+from estimator.report.range_ends import LengthAtEnd
 from estimator.report.result import (
     MAIN_BODY,
     FitReport,

@@ -10,7 +10,7 @@ import pytest
 from scipy.stats import truncnorm
 
 from estimator.body.morphology import Array
-from estimator.posterior.range_ends import is_pressed
+from estimator.report.range_ends import is_pressed
 
 EQUAL = np.full(2_000, 1 / 2_000)
 QUANTILES = (np.arange(2_000) + 0.5) / 2_000
