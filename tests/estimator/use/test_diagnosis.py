@@ -143,11 +143,6 @@ LIFTED = Observation(
 )
 
 
-def moved(seen: Callable[[Program], Observation]) -> Callable[[Program, str], Observation]:
-    """A robot that reads what it is told to, as if it had performed the program."""
-    return lambda program, reason: seen(program).model_copy(update={"angles": program})
-
-
 @pytest.mark.parametrize("how", ["still", "lifted", "reversed"])
 def test_what_no_body_explains_is_noticed_and_none_of_these(how: str) -> None:
     act = robot(damaged(), seed=4)
@@ -156,15 +151,14 @@ def test_what_no_body_explains_is_noticed_and_none_of_these(how: str) -> None:
         "lifted": lambda program: LIFTED,
         "reversed": lambda program: act(tuple(-angle for angle in program), ""),
     }
-    changed = moved(seen[how])
     watch = Watch(weigher())
     while not watch.alarm:
-        watch.take(changed(tuple(watch.next_movement().tolist()), ""))
+        program = tuple(watch.next_movement().tolist())
+        watch.take(seen[how](program).model_copy(update={"angles": program}))
         assert watch.movements <= 5
     assert watch.movements > 1
     assert watch.none_of_these > 0.95
     assert not watch.suspects()
-    assert diagnose(weigher(), changed).verdict is not Verdict.CHANGED
 
 
 def test_one_movement_that_nothing_explains_is_no_alarm_and_others_take_it_back() -> None:
