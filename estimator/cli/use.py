@@ -59,11 +59,11 @@ LOG: Final = "monitor.jsonl"
 Robot = Annotated[str, typer.Option(help="tcp://HOST:PORT; a record cannot move.")]
 Yes = Annotated[bool, typer.Option("--yes", help="Move the robot without asking first.")]
 Seed = Annotated[int, typer.Option(help="Of what is drawn.")]
-NONE_OF_THESE: Final = (
+_MAX_CAUSES: Final = 4
+_NONE_OF_THESE: Final = (
     "None of the changes that are known explains the readings, nor does any body of this run: see "
     "whether the robot stands free on the ground, and whether its servos turn."
 )
-_MAX_CAUSES: Final = 4
 _LENGTH_PATTERN: Final = re.compile(r"(\d+(?:\.\d*)?)\s*(mm|cm|m)")
 _METRES_BY_UNIT: Final = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 
@@ -223,7 +223,7 @@ def monitor(
         for suspect, share in suspects:
             out.print(f"{share:8.3f}  {said(suspect, known)}", soft_wrap=True)
         if not suspects:
-            out.print(NONE_OF_THESE, soft_wrap=True)
+            out.print(_NONE_OF_THESE, soft_wrap=True)
         command = command_line("estimator", "diagnose", directory, "--robot", robot)
         out.print(f"Find out with: {command}", soft_wrap=True)
         if not suspects:

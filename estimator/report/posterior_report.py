@@ -15,12 +15,7 @@ from estimator.posterior.fitted import Attachment, FittedPosterior
 from estimator.posterior.model.sensor_data import SCALED
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
-from estimator.report.range_ends import (
-    LEARNT_WIDTH,
-    PRIOR_WIDTH,
-    LengthAtEnd,
-    lengths_at_ends,
-)
+from estimator.report.range_ends import LEARNT_WIDTH, PRIOR_WIDTH, LengthAtEnd, lengths_at_ends
 from estimator.report.verdict import verdict_on_posterior
 from estimator.storage.posteriors import RIVAL, Interval, PosteriorSummary, Record, StoredPosterior
 from estimator.storage.store import RunStore

@@ -24,7 +24,7 @@ from typing import Any, Final, Self
 import numpy as np
 
 from estimator.body.morphology import Array
-from estimator.errors import PluginError, RunDirectoryError
+from estimator.errors import EstimatorError, PluginError, ProblemError, RunDirectoryError
 from estimator.physics.base import WorldSettings
 from estimator.plugins import missing
 from estimator.problem.genome import Genome
@@ -98,14 +98,16 @@ class RunStore(Closable):
         """
         super().__exit__(*raised)
         _, error, _ = raised
-        if isinstance(error, (PluginError, RunDirectoryError, ValueError)):
+        reason = error.__cause__ if isinstance(error, RunDirectoryError) else error
+        needs_it = isinstance(reason, (PluginError, ProblemError))
+        is_stored = isinstance(reason, ValueError) and not isinstance(reason, EstimatorError)
+        if needs_it or is_stored:
             packages = missing(self.settings.plugins)
             if packages:
-                reason = error.__cause__ or error
                 raise RunDirectoryError(
                     f"{self.directory} was made with {packages}, which is not installed here: "
                     f"install it ({reason})."
-                ) from error
+                )
 
     # --- what follows from the settings -----------------------------------------------------------
 

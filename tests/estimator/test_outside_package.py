@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 
 from estimator import Objective, Result, Rule, Search
 from estimator.cli.command_line import app
-from estimator.errors import EstimatorError, RunDirectoryError
+from estimator.errors import EstimatorError, RunDirectoryError, TruthError
 from estimator.identification.paper.search import SEARCHES
 from estimator.identification.run import identify, resume
 from estimator.physics.backends import IN_THIS_PROCESS
@@ -132,6 +132,11 @@ def test_a_run_whose_package_is_gone_names_it_and_can_be_shown(tmp_path: Path) -
         reading(store.directory),
     ):
         raise ValueError("no parameter is called 'cable'")
+    with (
+        pytest.raises(TruthError, match="no such leg"),
+        RunStore.open(tmp_path / "run", to_write=False),
+    ):
+        raise TruthError("no such leg")
 
 
 def test_a_report_in_html(tmp_path: Path) -> None:

@@ -359,7 +359,7 @@ class Weigher:
             values=np.concatenate(values),
             rare=np.concatenate([values[0][:0], *rare_values]),
             rare_shares=np.repeat(shares[rare] / _RARE, _RARE),
-            causes=self._causes(weights, shares),
+            causes=self._cause_shares(weights, shares),
             as_stated=as_stated,
             draws=draws,
         )
@@ -393,7 +393,7 @@ class Weigher:
             drawn[::2, column] = self._rng.random(len(drawn[::2]))
         return drawn
 
-    def _causes(self, weights: Sequence[_Weight], shares: Array) -> tuple[CauseShare, ...]:
+    def _cause_shares(self, weights: Sequence[_Weight], shares: Array) -> tuple[CauseShare, ...]:
         unknowns, causes = self._predictor.unknowns, []
         wide = np.array([weight.hypothesis.wide for weight in weights])
         for row in sorted(set(wide[wide >= 0].tolist())):
