@@ -179,6 +179,13 @@ class Weigher:
         weigher._weights = np.full(len(weigher._scales), 1 / len(weigher._scales))
         return weigher
 
+    def learning(self, log_fits: Array) -> Weigher:
+        """Weigher that has learnt from unchanged bodies, with their log-likelihoods, shape (n,)."""
+        weigher = Weigher(self.known, self.causes, self.rng)
+        log_ratios = np.maximum(log_fits - np.max(log_fits), -_HOPELESS)
+        weigher._weights = softmax(np.log(self._weights) + log_ratios)
+        return weigher
+
     def bodies(self, particles: Particles) -> Bodies:
         """The bodies of particles."""
         bodies = self.bodies_of(particles.rows)
@@ -205,6 +212,17 @@ class Weigher:
             rows=self.rng.permutation(rows),
             theta=theta,
             weights=np.full(count, 1 / count),
+            log_evidence=0.0,
+        )
+
+    def as_identified(self) -> Particles:
+        """All bodies with their weights: nothing has changed."""
+        rows = np.arange(len(self._weights))
+        return Particles(
+            cause=None,
+            rows=rows,
+            theta=np.zeros(len(rows)),
+            weights=self._weights,
             log_evidence=0.0,
         )
 
@@ -263,14 +281,7 @@ class Weigher:
         return self._sorted(weighed)
 
     def _unchanged(self, observations: Sequence[Observation]) -> Particles:
-        rows = np.arange(len(self._weights))
-        particles = Particles(
-            cause=None,
-            rows=rows,
-            theta=np.zeros(len(rows)),
-            weights=self._weights,
-            log_evidence=0.0,
-        )
+        particles = self.as_identified()
         logs = np.log(self._weights) + self.fits(particles, observations).sum(axis=1)
         return replace(particles, weights=softmax(logs), log_evidence=float(logsumexp(logs)))
 

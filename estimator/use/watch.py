@@ -8,6 +8,11 @@ each particle of a cause follow Shiryaev's recursion (1963)::
 and their sum is the odds that something has changed. Were the models exact, an alarm beyond
 ``hazard / rate`` would be false once in ``1 / rate`` movements or less often (Pollak 1985).
 
+Each movement also tells which of the posterior's bodies the robot has. A change is weighed against
+a robot of which that has been learnt: else particles whose bodies are right would gain on a mean
+over all bodies in each movement, until there is an alarm. Few bodies stand for a posterior, and
+none is the robot's exactly, so that what was learnt is forgotten by and by.
+
 One more cause is in no row of the table: under it any reading is as probable as another. Without it
 readings that nothing explains would tell nothing, since they are outliers whatever has changed.
 """
@@ -40,6 +45,8 @@ PATROL: Final = 6
 
 _PARTICLES: Final = 64  # of a cause
 _UNLISTED: Final = 0.05  # share of changes that are in no row of the table
+_KEPT_ESS: Final = 0.05  # effective number of bodies that may be left, as a share of that at first
+_FORGETTING: Final = 0.9  # factor on what was learnt of bodies, until so many are left
 _RECENT: Final = 30  # last movements, in one of which a change that is noticed must have happened
 _CANDIDATES: Final = 400  # programs, among which a patrol chooses
 _WATCHED: Final = 8  # particles of a cause, by which a patrol chooses
@@ -67,13 +74,17 @@ class Watch:
         self.movements = 0
         self._particles = [weigher.prior(cause, _PARTICLES) for cause in weigher.causes]
         self._bodies = Bodies.joined([weigher.bodies(particles) for particles in self._particles])
+        self._rows = np.concatenate([particles.rows for particles in self._particles])
         self._scales = np.concatenate([weigher.scales(particles) for particles in self._particles])
         share = math.log(1 - _UNLISTED) - math.log(_PARTICLES)
         listed = np.repeat([cause.log_prior + share for cause in weigher.causes], _PARTICLES)
         # The last entry of these is that of what is in no row of the table.
         self._log_prior = np.append(listed, math.log(_UNLISTED))
         self._logs = np.full(len(self._log_prior), -np.inf)  # logarithms of R
-        self._recent = deque[tuple[Observation, Array]](maxlen=_RECENT)  # log-likelihood ratios
+        self._learning = weigher  # knows what unchanged bodies have told so far
+        self._log_fits = np.zeros(len(weigher.known))  # the same, in nats
+        # Each movement with its log-likelihood ratios, and what was learnt before it.
+        self._recent = deque[tuple[Observation, Array, Weigher]](maxlen=_RECENT)
 
     @property
     def alarm(self) -> bool:
@@ -82,16 +93,27 @@ class Watch:
 
     def take(self, observation: Observation) -> None:
         """Takes in what was observed in one more movement."""
-        weigher = self.weigher
+        weigher, old = self.weigher, self._learning.as_identified()
         listed = weigher.fits_of(self._bodies, self._scales, [observation])[:, 0]
         changed = np.append(listed, weigher.known.likelihood_of([observation]).log_anywhere)
-        old = weigher.prior(None, len(weigher.known))
-        unchanged = logsumexp(weigher.fits(old, [observation])[:, 0]) - math.log(len(old))
-        log_odds = np.logaddexp(self._logs, math.log(HAZARD) + self._log_prior)
-        self._logs = log_odds + changed - unchanged
-        self._recent.append((observation, changed - unchanged))
+        fits = weigher.fits(old, [observation])[:, 0]
+        ratios = changed - logsumexp(np.log(old.weights) + fits)
+        learnt = np.log(old.weights / weigher.as_identified().weights)
+        log_prior = self._log_prior + np.append(learnt[self._rows], 0.0)
+        self._logs = np.logaddexp(self._logs, math.log(HAZARD) + log_prior) + ratios
+        self._recent.append((observation, ratios, self._learning))
         self.odds = float(np.exp(np.minimum(logsumexp(self._logs), 300.0)))
         self.movements += 1
+        self._learn(fits)
+
+    def _learn(self, fits: Array) -> None:
+        """Takes in how well the posterior's bodies explain one more movement, shape (bodies,)."""
+        fewest = _KEPT_ESS * self.weigher.as_identified().effective_bodies
+        self._log_fits += fits
+        self._learning = self.weigher.learning(self._log_fits)
+        while self._learning.as_identified().effective_bodies < fewest:
+            self._log_fits *= _FORGETTING
+            self._learning = self.weigher.learning(self._log_fits)
 
     @property
     def none_of_these(self) -> float:
@@ -106,9 +128,10 @@ class Watch:
         """
         if self.none_of_these > 0.5:
             return ()
-        observed, ratios = zip(*self._recent, strict=True)
+        observed, ratios, learning = zip(*self._recent, strict=True)
         log_odds = np.cumsum(ratios[::-1], axis=0) + self._log_prior
-        weighed = self.weigher.weigh(observed[-1 - int(np.argmax(logsumexp(log_odds, axis=1))) :])
+        first = len(observed) - 1 - int(np.argmax(logsumexp(log_odds, axis=1)))
+        weighed = learning[first].weigh(observed[first:])
         changed = max(1.0 - weighed.unchanged, 1e-300)
         suspects = zip(weighed.particles, weighed.probabilities.tolist(), strict=True)
         return tuple((one, share / changed) for one, share in suspects if one.cause is not None)[
@@ -128,7 +151,7 @@ class Watch:
     def next_movement(self) -> Array:
         """The movement that tells best whether something has changed, rad."""
         weigher = self.weigher
-        old = weigher.prior(None, len(weigher.known))
+        old = self._learning.prior(None, len(weigher.known))
         groups = [(old, 0.5), *((particles, share / 2) for particles, share in self._likely())]
         hypotheses = Hypotheses.of(weigher, groups)
         two_groups = replace(hypotheses, groups=np.minimum(hypotheses.groups, 1))

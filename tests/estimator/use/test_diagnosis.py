@@ -33,7 +33,15 @@ from estimator.use.diagnosis import Diagnosis, Verdict, diagnose
 from estimator.use.movements import Hypotheses
 from estimator.use.watch import HAZARD, Watch
 from tests.estimator.evaluation.test_score import make_ended_run
-from tests.estimator.model_robot import TRUE_LENGTHS, ModelRobot, serving, without_plots
+from tests.estimator.model_robot import (
+    TRUE_LENGTHS,
+    ModelRobot,
+    make_capabilities,
+    make_posterior,
+    make_problem,
+    serving,
+    without_plots,
+)
 from tests.estimator.posterior_run import make_posterior_run
 from tests.estimator.use.test_pose import ASKEW, SPREAD, TRUTH, sampled
 
@@ -174,6 +182,19 @@ def test_one_movement_that_nothing_explains_is_no_alarm_and_others_take_it_back(
     assert watch.odds < HAZARD
 
 
+def test_an_identification_that_left_bodies_open_gives_no_alarm() -> None:
+    """The watch learns which of them the robot has: most have a front leg 20 mm too long."""
+    rng = np.random.default_rng(1)
+    genes = rng.normal(TRUTH, SPREAD / 0.2, (64, 4))
+    genes[3:, 1] += 0.02 / 0.2
+    known = make_posterior(make_problem(), make_capabilities(), np.clip(genes, 0, 1), best=TRUTH)
+    watch, act = Watch(Weigher(known, causes_of(known, rng), rng)), robot(damaged(), seed=2)
+    low, high = known.program_range.T
+    for program in np.random.default_rng(3).uniform(low, high, (20, 4)):
+        watch.take(act(tuple(program.tolist()), ""))
+        assert watch.odds < 0.1
+
+
 def test_two_things_at_once_are_none_of_these() -> None:
     act = robot(damaged((FRONT, 0.6), ("servo of left jammed", math.radians(-20.0))), seed=3)
     found = diagnose(weigher(), act)
@@ -270,7 +291,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
         return store.directory
 
 
-def estimator(*words: str | Path) -> Result:
+def estimator(*words: str | Path | int) -> Result:
     return CliRunner().invoke(app, [*map(str, words), "--jobs", "1"])
 
 
@@ -331,7 +352,7 @@ def test_a_robot_that_no_longer_moves_has_none_of_the_known_changes(
     watched = tmp_path / "watched"
     copytree(run, watched)
     with serving(ModelRobot(askew=ASKEW, travel=0.0)) as uri:
-        noticed = estimator("monitor", watched, "--robot", uri, "--once", "--yes")
+        noticed = estimator("monitor", watched, "--robot", uri, "--once", "--yes", "--seed", 1)
     assert noticed.exit_code == 3, noticed.output
     sentence = " ".join(noticed.stdout.split())
     assert "None of the changes that are known explains the readings, nor does any body" in sentence
