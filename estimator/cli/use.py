@@ -222,7 +222,9 @@ def monitor(
         out.print("The body has changed.", style="bold red")
         for suspect, share in suspects:
             out.print(f"{share:8.3f}  {said(suspect, known)}", soft_wrap=True)
-        if not suspects:
+        if suspects:
+            out.print(f"{watch.none_of_these:8.3f}  none of the changes that are known")
+        else:
             out.print(_NONE_OF_THESE, soft_wrap=True)
         command = command_line("estimator", "diagnose", directory, "--robot", robot)
         out.print(f"Find out with: {command}", soft_wrap=True)

@@ -31,6 +31,9 @@ Rows = NDArray[np.intp]
 UNCHANGED: Final = 0.5
 """Probability, before a reading, that a robot that is diagnosed is as it was."""
 
+UNLISTED: Final = 0.05
+"""Share of changes that are in no row of the table; under them any reading is as probable."""
+
 _PARTICLES: Final = 64  # particles of a cause in the first round
 _ROUNDS: Final = (64, 128, 256, 256)  # particles of a cause in the further rounds
 _MORE_ROUNDS: Final = (512,) * 4  # further ones, of a probable cause that few bodies stand for
@@ -101,10 +104,13 @@ class Weighed:
     Attributes:
         particles: Particles of each cause, and of no change.
         probabilities: Probability of each, adding up to 1.
+        none_of_these: Probability of what is in no row of the table, where any reading is as
+            probable as another, against all of these causes.
     """
 
     particles: tuple[Particles, ...]
     probabilities: Array
+    none_of_these: float
 
     @property
     def unchanged(self) -> float:
@@ -278,7 +284,7 @@ class Weigher:
                 weighed.append(self._refined(particles, observations, best_evidence))
             else:
                 weighed.append(replace(particles, weights=softmax(fits), log_evidence=guess))
-        return self._sorted(weighed)
+        return self._sorted(weighed, observations)
 
     def _unchanged(self, observations: Sequence[Observation]) -> Particles:
         particles = self.as_identified()
@@ -362,11 +368,18 @@ class Weigher:
             log_evidence=float(logsumexp(logs)) - math.log(len(rows)),
         )
 
-    def _sorted(self, particles: Sequence[Particles]) -> Weighed:
+    def _sorted(
+        self, particles: Sequence[Particles], observations: Sequence[Observation] = ()
+    ) -> Weighed:
+        unlisted = math.log(UNLISTED)
+        if observations:
+            unlisted += self.known.likelihood_of(observations).log_anywhere.sum()
         logs = [one.log_evidence + self.log_prior(one.cause) for one in particles]
-        probabilities = softmax(np.array(logs))
+        listed = np.array(logs) + math.log(1 - UNLISTED)
+        probabilities = softmax(listed)
         order = np.argsort(-probabilities, kind="stable")
         return Weighed(
             particles=tuple(particles[index] for index in order.tolist()),
             probabilities=probabilities[order],
+            none_of_these=float(softmax(np.append(listed, unlisted))[-1]),
         )

@@ -146,7 +146,7 @@ def diagnose(weigher: Weigher, act: Act, *, movements: int = MOVEMENTS) -> Diagn
             return replace(tested, causes=named, probability=probability, weighed=weighed)
         movements_left = movements - len(observations)
         program, bits = telling(weigher, weighed)
-        is_settled = len(named) == 1 or bits < _INDISTINGUISHABLE
+        is_settled = len(named) == 1 or bits < _INDISTINGUISHABLE or weighed.none_of_these > SURE
         felt_enough = named[0].cause is not None or len(observations) >= _FEWEST_MOVEMENTS
         if is_settled and felt_enough and movements_left >= CONFIRMING:
             tested = _tested(
@@ -157,8 +157,9 @@ def diagnose(weigher: Weigher, act: Act, *, movements: int = MOVEMENTS) -> Diagn
                 return tested
             continue
         if movements_left <= 0:
+            is_listed = weighed.none_of_these < 0.5
             return Diagnosis(
-                verdict=Verdict.UNDECIDED,
+                verdict=Verdict.UNDECIDED if is_listed else Verdict.NONE_OF_THESE,
                 causes=named,
                 probability=probability,
                 weighed=weighed,
@@ -234,7 +235,8 @@ def _tested(
     with_second = weigher.on_top_of(groups).weigh(all_observations)
     rival = Competitor.fitted(weigher, all_observations)
     better = max(rival.log_evidence - _evidence(weigher, named, reweighed), _log_odds(with_second))
-    is_refuted = better > _BETTER_NATS or overall <= _SURPRISE or odd >= 2
+    is_odd = overall <= _SURPRISE or odd >= 2 or reweighed.none_of_these > 0.5
+    is_refuted = better > _BETTER_NATS or is_odd
     verdict = Verdict.CHANGED if named[0].cause is not None else Verdict.UNCHANGED
     return Diagnosis(
         verdict=Verdict.NONE_OF_THESE if is_refuted else verdict,
@@ -244,7 +246,9 @@ def _tested(
         observations=tuple(all_observations),
         reasons=tuple(all_reasons),
         better=better,
-        suspects=_suspects(weigher, named, with_second, rival) if is_refuted else (),
+        suspects=_suspects(weigher, named, with_second, rival, all_observations)
+        if is_refuted
+        else (),
     )
 
 
@@ -261,11 +265,21 @@ def _shares_of(named: Sequence[Particles], weighed: Weighed) -> list[tuple[Parti
 
 
 def _suspects(
-    weigher: Weigher, named: Sequence[Particles], last: Weighed, rival: Competitor
+    weigher: Weigher,
+    named: Sequence[Particles],
+    last: Weighed,
+    rival: Competitor,
+    observations: Sequence[Observation],
 ) -> tuple[tuple[str, float], ...]:
-    """Names of changes that may have happened at once, with their shares."""
+    """Names of changes that may have happened at once, with their shares.
+
+    There are none where readings would be more probable if anything could be read.
+    """
     if _log_odds(last) <= _BETTER_NATS:
-        return rival.suspects(weigher)
+        anywhere = weigher.known.likelihood_of(observations).log_anywhere.sum()
+        return rival.suspects(weigher) if rival.log_evidence > anywhere else ()
+    if last.none_of_these > 0.5:
+        return ()
     second = next(
         (one.cause.name, float(share))
         for one, share in zip(last.particles, last.probabilities, strict=True)

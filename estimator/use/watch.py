@@ -30,7 +30,7 @@ from estimator.body.arrays import Bodies
 from estimator.body.morphology import Array
 from estimator.posterior.model.special import logsumexp, softmax
 from estimator.readings.observation import Observation
-from estimator.use.causes import Particles, Weigher
+from estimator.use.causes import UNLISTED, Particles, Weigher
 from estimator.use.movements import Hypotheses, best_of, near_forks, readings_in
 from estimator.use.pose import attainable
 
@@ -44,7 +44,6 @@ PATROL: Final = 6
 """Default number of movements of a patrol."""
 
 _PARTICLES: Final = 64  # of a cause
-_UNLISTED: Final = 0.05  # share of changes that are in no row of the table
 _KEPT_ESS: Final = 0.05  # effective number of bodies that may be left, as a share of that at first
 _FORGETTING: Final = 0.9  # factor on what was learnt of bodies, until so many are left
 _RECENT: Final = 30  # last movements, in one of which a change that is noticed must have happened
@@ -76,10 +75,10 @@ class Watch:
         self._bodies = Bodies.joined([weigher.bodies(particles) for particles in self._particles])
         self._rows = np.concatenate([particles.rows for particles in self._particles])
         self._scales = np.concatenate([weigher.scales(particles) for particles in self._particles])
-        share = math.log(1 - _UNLISTED) - math.log(_PARTICLES)
+        share = math.log(1 - UNLISTED) - math.log(_PARTICLES)
         listed = np.repeat([cause.log_prior + share for cause in weigher.causes], _PARTICLES)
         # The last entry of these is that of what is in no row of the table.
-        self._log_prior = np.append(listed, math.log(_UNLISTED))
+        self._log_prior = np.append(listed, math.log(UNLISTED))
         self._logs = np.full(len(self._log_prior), -np.inf)  # logarithms of R
         self._learning = weigher  # knows what unchanged bodies have told so far
         self._log_fits = np.zeros(len(weigher.known))  # the same, in nats
@@ -118,10 +117,10 @@ class Watch:
     @property
     def none_of_these(self) -> float:
         """How probable it is, if anything has changed, that it is in no row of the table."""
-        return float(softmax(self._logs)[-1]) if self.movements else _UNLISTED
+        return float(softmax(self._logs)[-1]) if self.movements else UNLISTED
 
     def suspects(self, count: int = 3) -> tuple[tuple[Particles, float], ...]:
-        """The most probable causes, with how probable each is if one of them has come about.
+        """The most probable causes, with how probable each is if anything has changed.
 
         Weighed as in a diagnosis, by the movements since the one from which on a change explains
         most. There are none where it is more probably none of these.
@@ -132,7 +131,7 @@ class Watch:
         log_odds = np.cumsum(ratios[::-1], axis=0) + self._log_prior
         first = len(observed) - 1 - int(np.argmax(logsumexp(log_odds, axis=1)))
         weighed = learning[first].weigh(observed[first:])
-        changed = max(1.0 - weighed.unchanged, 1e-300)
+        changed = max(1.0 - weighed.unchanged, 1e-300) / (1.0 - self.none_of_these)
         suspects = zip(weighed.particles, weighed.probabilities.tolist(), strict=True)
         return tuple((one, share / changed) for one, share in suspects if one.cause is not None)[
             :count

@@ -169,6 +169,24 @@ def test_what_no_body_explains_is_noticed_and_none_of_these(how: str) -> None:
     assert not watch.suspects()
 
 
+def test_what_somebody_else_moves_is_none_of_these_and_nothing_is_suspected() -> None:
+    """Its readings are those of other programs than it was given."""
+    undamaged, rng = robot(damaged(), seed=4), np.random.default_rng(8)
+    low, high = weigher().known.program_range.T
+
+    def act(program: Program, reason: str) -> Observation:
+        seen = undamaged(tuple(rng.uniform(low, high).tolist()), reason)
+        return seen.model_copy(update={"angles": program})
+
+    mine = Weigher(weigher().known, weigher().causes, rng)
+    found = diagnose(mine, act)
+    assert found.verdict is Verdict.NONE_OF_THESE
+    assert len(found.observations) <= 8
+    assert found.in_words(weigher().known) == (
+        "None of the changes that are known explains the readings."
+    )
+
+
 def test_one_movement_that_nothing_explains_is_no_alarm_and_others_take_it_back() -> None:
     """Such as one in which somebody held the robot."""
     act, watch = robot(damaged(), seed=5), Watch(weigher())
