@@ -228,10 +228,10 @@ class FittedPosterior:
         """The code between genomes and bodies."""
         return Genome(self.problem, self.problem.base(self.capabilities))
 
-    @property
+    @cached_property
     def best_body(self) -> Morphology | None:
-        """The best body; ``None`` before the first interaction."""
-        return None if self.best is None else self.genome.decode(self.best)
+        """The best body, as it is by now; ``None`` before the first interaction."""
+        return None if self.best_point is None else self.bodies_at(self.best_point[None])[0]
 
     def bodies(self, count: int) -> list[Morphology]:
         """``count`` representative bodies, each as often as its weight says to within one."""

@@ -131,12 +131,12 @@ def shown_bodies(store: RunStore, result: Result, true_body: Urdf | None) -> Sho
         return ShownBodies()
     fitted, seen = FittedPosterior.of(store), store.observations()
     assert fitted is not None
-    assert fitted.best is not None
+    assert fitted.best_body is not None
     summary = fitted.summary
     names = [rule.name for rule in store.problem.parts]
     if summary is not None and result.posterior is not None:
         rivals = result.posterior.rivals
-        genes = [summary.best, *(mode.genes for mode in summary.modes[1 : 1 + len(rivals)])]
+        rival_genes = [mode.genes for mode in summary.modes[1 : 1 + len(rivals)]]
         texts = [
             ("Best body", _sureness(result.posterior.probability)),
             *(
@@ -151,14 +151,13 @@ def shown_bodies(store: RunStore, result: Result, true_body: Urdf | None) -> Sho
         ]
         samples = fitted.bodies(SAMPLES)
     else:
-        genes = [tuple(fitted.best.tolist())]
+        rival_genes = []
         error = result.sensor_error
         texts = [
             ("Best model", "subjective error " + ("unknown" if error is None else f"{error:.3f}"))
         ]
         samples = []
-    bodies = fitted.genome.decode_all(np.array(genes))
-    bodies[:1] = fitted.bodies_at(fitted.model_points[fitted.ranked[:1]])
+    bodies = [fitted.best_body, *map(fitted.genome.decode, np.array(rival_genes))]
     predicted = predict(store, bodies)
     if summary is not None:
         predicted[0][: len(summary.predicted)] = [

@@ -360,6 +360,8 @@ def test_a_cut_leg_is_noticed_named_and_stood_on(run: Path, tmp_path: Path) -> N
     assert "Changed since it was identified: the leg of front shortened" in shown.stdout
     front = load(now)
     assert 1000 * front.leg_lengths[:, 1].mean() == pytest.approx(90, abs=3)
+    assert front.best_body is not None
+    assert 1000 * front.best_body.parts[1].length == pytest.approx(90, abs=3)
     (own_tilt,) = front.unknowns.amounts(front.points).values()
     assert np.allclose(own_tilt, ASKEW)
 
