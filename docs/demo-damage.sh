@@ -13,7 +13,7 @@ start_simulator --control "$control" --seed "$seed"
 pose="--tilt-forward 5 --tilt-left 0 --yes"
 
 # Which legs has it, and how long are they? Then: stand with the nose up by 5 degrees.
-show estimator identify --robot "$robot" --problem topological --interactions 6 --seed "$seed" --out "$out/body"
+show estimator identify --robot "$robot" --problem topological --interactions 8 --seed "$seed" --out "$out/body"
 show estimator pose "$out/body" --robot "$robot" $pose
 
 # Nothing has happened yet, and the watch says so.
