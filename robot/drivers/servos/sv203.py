@@ -1,8 +1,10 @@
 """Pontech SV203 servo boards: eight servos each, one or more boards on a serial line.
 
-The analogue inputs are not used. Commands are lines of text; the boards acknowledge nothing and
-ignore what they do not understand. So this driver checks ranges itself, selects the servo on every
-line, and offers ``verify`` to find out whether a board still has what it was sent.
+The analogue inputs are not used. Commands are lines of text, of at most 20 characters and with a
+carriage return at the end; an answer is a decimal number with a carriage return. The boards
+acknowledge nothing and ignore what they do not understand. So this driver checks ranges itself,
+selects the servo on every line, and offers ``verify`` to find out whether a board still has what it
+was sent.
 
 After a brown-out a board comes back deselected, with all servos at neutral, and acts upon nothing
 until it is selected. Moves therefore never select it: those that are under way when it is reset
@@ -18,8 +20,10 @@ and gets no move. (A reset of a board whose driven servos all stand at neutral m
 in this way, and has thrown none of them.) All this holds for boards as they leave the factory; one
 that was set up to be selected when it is switched on would follow the moves after a reset.
 
-Source: Pontech SV203 User Manual, revision 1.20. That count 0 stops the pulses (``release``) is not
-in it, and wants a look with an oscilloscope on a new board.
+Source: Pontech SV203 User Manual, revision 1.20. Three things are not in it, and want a look with
+an oscilloscope on a new board: that count 0 stops the pulses (``release``), that a reply to ``RR``
+ends with a carriage return as one to ``AD`` does, and whether the return counts among the 20
+characters (lines here have at most 17 without it).
 """
 
 from __future__ import annotations
@@ -32,8 +36,9 @@ from typing import ClassVar, Final
 import serial
 
 from robot.drivers.buses import Buses
+from robot.drivers.links.device_files import readers
+from robot.drivers.links.serial_line import SerialLine
 from robot.drivers.servos.servo_bus import check_counts, check_outputs
-from robot.drivers.servos.sv203_line import SV203Line
 from robot.errors import CommandError, DeviceDataError, DeviceTimeoutError
 from robot.host.clock import Clock
 from robot.toml_sections import Section
@@ -48,6 +53,8 @@ MAX_BOARDS: Final = 8
 _SERVOS_PER_LINE: Final = 2
 _FIRST_POSITION: Final = 51  # RAM cell of servo 1's commanded count
 _ATTEMPTS: Final = 3  # of a query; a sound line needs one, and the doctor counts the others
+_LONGEST_REPLY: Final = len("255\r")
+_MAX_REPLY: Final = 16  # bytes; whatever is longer is no count, and not waited for
 _RESET_ADVICE: Final = "Check the servos' supply: it drops under load."
 
 
@@ -136,7 +143,9 @@ class SV203:
         self._sent: dict[int, int] = {}  # counts by output that need not be sent again
         self._held: dict[int, int] = {}  # counts that boards that were read should hold
         self._selected: int | None = None
-        self._line = SV203Line(open_port, clock=clock, gap=line_gap, reply_timeout=reply_timeout)
+        self._gap = line_gap
+        self._reply_timeout = reply_timeout
+        self._line = SerialLine(open_port, clock=clock, reply_timeout=reply_timeout)
 
     @property
     def bytes_written(self) -> int:
@@ -240,9 +249,9 @@ class SV203:
         pairs, single = divmod(changed - used, _SERVOS_PER_LINE)
         size = len("SV8M255")
         return (
-            pairs * self._line.seconds_for(2 * size)
-            + (single + used) * self._line.seconds_for(size)  # a board's last line may have but one
-            + used * self._line.seconds_to_ask(len("BD255RR58"))
+            pairs * self._line_time(2 * size)
+            + (single + used) * self._line_time(size)  # a board's last line may have but one
+            + used * (self._line_time(len("BD255RR58")) + self._line.seconds_for(_LONGEST_REPLY))
         )
 
     def close(self) -> None:
@@ -272,9 +281,7 @@ class SV203:
             group = {n: counts[n] for n in outputs[start : start + _SERVOS_PER_LINE]}
             for output in group:
                 self._sent.pop(output, None)
-            self._line.write(
-                select + "".join(f"SV{_servo(n)}M{count}" for n, count in group.items())
-            )
+            self._write(select + "".join(f"SV{_servo(n)}M{count}" for n, count in group.items()))
             self._sent |= group
             if self._held_by(board):
                 self._held |= group
@@ -316,7 +323,7 @@ class SV203:
         select = ""
         if board != self._selected:
             self._selected, select = None, f"BD{board}"
-        answer = self._line.ask(_cell(output), select=select, board=self._board_name(board))
+        answer = self._ask_line(output, select=select)
         self._selected = board
         return answer
 
@@ -325,7 +332,7 @@ class SV203:
         board = self._board_of(output)
         for _ in range(_ATTEMPTS):
             with suppress(DeviceTimeoutError, DeviceDataError):
-                self._line.ask(_cell(output), select=f"BD{board}", board=self._board_name(board))
+                self._ask_line(output, select=f"BD{board}")
                 break
         else:
             return
@@ -336,11 +343,37 @@ class SV203:
             _RESET_ADVICE,
         )
 
+    def _line_time(self, characters: int) -> float:
+        """Time that a line of so many characters takes, with the pause after it, s."""
+        return self._line.seconds_for(characters + 1) + self._gap
+
+    def _write(self, line: str) -> None:
+        """Sends a line, and waits as long as it takes, with the pause after it."""
+        self._line.write(line.encode("ascii") + b"\r", gap=self._gap)
+
+    def _ask_line(self, output: int, *, select: str) -> int:
+        """Sends a query behind what selects its board, once; returns the answer, 0 to 255."""
+        query = f"RR{_FIRST_POSITION + _servo(output) - 1}"
+        board = self._board_name(self._board_of(output))
+        self._line.clear()
+        self._write(select + query)
+        reply = self._line.read_until(b"\r", _MAX_REPLY)
+        if not reply.endswith(b"\r") and len(reply) < _MAX_REPLY:
+            raise DeviceTimeoutError(
+                f"The {board} did not answer {query} within {self._reply_timeout:g} s"
+                f"{f' (only {reply!r})' if reply else ''}.",
+                "Check its power, the cable, the baud rate and the board number, and "
+                + readers(self._line.port),
+            )
+        digits = reply.strip(b"\r\n ")
+        if not (digits.isdigit() and int(digits) <= 255):
+            raise DeviceDataError(
+                f"The {board} answered {reply!r} to {query} instead of a number 0 to 255.",
+                "Check the cable, the ground and the baud rate, and " + readers(self._line.port),
+            )
+        return int(digits)
+
 
 def _servo(output: int) -> int:
     """The number of a servo on its own board."""
     return (output - 1) % SERVOS + 1
-
-
-def _cell(output: int) -> str:
-    return f"RR{_FIRST_POSITION + _servo(output) - 1}"
