@@ -1,7 +1,8 @@
 """Emulated serial bus servos: what is the same for every family of them.
 
-A family brings its servo (``BusServo``) and its packets (``BusServos.answers``). Servos are told
-where the world has their horns; without a world, a horn is wherever its motor drives it.
+A family brings its servo (``BusServo``) and its packets, with how they are written and found.
+Servos are told where the world has their horns; without a world, a horn is wherever its motor
+drives it.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from functools import partial
 from itertools import zip_longest
 from typing import ClassVar, Final, Generic, TypeVar
 
+from robot.drivers.servos.servo_packets import BROADCAST, Decoder, Instruction, Packet
 from robot.host.clock import Clock
 from sim_robot.electronics.fault_switch import EVERY_NTH, Fault
 from sim_robot.electronics.serial_device import SerialDevice
@@ -106,6 +108,10 @@ class BusServo(ABC):
     def twin(self) -> BusServo:
         """Another servo with the same ID, in another state."""
 
+    @abstractmethod
+    def answer(self, packet: Packet) -> Packet | None:
+        """Acts on a packet for this servo alone; returns its answer, or ``None``."""
+
     def _drives(self, to: float) -> float:
         if not self._felt:
             self.position = to
@@ -120,11 +126,15 @@ class BusServos(SerialDevice, Generic[S]):
 
     Args:
         servos: Servos in the order of the robot's joints.
+        decoder: Finds the packets in what comes.
 
     Attributes:
+        SYNC_HEAD: Bytes before the servos in the parameters of a sync instruction: address and size
+            of what is read or written, half of them each.
         servos: The servos, as given.
     """
 
+    SYNC_HEAD: ClassVar[int]
     FAULTS: ClassVar[Mapping[str, Fault]] = {
         **SerialDevice.FAULTS,
         "silent": Fault("servo n answers nothing and has no torque, as without its cable"),
@@ -141,17 +151,19 @@ class BusServos(SerialDevice, Generic[S]):
         "moved": Fault(f"another program on the line sends servo n to {_MOVED_GOAL}", once=True),
     }
 
-    def __init__(self, servos: Iterable[S]):
+    def __init__(self, servos: Iterable[S], decoder: Decoder):
         self.servos = list(servos)
+        self._decoder = decoder
         self._answer_count = 0
         self._twins: list[S] = []
         self._wheel: S | None = None
         self._find: Callable[[], Iterable[Felt]] = tuple
         super().__init__()
 
+    @staticmethod
     @abstractmethod
-    def answers(self, data: bytes) -> Iterator[bytes]:
-        """Acts on bytes from the host; yields the packets that come back, one after another."""
+    def encode(packet: Packet) -> bytes:
+        """A packet as it goes over the line."""
 
     def connect(self, clock: Clock) -> None:
         """Gives the servos the time of their world, in which they have been on for a while."""
@@ -207,7 +219,26 @@ class BusServos(SerialDevice, Generic[S]):
             return b""  # noise, to all of them
         for servo, felt in zip(self.servos, self._find(), strict=False):
             servo.feel(felt)
-        return b"".join(self.answers(data))
+        return b"".join(line for packet in self._decoder.feed(data) for line in self._obey(packet))
+
+    def _obey(self, packet: Packet) -> Iterator[bytes]:
+        """Acts on a packet; yields what comes back, one servo after another."""
+        ids: Iterable[int] = (packet.id,)
+        head, rest = packet.parameters[: self.SYNC_HEAD], packet.parameters[self.SYNC_HEAD :]
+        if packet.instruction == Instruction.SYNC_WRITE:
+            address, size = head[: len(head) // 2], int.from_bytes(head[len(head) // 2 :], "little")
+            for start in range(0, len(rest) - size, size + 1):
+                data = rest[start + 1 : start + 1 + size]
+                for servo in self.called(rest[start]):
+                    servo.answer(Packet(BROADCAST, Instruction.WRITE, address + data))
+            return
+        if packet.instruction == Instruction.SYNC_READ:
+            ids, packet = rest, Packet(0, Instruction.READ, head)
+        elif packet.id == BROADCAST:
+            ids = sorted({servo.number for servo in self.servos})
+        for number in ids:
+            answers = [servo.answer(packet) for servo in self.called(number)]
+            yield self.at_once([self.encode(answer) for answer in answers if answer is not None])
 
     def called(self, number: int) -> list[S]:
         """Servos with an ID that listen at the host's baud rate."""

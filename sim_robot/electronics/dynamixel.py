@@ -17,15 +17,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final
 
-from robot.drivers.servos.dynamixel_packets import (
-    ALERT,
-    BROADCAST,
-    Decoder,
-    Instruction,
-    Packet,
-    PacketError,
-    encode,
-)
+from robot.drivers.servos.dynamixel_packets import ALERT, Decoder, PacketError, encode
+from robot.drivers.servos.servo_packets import BROADCAST, Instruction, Packet
 from sim_robot.electronics.bus_servos import LIMP, STEPS, BusServo, BusServos
 
 MODEL: Final = 1200
@@ -341,34 +334,13 @@ class DynamixelEmulator(BusServos[Servo]):
         baud: Baud rate at which they listen, one of ``BAUDS``.
     """
 
+    SYNC_HEAD = 4
+    encode = staticmethod(encode)
+
     def __init__(self, ids: Iterable[int] = (1,), *, baud: int = 1_000_000):
-        self._decoder = Decoder()
-        super().__init__(map(Servo, ids))
+        super().__init__(map(Servo, ids), Decoder())
         for servo in self.servos:
             servo["baud"] = BAUDS.index(baud)
-
-    def answers(self, data: bytes) -> Iterator[bytes]:
-        """Acts on the packets that are complete; yields the answers."""
-        for packet in self._decoder.feed(data):
-            parameters = packet.parameters
-            if packet.instruction == Instruction.SYNC_WRITE:
-                self._sync_write(parameters)
-                continue
-            ids: Iterable[int] = (packet.id,)
-            if packet.instruction == Instruction.SYNC_READ:
-                ids, packet = parameters[4:], Packet(0, Instruction.READ, parameters[:4])  # noqa: PLW2901
-            elif packet.id == BROADCAST:
-                ids = sorted({servo.number for servo in self.servos})
-            for number in ids:
-                answers = [servo.answer(packet) for servo in self.called(number)]
-                yield self.at_once([encode(answer) for answer in answers if answer is not None])
-
-    def _sync_write(self, parameters: bytes) -> None:
-        size = _word(parameters[2:]) if len(parameters) >= 4 else 0
-        for start in range(4, len(parameters), size + 1):
-            data = parameters[start + 1 : start + 1 + size]
-            for servo in self.called(parameters[start]):
-                servo.answer(Packet(BROADCAST, Instruction.WRITE, parameters[:2] + data))
 
 
 def _word(data: bytes) -> int:

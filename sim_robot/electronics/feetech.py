@@ -13,10 +13,12 @@ itself overloaded: that is injected.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from types import MappingProxyType
 from typing import Final
 
+from robot.drivers.servos.feetech_packets import Decoder, encode
+from robot.drivers.servos.servo_packets import BROADCAST, Instruction, Packet
 from sim_robot.electronics.bus_servos import LIMP, STEPS, BusServo, BusServos
 from sim_robot.electronics.servos import Felt
 
@@ -41,10 +43,6 @@ _FACTORY: Final = MappingProxyType(
         **{24: 16, 26: 1, 27: 1, 34: 20, 35: 200, 36: 80},
     }
 )
-_PING, _READ, _WRITE, _SYNC_READ, _SYNC_WRITE = 0x01, 0x02, 0x03, 0x82, 0x83
-_BROADCAST: Final = 0xFE
-_HEADER: Final = b"\xff\xff"
-_MAX_LENGTH: Final = 250
 _MAX_SILENCE: Final = 0.02  # s of silence
 _GOAL_TOLERANCE: Final = 23  # steps, 2°; a servo further away drives with all it has
 _STALL_CURRENT: Final = 2.4  # A
@@ -154,24 +152,26 @@ class Servo(BusServo):
             self._last_goal = min(max(goal, low), high) if high > low else goal
         return self._drives(self._last_goal)
 
-    def answer(self, instruction: int, parameters: bytes, *, asked_alone: bool) -> bytes | None:
-        """Acts on an instruction; returns the answer, error first, or ``None`` for no answer."""
+    def answer(self, packet: Packet) -> Packet | None:
+        """Acts on a packet for this servo alone; returns its answer, or ``None``."""
         if self.deaf:
             return None
         self._measure()
-        status = bytes((self.memory[STATUS],))
-        match instruction:
-            case 0x01:  # ping
-                return status
-            case 0x02 if len(parameters) == 2:  # read
+        parameters, status, contents = packet.parameters, self.memory[STATUS], b""
+        match packet.instruction:
+            case Instruction.PING:
+                pass
+            case Instruction.READ if len(parameters) == 2:
                 first, count = parameters
-                contents = bytes(self.memory[first : first + count])
-                return status + contents.ljust(count, b"\0")
-            case 0x03 if parameters:  # write
+                contents = bytes(self.memory[first : first + count]).ljust(count, b"\0")
+            case Instruction.WRITE if parameters:
                 self._write(parameters[0], parameters[1:])
-                if asked_alone and self.memory[ANSWERS]:
-                    return bytes((self.memory[STATUS],))
-        return None
+                if packet.id == BROADCAST or not self.memory[ANSWERS]:
+                    return None
+                status = self.memory[STATUS]
+            case _:
+                return None
+        return Packet(self.number, status, contents)
 
     def _write(self, first: int, data: bytes) -> None:
         old_goal = self.driven_to()
@@ -212,69 +212,20 @@ class FeetechEmulator(BusServos[Servo]):
         baud: Baud rate at which they listen, one of ``BAUDS``.
     """
 
+    SYNC_HEAD = 2
+    encode = staticmethod(encode)
+
     def __init__(self, ids: Iterable[int] = (1,), *, baud: int = BAUDS[0]):
-        self._buffer = bytearray()
         self._heard_at = 0.0
-        super().__init__(map(Servo, ids))
+        super().__init__(map(Servo, ids), Decoder())
         for servo in self.servos:
             servo.memory[BAUD] = BAUDS.index(baud)
             servo.keep()
 
-    def answers(self, data: bytes) -> Iterator[bytes]:
-        """Acts on complete packets and yields the answers; forgets one that was broken off."""
+    def receive(self, data: bytes) -> bytes:
+        """Gives bytes to the servos; a packet that silence broke off is forgotten before."""
         now = self.servos[0].now()
         if now - self._heard_at > _MAX_SILENCE:
-            self._buffer.clear()
+            self._decoder.begin()
         self._heard_at = now
-        self._buffer += data
-        for packet in self._packets():
-            yield from self._answers_to(*packet)
-
-    def _packets(self) -> Iterator[tuple[int, int, bytes]]:
-        """Takes the whole packets that came; yields ID, instruction and parameters of each."""
-        buffer = self._buffer
-        while (start := buffer.find(_HEADER)) >= 0:
-            del buffer[:start]
-            if len(buffer) < 4:
-                return
-            length = buffer[3]
-            if not 2 <= length <= _MAX_LENGTH or buffer[2] == 0xFF:
-                del buffer[:1]
-                continue
-            if len(buffer) < length + 4:
-                return
-            body, checksum = bytes(buffer[2 : length + 3]), buffer[length + 3]
-            if ~sum(body) & 0xFF == checksum:
-                del buffer[: length + 4]
-                yield body[0], body[2], body[3:]
-            else:
-                del buffer[:1]
-        del buffer[: max(0, len(buffer) - 1)]
-
-    def _answers_to(self, number: int, instruction: int, parameters: bytes) -> Iterator[bytes]:
-        """Answers to a packet, one after another; servos that share an ID answer at once."""
-        if instruction == _SYNC_WRITE and len(parameters) >= 2:
-            size = parameters[1]
-            for start in range(2, len(parameters) - size, size + 1):
-                for servo in self.called(parameters[start]):
-                    data = parameters[:1] + parameters[start + 1 : start + 1 + size]
-                    servo.answer(_WRITE, data, asked_alone=False)
-            return
-        ids: Iterable[int] = (number,)
-        alone = number != _BROADCAST
-        if instruction == _SYNC_READ:
-            ids, instruction, parameters = parameters[2:], _READ, parameters[:2]
-        elif not alone:
-            ids = sorted({servo.number for servo in self.servos})
-        for servo_id in ids:
-            replies = [
-                _packet(servo.memory[ID], answer)
-                for servo in self.called(servo_id)
-                if (answer := servo.answer(instruction, parameters, asked_alone=alone)) is not None
-            ]
-            yield self.at_once(replies)
-
-
-def _packet(number: int, answer: bytes) -> bytes:
-    body = bytes((number, len(answer) + 1)) + answer
-    return _HEADER + body + bytes((~sum(body) & 0xFF,))
+        return super().receive(data)

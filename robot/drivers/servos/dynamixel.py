@@ -30,8 +30,6 @@ from robot.drivers.servos.dynamixel_packets import (
     ALERT,
     OVERHEAD,
     Decoder,
-    Instruction,
-    Packet,
     PacketError,
     encode,
     read,
@@ -40,6 +38,7 @@ from robot.drivers.servos.dynamixel_packets import (
 )
 from robot.drivers.servos.servo_bus import ServoState
 from robot.drivers.servos.servo_chain import Chain, Registers
+from robot.drivers.servos.servo_packets import Instruction, Packet
 
 TOP_SPEED: Final = 55
 """Profile velocity, in the servo's unit: 75°/s."""

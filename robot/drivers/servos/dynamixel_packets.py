@@ -13,13 +13,13 @@ Source: ROBOTIS e-Manual, DYNAMIXEL Protocol 2.0.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from enum import IntEnum
 from typing import Final
 
+from robot.drivers.servos import servo_packets
+from robot.drivers.servos.servo_packets import BROADCAST, Instruction, Packet
+
 HEADER: Final = b"\xff\xff\xfd\x00"
-BROADCAST: Final = 0xFE
-"""The id to which every servo listens."""
 OVERHEAD: Final = 11
 """Bytes of a status packet without parameters; an instruction packet has one fewer."""
 LONGEST: Final = 1024
@@ -29,18 +29,6 @@ _BEFORE_INSTRUCTION: Final = len(HEADER) + 3
 _CRC_BYTES: Final = 2
 _STUFFED: Final = b"\xff\xff\xfd"
 _POLYNOMIAL: Final = 0x8005
-
-
-class Instruction(IntEnum):
-    """What a packet asks for."""
-
-    PING = 0x01
-    READ = 0x02
-    WRITE = 0x03
-    REBOOT = 0x08
-    STATUS = 0x55
-    SYNC_READ = 0x82
-    SYNC_WRITE = 0x83
 
 
 class PacketError(IntEnum):
@@ -57,21 +45,6 @@ class PacketError(IntEnum):
 
 ALERT: Final = 0x80
 """Bit of a status packet's error: the servo has a hardware error, whatever it was asked."""
-
-
-@dataclass(frozen=True)
-class Packet:
-    """One packet, without header, length, stuffing and CRC.
-
-    Attributes:
-        id: ID of the servo that is asked, or that answers; ``BROADCAST`` is all of them.
-        instruction: An ``Instruction``, or another byte, which a servo does not know.
-        parameters: Parameters of the instruction.
-    """
-
-    id: int
-    instruction: int
-    parameters: bytes = b""
 
 
 def _crc_of_byte(byte: int) -> int:
@@ -101,35 +74,10 @@ def encode(packet: Packet) -> bytes:
     return frame + crc16(frame).to_bytes(2, "little")
 
 
-class Decoder:
-    """Finds packets in bytes as they come, whatever stands between them.
+class Decoder(servo_packets.Decoder):
+    """Finds DYNAMIXEL's packets; ``damaged`` counts wrong lengths and CRCs."""
 
-    Attributes:
-        damaged: Number of packets whose length or CRC was wrong, since ``begin``.
-    """
-
-    def __init__(self) -> None:
-        self.damaged = 0
-        self._buffer = bytearray()
-
-    @property
-    def pending(self) -> int:
-        """Number of bytes that may be the beginning of a packet."""
-        return len(self._buffer)
-
-    def feed(self, data: bytes) -> list[Packet]:
-        """Takes bytes; returns the packets that are complete with them."""
-        self._buffer += data
-        packets = []
-        while (next_packets := self._next()) is not None:
-            packets += next_packets
-        return packets
-
-    def begin(self, question: bytes = b"") -> None:
-        """Forgets what came before a question, which, if echoed, is a packet as any other."""
-        del question
-        self._buffer.clear()
-        self.damaged = 0
+    header = HEADER
 
     def take(self, data: bytes) -> list[tuple[int, bytes]]:
         """Takes bytes; returns the answers complete with them: ID, and error with data."""
@@ -139,35 +87,25 @@ class Decoder:
             if packet.instruction == Instruction.STATUS and packet.parameters
         ]
 
-    def _next(self) -> list[Packet] | None:
-        """The packet at the front, or none for a damaged one; ``None``: more bytes are needed."""
-        buffer = self._buffer
-        start = buffer.find(HEADER)
-        if start < 0:  # what it ends with may be the beginning of a header
-            del buffer[: max(0, len(buffer) - len(HEADER) + 1)]
-            return None
-        del buffer[:start]
+    def _first(self, buffer: bytearray) -> tuple[int, Packet | None]:
         if len(buffer) < _BEFORE_INSTRUCTION:
-            return None
+            return 0, None
         length = int.from_bytes(buffer[_BEFORE_INSTRUCTION - 2 : _BEFORE_INSTRUCTION], "little")
         end = _BEFORE_INSTRUCTION + length
         if length <= _CRC_BYTES or end > LONGEST or buffer.find(HEADER, len(HEADER), end - 1) > 0:
             return self._damaged()  # its last byte may end a header: the CRC is not stuffed
         if len(buffer) < end:
-            return None
+            return 0, None
         body_end = end - _CRC_BYTES
         if crc16(buffer[:body_end]) != int.from_bytes(buffer[body_end:end], "little"):
             return self._damaged()
         body = bytes(buffer[_BEFORE_INSTRUCTION:body_end]).replace(_STUFFED + b"\xfd", _STUFFED)
-        packet = Packet(buffer[len(HEADER)], body[0], body[1:])
-        del buffer[:end]
-        return [packet]
+        return end, Packet(buffer[len(HEADER)], body[0], body[1:])
 
-    def _damaged(self) -> list[Packet]:
+    def _damaged(self) -> tuple[int, None]:
         """Goes on behind the damaged packet's header: another may stand in its supposed length."""
         self.damaged += 1
-        del self._buffer[: len(HEADER)]
-        return []
+        return len(HEADER), None
 
 
 def read(servo: int, address: int, size: int) -> Packet:

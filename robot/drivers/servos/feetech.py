@@ -13,13 +13,15 @@ switches the torque on, and is cut to the limits without a word, is reported by 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 from robot.drivers.servos.answering_servos import AnsweringServoSettings
+from robot.drivers.servos.feetech_packets import OVERHEAD, Decoder, encode
 from robot.drivers.servos.servo_bus import ServoState
 from robot.drivers.servos.servo_chain import Chain, Registers
+from robot.drivers.servos.servo_packets import BROADCAST, Instruction, Packet
 
 TOP_SPEED: Final = 1024
 """Speed that is sent with each goal, steps/s: 90°/s, well above the speed of a slew."""
@@ -35,11 +37,7 @@ FAULTS: Final = (
 )
 """Bits of the status, and what each of them says."""
 
-_BROADCAST: Final = 0xFE
 _LAST: Final = 4095  # position of a turn
-_HEADER: Final = b"\xff\xff"
-_OVERHEAD: Final = 6  # bytes of a packet around its parameters
-_READ, _SYNC_READ, _SYNC_WRITE = 0x02, 0x82, 0x83
 _LIMITS, _MODE = 9, 33
 _TORQUE, _ACCELERATION, _GOAL = 40, 41, 42
 _STATE: Final = range(_TORQUE, 71)
@@ -50,62 +48,18 @@ _MODES: Final = ("position", "wheel (constant speed)", "open loop (PWM)", "step"
 _SETTLE_TIME: Final = 0.002  # s after a write until a reading shows it
 
 
-class _Answers:
-    """Finds answers in bytes as they come; ``damaged`` counts those with a wrong checksum."""
-
-    def __init__(self) -> None:
-        self.damaged = 0
-        self._raw = bytearray()
-        self._question = b""
-
-    @property
-    def pending(self) -> int:
-        """Number of bytes that may be the beginning of an answer."""
-        return len(self._raw)
-
-    def begin(self, question: bytes) -> None:
-        """Forgets what came before a question, which some adapters echo."""
-        self._raw.clear()
-        self._question = question
-        self.damaged = 0
-
-    def take(self, data: bytes) -> list[tuple[int, bytes]]:
-        """Takes bytes; returns the answers complete with them: ID, and error with data."""
-        self._raw += data
-        return [
-            (packet[2], packet[4:-1])
-            for packet in self._packets()
-            if packet != self._question and packet[2] != _BROADCAST
-        ]
-
-    def _packets(self) -> Iterator[bytes]:
-        raw = self._raw
-        while len(raw) >= _OVERHEAD:
-            end = raw[3] + 4
-            if not raw.startswith(_HEADER) or end < _OVERHEAD:
-                del raw[:1]
-            elif len(raw) < end:
-                return
-            elif ~sum(raw[2 : end - 1]) & 0xFF != raw[end - 1]:
-                self.damaged += 1
-                del raw[:1]
-            else:
-                yield bytes(raw[:end])
-                del raw[:end]
-
-
 class FeetechChain(Chain[tuple[int, int]]):
     """The servos of one line, of each of which the limits of its goals are known."""
 
     name = "Feetech"
-    overhead = _OVERHEAD
-    decoder = _Answers
+    overhead = OVERHEAD
+    decoder = Decoder
 
     def ping(self, servo: int) -> bool:
         """Whether a servo answers, asked once; a damaged answer, as of two at once, counts."""
         # Not the protocol's PING: a servo with a voltage fault answers that with the very same
         # bytes, which would be taken for an echo.
-        question = _packet(servo, _READ, bytes((_SETTINGS[0], 1)))
+        question = encode(Packet(servo, Instruction.READ, bytes((_SETTINGS[0], 1))))
         answers, damaged = self._ask(question, [servo], 1)
         return servo in answers or damaged
 
@@ -150,9 +104,9 @@ class FeetechChain(Chain[tuple[int, int]]):
 
     def seconds_for(self, servos: int) -> float:
         """Time that reading so many servos and sending to them takes, s."""
-        asked = _OVERHEAD + 2 + servos
-        answered = servos * (_OVERHEAD + len(_STATE))
-        sent = _OVERHEAD + 2 + 7 * servos
+        asked = OVERHEAD + 2 + servos
+        answered = servos * (OVERHEAD + len(_STATE))
+        sent = OVERHEAD + 2 + 7 * servos
         return self._line.seconds_for(asked + answered + sent) + self._delay(servos)
 
     def _registers(self, servo: int, data: bytes) -> Registers:
@@ -186,7 +140,8 @@ class FeetechChain(Chain[tuple[int, int]]):
         """Writes into several servos' memory, which none of them acknowledges."""
         size = len(next(iter(data.values()), b""))
         values = b"".join(bytes((servo,)) + value for servo, value in data.items())
-        self._line.write(_packet(_BROADCAST, _SYNC_WRITE, bytes((address, size)) + values))
+        parameters = bytes((address, size)) + values
+        self._line.write(encode(Packet(BROADCAST, Instruction.SYNC_WRITE, parameters)))
 
     def _read_all(self, servos: Sequence[int], addresses: range) -> dict[int, bytes]:
         """Reads the bytes at some addresses of each servo."""
@@ -194,17 +149,11 @@ class FeetechChain(Chain[tuple[int, int]]):
 
         def question(missing: Sequence[int]) -> bytes:
             if len(missing) == 1:
-                return _packet(missing[0], _READ, block)
-            return _packet(_BROADCAST, _SYNC_READ, block + bytes(missing))
+                return encode(Packet(missing[0], Instruction.READ, block))
+            return encode(Packet(BROADCAST, Instruction.SYNC_READ, block + bytes(missing)))
 
         answers = self._query(question, servos, len(addresses))
         return {servo: answer[1:] for servo, answer in answers.items()}
-
-
-def _packet(servo: int, instruction: int, parameters: bytes = b"") -> bytes:
-    """A packet: header, ID, length, instruction or error, parameters, checksum."""
-    body = bytes((servo, len(parameters) + 2, instruction)) + parameters
-    return _HEADER + body + bytes((~sum(body) & 0xFF,))
 
 
 def _low_first(value: int) -> bytes:

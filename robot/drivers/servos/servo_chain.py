@@ -1,6 +1,6 @@
 """The line to serial bus servos: questions, and answers that come one after another.
 
-A family brings its packets (``Answers``) and its registers (``Chain``).
+A family brings its packets (``Decoder``) and its registers (``Chain``).
 """
 
 from __future__ import annotations
@@ -8,13 +8,14 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Final, Generic, Protocol, TypeVar
+from typing import ClassVar, Final, Generic, TypeVar
 
 import serial
 
 from robot.drivers.links.device_files import readers
 from robot.drivers.links.serial_line import SerialLine
 from robot.drivers.servos.servo_bus import ServoState
+from robot.drivers.servos.servo_packets import Decoder
 from robot.errors import DeviceDataError, DeviceError, DeviceTimeoutError
 from robot.host.clock import Clock
 
@@ -30,26 +31,6 @@ class Registers:
     goal: int
     marked: bool
     state: ServoState
-
-
-class Answers(Protocol):
-    """Finds answers in bytes as they come, whatever stands between them.
-
-    Attributes:
-        damaged: Number of damaged answers since the question.
-    """
-
-    damaged: int
-
-    @property
-    def pending(self) -> int:
-        """Number of bytes that may be the beginning of an answer."""
-
-    def begin(self, question: bytes) -> None:
-        """Forgets what came before a question, which some adapters echo."""
-
-    def take(self, data: bytes) -> list[tuple[int, bytes]]:
-        """Takes bytes; returns the answers complete with them: ID, and error with data."""
 
 
 class Chain(ABC, Generic[Known]):
@@ -72,7 +53,7 @@ class Chain(ABC, Generic[Known]):
 
     name: ClassVar[str]
     overhead: ClassVar[int]
-    decoder: ClassVar[type[Answers]]
+    decoder: ClassVar[type[Decoder]]
 
     def __init__(
         self,

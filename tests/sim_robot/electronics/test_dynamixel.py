@@ -9,16 +9,8 @@ from typing import Any
 import pytest
 import serial
 
-from robot.drivers.servos.dynamixel_packets import (
-    BROADCAST,
-    Decoder,
-    Instruction,
-    Packet,
-    encode,
-    read,
-    sync_read,
-    sync_write,
-)
+from robot.drivers.servos.dynamixel_packets import Decoder, encode, read, sync_read, sync_write
+from robot.drivers.servos.servo_packets import BROADCAST, Instruction, Packet
 from robot.errors import CommandError
 from sim_robot.electronics.bus_servos import BOOT, LIMP
 from sim_robot.electronics.dynamixel import OVERLOAD, DynamixelEmulator, Servo

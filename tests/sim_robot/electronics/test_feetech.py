@@ -9,13 +9,12 @@ from typing import Any
 import pytest
 import serial
 
+from robot.drivers.servos.servo_packets import Instruction, Packet
 from sim_robot.electronics import feetech
 from sim_robot.electronics.bus_servos import BOOT, LIMP
 from sim_robot.electronics.feetech import FeetechEmulator, Servo
 from sim_robot.electronics.servos import Felt
 from tests.robot.clocks import InstantClock
-
-READ, WRITE = 2, 3
 
 
 @pytest.fixture
@@ -38,13 +37,14 @@ def servo() -> Servo:
 
 
 def written(servo: Servo, address: int, *data: int) -> bytes | None:
-    return servo.answer(WRITE, bytes((address, *data)), asked_alone=True)
+    answer = servo.answer(Packet(1, Instruction.WRITE, bytes((address, *data))))
+    return None if answer is None else bytes((answer.instruction,))
 
 
 def read(servo: Servo, address: int, count: int = 2) -> bytes:
-    answer = servo.answer(READ, bytes((address, count)), asked_alone=True)
+    answer = servo.answer(Packet(1, Instruction.READ, bytes((address, count))))
     assert answer is not None
-    return answer[1:]
+    return answer.parameters
 
 
 class Host:
@@ -119,7 +119,7 @@ def test_a_reset_wipes_out_what_is_not_permanent(servo: Servo) -> None:
     assert servo.memory[feetech.ACCELERATION] == 0
     assert servo.word(feetech.GOAL) == 1234
     assert servo.driven_to() == LIMP
-    assert servo.answer(READ, bytes((56, 2)), asked_alone=True) is None  # deaf as yet
+    assert servo.answer(Packet(1, Instruction.READ, bytes((56, 2)))) is None  # deaf as yet
     servo.now = lambda: BOOT
     assert read(servo, feetech.POSITION) == (1234).to_bytes(2, "little")
 

@@ -7,17 +7,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot.drivers.servos.dynamixel_packets import (
-    BROADCAST,
     HEADER,
     LONGEST,
     Decoder,
-    Instruction,
-    Packet,
     encode,
     read,
     sync_read,
     sync_write,
 )
+from robot.drivers.servos.servo_packets import BROADCAST, Instruction, Packet
 
 EXAMPLES = [  # e-Manual, DYNAMIXEL Protocol 2.0, Instruction Details
     (Packet(1, Instruction.PING), "FF FF FD 00 01 03 00 01 19 4E"),
