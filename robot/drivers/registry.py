@@ -1,15 +1,9 @@
 """Which drivers there are: ours, and those that other distributions bring.
 
-A distribution offers a driver by an entry point, whose name is what ``robot.toml`` calls it:
-
-    [project.entry-points."bodyschema.servos"]
-    pololu = "my_robot.pololu:PololuSettings"
-
-    [project.entry-points."bodyschema.sensors"]
-    "accelerometer.adxl345" = "my_robot.adxl345:ADXL345Settings"
-
-A sensor's name begins with its table: ``accelerometer``, ``touch``, ``distance`` or ``daq``. A
-module is imported only when a configuration names its driver. No distribution can replace ours.
+A distribution offers a driver by an entry point, as in ``docs/extending.md``, whose name is what
+``robot.toml`` calls it; a sensor's name begins with its table: ``accelerometer``, ``touch``,
+``distance`` or ``daq``. A module is imported only when a configuration names its driver. No
+distribution can replace ours.
 """
 
 from __future__ import annotations

@@ -52,20 +52,9 @@ class BellySensor:
 
 @dataclass(frozen=True, kw_only=True)
 class Reading:
-    """One average over a resting robot; its fields are named as those of ``ObservationReply``.
+    """One average over a resting robot; its fields are those of ``ObservationReply``.
 
-    Attributes:
-        tilt: Left/right and forward/back tilt, rad; ``None``: not measured.
-        touch: Whether each part with a sensor touches, in the order of the configuration.
-        clearance: Belly to ground, m.
-        clearance_saturated: Whether nothing was within reach: ``clearance`` is then the reach.
-        samples: Number of samples in the average.
-        robot_time: Time of the last sample, robot clock, s.
-        settled: Whether the robot came to rest before the first sample.
-        settle_time: Time waited for rest, s.
-        saturated_joints: The joints that were commanded to an end of their range.
-        measured: Measured angles of the joints, rad, if their servos report them.
-        off_target: Joints that were not where they were sent, each with a description of that.
+    ``robot_time`` is that of the last sample, s.
     """
 
     tilt: tuple[float, float] | None = None

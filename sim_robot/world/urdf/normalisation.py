@@ -1,22 +1,6 @@
 """Makes the body that is simulated of what URDF files of others have; notes say what changes.
 
-================================ ================================================================
-In the file                      What it is taken as
-================================ ================================================================
-a mesh                           the box around it
-a main body that is neither one  the box around its shapes
-box nor one upright cylinder
-a ``continuous`` joint           a revolute one of ±180°
-limits beyond ±180°              ±180°
-a range without 0                the same range, counted from its end nearest to 0
-an effort of 0, or none          a servo that is strong enough: the robot's weight, two metres out
-a link without mass, fixed       a part of the link that it is fixed to
-a root without shape             what is fixed to it and has one is the root; else its ``<visual>``
-a root that floats in a world    the root
-joints before their parents      joints after their parents
-inertia with nine entries        inertia with the six that differ
-inertia that no such link has    that of a box of its size (``inertia``)
-================================ ================================================================
+The table in ``docs/problems.md`` says what each thing that such files have is taken as.
 """
 
 from __future__ import annotations
