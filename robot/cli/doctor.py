@@ -36,9 +36,8 @@ def run(options: argparse.Namespace) -> int:
     config = load_config(options.config, uncalibrated=True)
     buses = Buses(clock=WallClock())
     command = partial(calibration_command, options.config)
-    findings = Doctor(config, buses, move=options.move, calibration_command=command).examine()
-    print_findings([describe_config(config, options.config)], print)
-    return print_findings(findings, print)
+    print_findings([describe_config(config, options.config)], print, command)
+    return print_findings(Doctor(config, buses, move=options.move).examine(), print, command)
 
 
 def describe_config(config: RobotConfig, path: Path) -> Finding:
@@ -58,11 +57,13 @@ def describe_config(config: RobotConfig, path: Path) -> Finding:
     return ok("configuration", text)
 
 
-def print_findings(findings: Iterable[Finding], show: Callable[[str], None]) -> int:
-    """Shows findings as they come; returns 1 if one of them is bad, else 0."""
+def print_findings(
+    findings: Iterable[Finding], show: Callable[[str], None], command: Callable[[str], str]
+) -> int:
+    """Shows findings as they come, with the command that calibrates a part; 1 if one is bad."""
     worst = 0
     for finding in findings:
-        for line in finding.lines():
+        for line in finding.lines(command):
             show(line)
         worst |= finding.verdict is Severity.BAD
     return int(worst)

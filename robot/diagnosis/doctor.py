@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import errno
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from typing import Any, Final
 
@@ -35,22 +35,13 @@ class Doctor:
         config: Configuration of the robot.
         buses: Buses that lead to its devices.
         move: Whether joints may be moved.
-        calibration_command: Returns the command, as it is typed, that calibrates a part.
     """
 
-    def __init__(
-        self,
-        config: RobotConfig,
-        buses: Buses,
-        *,
-        move: bool,
-        calibration_command: Callable[[str], str],
-    ):
+    def __init__(self, config: RobotConfig, buses: Buses, *, move: bool):
         self._config = config
         self._buses = buses
         self._clock = buses.clock
         self._move = move
-        self._calibration_command = calibration_command
 
     def examine(self) -> Iterator[Finding]:
         """Yields the findings as they are made; closes what it opened."""
@@ -83,9 +74,7 @@ class Doctor:
             if joint.output in failing:
                 yield failed(f"joint {joint.name}", failing[joint.output])
         if counts:
-            yield from check_joints(
-                joints, counts, servos, calibration_command=self._calibration_command
-            )
+            yield from check_joints(joints, counts, servos)
             if self._move and any(finding.verdict is Severity.BAD for finding in findings):
                 yield look("moves", "none made over such a line.", "See the servo board.")
             elif self._move:
@@ -135,29 +124,16 @@ class Doctor:
         if config.accelerometer is None:
             yield ok(_TILT, "no sensor is configured")
         elif _TILT in recordings:
-            finding, tilt = check_accelerometer(
-                config, recordings[_TILT], calibration_command=self._calibration_command
-            )
+            finding, tilt = check_accelerometer(config, recordings[_TILT])
             yield with_repeats(finding, drivers[_TILT])
         for point in config.touch:
             if (subject := f"touch {point.name}") in recordings:
-                finding = check_touch(
-                    point, recordings[subject], calibration_command=self._calibration_command
-                )
-                yield with_repeats(finding, drivers[subject])
+                yield with_repeats(check_touch(point, recordings[subject]), drivers[subject])
         if config.distance is None:
             yield ok(_DISTANCE, "no sensor is configured")
         elif _DISTANCE in drivers:
-            sensor = config.distance.sensor
             finder = drivers[_DISTANCE]
-            finding = check_distance(
-                config,
-                sensor,
-                finder,
-                tilt,
-                self._clock,
-                calibration_command=self._calibration_command,
-            )
+            finding = check_distance(config, config.distance.sensor, finder, tilt, self._clock)
             yield with_repeats(finding, finder)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Final
@@ -31,18 +31,21 @@ class Finding:
         verdict: How bad it is.
         text: What was observed.
         advice: What to check; empty when all is well.
+        part: Part whose calibration the advice ends with; empty for none.
     """
 
     subject: str
     verdict: Severity
     text: str
     advice: str = ""
+    part: str = ""
 
-    def lines(self) -> Iterator[str]:
-        """The finding as lines of text."""
+    def lines(self, calibration_command: Callable[[str], str]) -> Iterator[str]:
+        """The finding as lines of text, given what returns the command that calibrates a part."""
         yield f"{self.verdict:<5} {self.subject:<{_SUBJECT_WIDTH}} {self.text}"
         if self.advice:
-            yield f"{'':5} {'':{_SUBJECT_WIDTH}} -> {self.advice}"
+            command = f" {calibration_command(self.part)}" if self.part else ""
+            yield f"{'':5} {'':{_SUBJECT_WIDTH}} -> {self.advice}{command}"
 
 
 def ok(subject: str, text: str) -> Finding:
@@ -50,14 +53,14 @@ def ok(subject: str, text: str) -> Finding:
     return Finding(subject=subject, verdict=Severity.OK, text=text)
 
 
-def look(subject: str, text: str, advice: str) -> Finding:
+def look(subject: str, text: str, advice: str, part: str = "") -> Finding:
     """A finding of something that works, and that somebody should know of."""
-    return Finding(subject=subject, verdict=Severity.LOOK, text=text, advice=advice)
+    return Finding(subject=subject, verdict=Severity.LOOK, text=text, advice=advice, part=part)
 
 
-def bad(subject: str, text: str, advice: str) -> Finding:
+def bad(subject: str, text: str, advice: str, part: str = "") -> Finding:
     """A finding of something that does not work."""
-    return Finding(subject=subject, verdict=Severity.BAD, text=text, advice=advice)
+    return Finding(subject=subject, verdict=Severity.BAD, text=text, advice=advice, part=part)
 
 
 def failed(subject: str, error: DeviceError) -> Finding:
@@ -78,8 +81,8 @@ def with_repeats(finding: Finding, device: object) -> Finding:
     text = f"{finding.text}; {link.repeats} of {link.transfers} transfers repeated"
     if not link.repeats:
         return replace(finding, text=text)
-    return Finding(
-        subject=finding.subject,
+    return replace(
+        finding,
         verdict=Severity.BAD if link.repeats > _MOST_REPEATS * link.transfers else Severity.LOOK,
         text=text,
         advice="Acknowledges are lost: use short wires and a common ground, away from the wires of "

@@ -109,17 +109,13 @@ def check_inputs(
 
 
 def check_accelerometer(
-    config: RobotConfig,
-    recording: Recording[tuple[float, float, float]],
-    *,
-    calibration_command: Callable[[str], str],
+    config: RobotConfig, recording: Recording[tuple[float, float, float]]
 ) -> tuple[Finding, tuple[float, float] | None]:
     """Examines the accelerometer.
 
     Args:
         config: Configuration of the robot.
         recording: The sensor's samples.
-        calibration_command: Returns the command to advise, which calibrates a part.
 
     Returns:
         What was observed, and the tilt (left/right, forward/back; rad) if it is credible.
@@ -127,7 +123,7 @@ def check_accelerometer(
     subject = "accelerometer"
     if recording.failure is not None:
         return failed(subject, recording.failure), None
-    command = f"; then: {calibration_command(subject)}" if config.axes else "."
+    ending, part = ("; then:", subject) if config.axes else (".", "")
     axes = [spread(axis) for axis in zip(*recording.samples, strict=True)]
     x, y, z = (axis.mean for axis in axes)
     length = math.hypot(x, y, z)
@@ -137,7 +133,8 @@ def check_accelerometer(
             subject,
             f"{recording.name}: {length:.2f} g at rest instead of 1 g "
             f"(x {x:+.2f}, y {y:+.2f}, z {z:+.2f}).",
-            f"Check its wires and supply{command}",
+            f"Check its wires and supply{ending}",
+            part,
         ), None
     tilt = tilt_at_rest((x, y, z))
     across, along = (math.degrees(angle) for angle in tilt)
@@ -157,20 +154,17 @@ def check_accelerometer(
         return bad(
             subject,
             f"{text}: it says the robot lies on its back.",
-            f"If it does not, look how it is mounted{command}",
+            f"If it does not, look how it is mounted{ending}",
+            part,
         ), tilt
     if max(abs(across), abs(along)) > math.degrees(_MAX_LEAN):
-        return look(subject, text, f"If the robot is level, look how it is mounted{command}"), tilt
+        advice = f"If the robot is level, look how it is mounted{ending}"
+        return look(subject, text, advice, part), tilt
     return ok(subject, text), tilt
 
 
-def check_touch(
-    point: TouchPoint,
-    recording: Recording[float | bool],
-    *,
-    calibration_command: Callable[[str], str],
-) -> Finding:
-    """Examines one touch sensor; ``calibration_command`` returns the command to advise."""
+def check_touch(point: TouchPoint, recording: Recording[float | bool]) -> Finding:
+    """Examines one touch sensor."""
     subject = f"touch {point.name}"
     if recording.failure is not None:
         return failed(subject, recording.failure)
@@ -180,9 +174,7 @@ def check_touch(
         if changes:
             return bad(subject, f"{text}; it flickered {changes} times.", "Check its wires.")
         return ok(subject, text)
-    command = ""
-    if isinstance(point.driver, StrainGauge):
-        command = f" {calibration_command(point.name)}"
+    part = point.name if isinstance(point.driver, StrainGauge) else ""
     force = spread(recording.samples)
     text = (
         f"{recording.name}: {force.mean:+.3f} N, noise {force.deviation:.3f} N; touches above "
@@ -192,11 +184,12 @@ def check_touch(
         return bad(
             subject,
             f"{text}. The ground does not pull, nor does the robot weigh that much.",
-            f"Look that no foot is clamped, and at its wires.{command}",
+            "Look that no foot is clamped, and at its wires.",
+            part,
         )
     if point.on < _FLICKER_SIGMAS * force.deviation:
         return bad(
-            subject, f"{text}: noise alone makes it flicker.", f"Check shield and supply.{command}"
+            subject, f"{text}: noise alone makes it flicker.", "Check shield and supply.", part
         )
     return ok(subject, f"{text}: {'touching' if force.mean > point.on else 'free'}")
 
@@ -207,13 +200,8 @@ def check_distance(
     finder: DistanceSensor,
     tilt: tuple[float, float] | None,
     clock: Clock,
-    *,
-    calibration_command: Callable[[str], str],
 ) -> Finding:
-    """Examines the distance sensor, also against the tilt (rad) where that is known.
-
-    ``calibration_command`` returns the command to advise.
-    """
+    """Examines the distance sensor, also against the tilt (rad) where that is known."""
     subject = "distance"
     start = clock.now()
     try:
@@ -240,7 +228,8 @@ def check_distance(
         return bad(
             subject,
             f"{text}: the ground would be inside the belly.",
-            f"Look that nothing covers the sensor; then: {calibration_command(subject)}",
+            "Look that nothing covers the sensor; then:",
+            subject,
         )
     if tilt is not None:
         try:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -94,19 +94,12 @@ def check_board(
 
 
 def check_joints(
-    joints: Sequence[DrivenJoint],
-    counts: Mapping[int, int],
-    servos: ServoBus,
-    *,
-    calibration_command: Callable[[str], str],
+    joints: Sequence[DrivenJoint], counts: Mapping[int, int], servos: ServoBus
 ) -> Iterator[Finding]:
-    """Checks each joint's count against calibration and limits, and what its servo reports.
-
-    ``calibration_command`` returns the command to advise, which calibrates a part.
-    """
+    """Checks each joint's count against calibration and limits, and what its servo reports."""
     answers = answering(servos)
     for joint in joints:
-        finding = _check_joint(joint, counts[joint.output], calibration_command)
+        finding = _check_joint(joint, counts[joint.output])
         if answers is not None:
             try:
                 state = answers.read_states([joint.output])[joint.output]
@@ -136,9 +129,7 @@ def _with_state(finding: Finding, joint: DrivenJoint, count: int, state: ServoSt
     return replace(finding, text=text)
 
 
-def _check_joint(
-    joint: DrivenJoint, count: int, calibration_command: Callable[[str], str]
-) -> Finding:
+def _check_joint(joint: DrivenJoint, count: int) -> Finding:
     subject = f"joint {joint.name}"
     low, high = (math.degrees(angle) for angle in joint.reachable)
     size = math.degrees(joint.scale.resolution)
@@ -157,14 +148,16 @@ def _check_joint(
         return bad(
             subject,
             f"{text}. That is outside its limits, {limits[0]:.1f}° to {limits[1]:.1f}°.",
-            f"Look where it really stands, then: {calibration_command(joint.name)}",
+            "Look where it really stands, then:",
+            joint.name,
         )
     usual_size = USUAL_SPAN / (len(joint.counts) - 1)
     if not _SIZES[0] <= size / usual_size <= _SIZES[1]:
         return look(
             subject,
             f"{text}. A servo usually turns by {usual_size:.2g}° a count.",
-            f"If its range is not as it should be: {calibration_command(joint.name)}",
+            "If its range is not as it should be:",
+            joint.name,
         )
     return ok(subject, text)
 

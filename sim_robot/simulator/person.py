@@ -11,6 +11,7 @@ import math
 import re
 import shlex
 from collections.abc import Callable, Collection, Sequence
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Final
@@ -322,13 +323,9 @@ class RehearsalConsole:
         parts, world = self._parts, self._parts.world
         match command, list(arguments):
             case "doctor", [] | ["--move"]:
-                doctor = Doctor(
-                    self._config(),
-                    parts.buses,
-                    move=bool(arguments),
-                    calibration_command=lambda part: command_line("calibrate", "--only", part),
-                )
-                print_findings(doctor.examine(), print)
+                doctor = Doctor(self._config(), parts.buses, move=bool(arguments))
+                calibrate_only = partial(command_line, "calibrate", "--only")
+                print_findings(doctor.examine(), print, calibrate_only)
             case "calibrate", [] | ["--only", _, *_]:
                 self._calibrate(arguments[1:])
             case "try", [] | ["--limp"]:

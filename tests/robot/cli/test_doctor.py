@@ -27,8 +27,9 @@ EXAMPLE = Path(str(resources.files("robot") / "robot.toml"))
 def test_only_what_is_bad_fails() -> None:
     lines: list[str] = []
     fine = [ok("a", "good"), look("b", "odd", "Look.")]
-    assert print_findings(fine, lines.append) == 0
-    assert print_findings([*fine, bad("c", "dead", "Mend."), ok("d", "good")], lines.append) == 1
+    assert print_findings(fine, lines.append, str) == 0
+    worse = [*fine, bad("c", "dead", "Mend."), ok("d", "good")]
+    assert print_findings(worse, lines.append, str) == 1
     assert [line.split()[0] for line in lines] == ["ok", "look", "->"] * 2 + ["BAD", "->", "ok"]
 
 

@@ -12,23 +12,21 @@ from robot.diagnosis.doctor import Doctor
 from robot.diagnosis.findings import Finding, Severity
 from tests.robot.clocks import InstantClock
 
-COMMAND = partial(calibration_command, "robot.toml")
+COMMAND = partial(calibration_command, "my robot.toml")
 
 
 @dataclass
 class Clinic:
     robot: StillRobot
     clock: InstantClock
-    file: str = "robot.toml"
 
     @property
     def config(self) -> RobotConfig:
         return self.robot.config
 
     def examine(self, *, move: bool = False) -> list[Finding]:
-        command = partial(calibration_command, self.file)
         buses = replace(self.robot.buses, clock=self.clock)
-        return list(Doctor(self.config, buses, move=move, calibration_command=command).examine())
+        return list(Doctor(self.config, buses, move=move).examine())
 
     def bad(self, *, move: bool = False) -> dict[str, Finding]:
         """What is bad, by subject; each with advice."""

@@ -21,7 +21,6 @@ from sim_robot.faults.fault_panel import FaultSpec
 from sim_robot.simulator.daemon import Emulation, emulation, robot_on, switch_on
 from sim_robot.world.body import default_body_path, load_body
 from sim_robot.world.sensor_noise import NO_NOISE
-from tests.robot.diagnosis.clinic import COMMAND
 from tests.robot.trial.person import Person
 from tests.sim_robot.simulator.requests import Requests
 
@@ -272,5 +271,5 @@ def test_a_line_on_which_no_servo_answers_is_one_finding_of_the_doctor(electroni
 
 def examined(parts: Emulation, *, move: bool = False) -> dict[str, Finding]:
     parts.devices.close()
-    doctor = Doctor(parts.config, parts.buses, move=move, calibration_command=COMMAND)
+    doctor = Doctor(parts.config, parts.buses, move=move)
     return {one.subject: one for one in doctor.examine()}
