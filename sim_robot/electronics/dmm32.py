@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping
-from types import MappingProxyType
 from typing import ClassVar, Final
 
 from robot.host.clock import Clock
@@ -118,11 +117,31 @@ class DMM32Emulator(FaultSwitch):
         offset = port - self._base
         if "absent" in self._faults or not 0 <= offset < WINDOW:
             return
-        writer = self._WRITERS.get(offset)
-        if writer is not None:
-            writer(self, value)
-        elif offset >= 12:
-            self._paged[self._page][offset - 12] = value
+        match offset:
+            case 0:
+                self._start()
+            case 2:
+                self._low = self._channel = value & 0x1F
+                self._settled_at = self._clock.now() + SETTLE_TIME
+            case 3:
+                self._high = value & 0x1F
+            case 7 if value & 0x02:
+                self._reset_fifo(value)
+            case 7:
+                self._fifo_flags = value & 0x0C
+            case 8:
+                if value & 0x20:
+                    self._reset()
+                self._page = value & 0x07
+            case 9:
+                self._interrupts = value & 0xE3
+            case 10:
+                self._counters = value
+            case 11:
+                self._analogue = value & 0x3F
+                self._settled_at = self._clock.now() + SETTLE_TIME
+            case 12 | 13 | 14 | 15:
+                self._paged[self._page][offset - 12] = value
 
     def close(self) -> None:
         """Does nothing."""
@@ -179,9 +198,9 @@ class DMM32Emulator(FaultSwitch):
         wait = now < self._settled_at or "stuck_wait" in self._faults
         return wait << 7 | self._analogue & 0x0F
 
-    # --- writing
+    # --- converting
 
-    def _write_start(self, value: int) -> None:
+    def _start(self) -> None:
         now = self._clock.now()
         if now < self._done_at:
             return  # busy
@@ -225,47 +244,3 @@ class DMM32Emulator(FaultSwitch):
             volts, full_scale = volts - full_scale / 2, full_scale / 2
         code = round(volts / full_scale * _CODES_PER_SIDE)
         return min(max(code, -_CODES_PER_SIDE), _CODES_PER_SIDE - 1)
-
-    def _write_low(self, value: int) -> None:
-        self._low = self._channel = value & 0x1F
-        self._unsettle()
-
-    def _write_high(self, value: int) -> None:
-        self._high = value & 0x1F
-
-    def _write_fifo(self, value: int) -> None:
-        if value & 0x02:
-            self._reset_fifo(value)
-        else:
-            self._fifo_flags = value & 0x0C
-
-    def _write_control(self, value: int) -> None:
-        if value & 0x20:
-            self._reset()
-        self._page = value & 0x07
-
-    def _write_interrupts(self, value: int) -> None:
-        self._interrupts = value & 0xE3
-
-    def _write_counters(self, value: int) -> None:
-        self._counters = value
-
-    def _write_analogue(self, value: int) -> None:
-        self._analogue = value & 0x3F
-        self._unsettle()
-
-    def _unsettle(self) -> None:
-        self._settled_at = self._clock.now() + SETTLE_TIME
-
-    _WRITERS: ClassVar = MappingProxyType[int, Callable[["DMM32Emulator", int], None]](
-        {
-            0: _write_start,
-            2: _write_low,
-            3: _write_high,
-            7: _write_fifo,
-            8: _write_control,
-            9: _write_interrupts,
-            10: _write_counters,
-            11: _write_analogue,
-        }
-    )

@@ -25,11 +25,33 @@ NEUTRAL: Final = 128
 LIMP: Final = 0
 MAX_LINE: Final = 20
 
-_FIRST_POSITION: Final = 51  # RAM cell of servo 1's count
+_POSITIONS: Final = range(51, 51 + OUTPUTS)  # RAM cells of the servos' counts
 _EEPROM_SIZE: Final = 8191
 _MAX_BUFFER: Final = 256  # longer lines are long since void
 _TOKEN: Final = re.compile(r"[ ,]*(?:(\?)|([A-Z]{1,2}) *(-?[0-9]{1,6})?(?: +(-?[0-9]{1,6}))?)")
 _MOVED_COUNT: Final = 200  # where the fault "moved" sends an output
+
+_COMMANDS: Final = MappingProxyType[str, tuple[tuple[int, int], ...]](
+    {
+        "BD": ((0, 255),),
+        "SV": ((1, OUTPUTS),),
+        "M": ((0, 255),),
+        "I": ((-128, 127),),
+        "D": ((1, 65535),),  # does nothing: the emulated processor has no time of its own
+        "PS": ((1, OUTPUTS),),
+        "PC": ((1, OUTPUTS),),
+        "PT": ((1, OUTPUTS),),
+        "AD": ((1, 5),),
+        "SO": ((0, 255),),  # does nothing: no device is on the SPI port
+        "SI": (),
+        "WR": ((0, 255), (0, 255)),
+        "RR": ((0, 255),),
+        "WE": ((0, _EEPROM_SIZE - 1), (0, 255)),
+        "RE": ((0, _EEPROM_SIZE - 1),),
+        "?": (),
+    }
+)
+"""Commands, and the limits of what each is given."""
 
 
 class Board:
@@ -61,9 +83,9 @@ class Board:
         self._servo: int | None = None
         self._line = bytearray()
         self._ram = bytearray(256)
-        self._counts = [NEUTRAL] * OUTPUTS
+        self._ram[_POSITIONS[0] : _POSITIONS[-1] + 1] = bytes((NEUTRAL,)) * OUTPUTS
         self._pins = [False] * OUTPUTS
-        self.pulses = tuple(self._counts)
+        self.pulses = (NEUTRAL,) * OUTPUTS
 
     def receive(self, data: bytes) -> bytes:
         """Takes bytes from the line and returns the answers."""
@@ -83,116 +105,68 @@ class Board:
         while (token := _TOKEN.match(line, start)) is not None:
             start = token.end()
             name = token[1] or token[2]
-            handler, *limits = self._COMMANDS.get(name, (None,))
-            if handler is None:
+            if name not in _COMMANDS:
                 break
             arguments = [int(text) for text in token.groups()[2:] if text is not None]
-            if name != "BD" and not self._enabled:
-                continue
-            if len(arguments) != len(limits):
+            limits = _COMMANDS[name]
+            if len(arguments) != len(limits) or not (name == "BD" or self._enabled):
                 continue
             if all(
                 low <= value <= high for value, (low, high) in zip(arguments, limits, strict=True)
             ):
-                reply = handler(self, *arguments)
+                self._obey(name, arguments)
+                reply = self._answer(name, arguments)
                 if reply is not None:
                     replies.append(f"{reply}\r")
         return "".join(replies).encode("ascii")
 
-    def _select_board(self, number: int) -> None:
-        self._enabled = number in (0, self._number)
-
-    def _select_servo(self, number: int) -> None:
-        self._servo = number
-
-    def _move(self, count: int) -> None:
-        if self._servo is not None:
-            self._set(self._servo, count)
-
-    def _move_by(self, change: int) -> None:
-        if self._servo is not None:
-            count = self._counts[self._servo - 1] + change
-            if 0 <= count <= 255:
+    def _obey(self, name: str, arguments: Sequence[int]) -> None:
+        match name, arguments:
+            case "BD", [number]:
+                self._enabled = number in (0, self._number)
+            case "SV", [number]:
+                self._servo = number
+            case "M", [count] if self._servo is not None:
                 self._set(self._servo, count)
+            case "I", [change] if self._servo is not None:
+                count = self.pulses[self._servo - 1] + change
+                if 0 <= count <= 255:
+                    self._set(self._servo, count)
+            case "PS" | "PC" | "PT", [pin]:
+                self._pins[pin - 1] = name == "PS" or (name == "PT" and not self._pins[pin - 1])
+                self._set(pin, LIMP)  # a steady level carries no pulses
+            case "WR", [cell, value] if cell in _POSITIONS:
+                self._set(_POSITIONS.index(cell) + 1, value)
+            case "WR", [cell, value]:
+                self._ram[cell] = value
+            case "WE", [cell, value]:
+                self._eeprom[cell] = value
+
+    def _answer(self, name: str, arguments: Sequence[int]) -> int | str | None:
+        """The answer to a query; ``None`` to what is none."""
+        match name, arguments:
+            case "AD", [channel]:
+                return self.analogue[channel - 1]
+            case "SI", _:
+                return 0
+            case "RR", [cell]:
+                return self._ram[cell]
+            case "RE", [cell]:
+                return self._eeprom[cell]
+            case "?", _:
+                return f"SV203 emulator: {' '.join(_COMMANDS).removesuffix(' ?')}"
+        return None
 
     def place(self, servo: int, count: int) -> None:
         """Moves a servo as another program on the line would; ``on_move`` is not called."""
-        self._counts[servo - 1] = count
-        self.pulses = tuple(self._counts)
+        self._ram[_POSITIONS[servo - 1]] = count
+        self.pulses = tuple(self._ram[cell] for cell in _POSITIONS)
 
     def _set(self, servo: int, count: int) -> None:
-        old_count = self._counts[servo - 1]
+        old_count = self.pulses[servo - 1]
         self.place(servo, count)
         if count != old_count:
             self.on_move(servo, old_count, count)
-
-    def _delay(self, milliseconds: int) -> None:
-        """Does nothing: the emulated processor has no time of its own."""
-
-    def _set_pin(self, pin: int) -> None:
-        self._drive_pin(pin, True)
-
-    def _clear_pin(self, pin: int) -> None:
-        self._drive_pin(pin, False)
-
-    def _toggle_pin(self, pin: int) -> None:
-        self._drive_pin(pin, not self._pins[pin - 1])
-
-    def _drive_pin(self, pin: int, level: bool) -> None:
-        self._pins[pin - 1] = level
-        self._set(pin, LIMP)  # a steady level carries no pulses
-
-    def _read_analogue(self, channel: int) -> int:
-        return self.analogue[channel - 1]
-
-    def _spi_out(self, value: int) -> None:
-        """Does nothing: no device is on the SPI port."""
-
-    def _spi_in(self) -> int:
-        return 0
-
-    def _write_ram(self, cell: int, value: int) -> None:
-        servo = cell - _FIRST_POSITION + 1
-        if 1 <= servo <= OUTPUTS:
-            self._set(servo, value)
-        else:
-            self._ram[cell] = value
-
-    def _read_ram(self, cell: int) -> int:
-        servo = cell - _FIRST_POSITION + 1
-        return self._counts[servo - 1] if 1 <= servo <= OUTPUTS else self._ram[cell]
-
-    def _write_eeprom(self, cell: int, value: int) -> None:
-        self._eeprom[cell] = value
-
-    def _read_eeprom(self, cell: int) -> int:
-        return self._eeprom[cell]
-
-    def _help(self) -> str:
-        return "SV203 emulator: BD SV M I D PS PC PT AD SO SI WR RR WE RE"
-
-    _COMMANDS: ClassVar = MappingProxyType[
-        str, tuple[Callable[..., int | str | None] | None, *tuple[tuple[int, int], ...]]
-    ](
-        {
-            "BD": (_select_board, (0, 255)),
-            "SV": (_select_servo, (1, OUTPUTS)),
-            "M": (_move, (0, 255)),
-            "I": (_move_by, (-128, 127)),
-            "D": (_delay, (1, 65535)),
-            "PS": (_set_pin, (1, OUTPUTS)),
-            "PC": (_clear_pin, (1, OUTPUTS)),
-            "PT": (_toggle_pin, (1, OUTPUTS)),
-            "AD": (_read_analogue, (1, 5)),
-            "SO": (_spi_out, (0, 255)),
-            "SI": (_spi_in,),
-            "WR": (_write_ram, (0, 255), (0, 255)),
-            "RR": (_read_ram, (0, 255)),
-            "WE": (_write_eeprom, (0, _EEPROM_SIZE - 1), (0, 255)),
-            "RE": (_read_eeprom, (0, _EEPROM_SIZE - 1)),
-            "?": (_help,),
-        }
-    )
 
 
 class SV203Emulator(SerialDevice):
