@@ -76,13 +76,7 @@ class SimulatedPerson:
         echo: Called with everything that is said and answered.
     """
 
-    def __init__(
-        self,
-        parts: Emulation,
-        *,
-        seed: int,
-        echo: Callable[[str], None],
-    ):
+    def __init__(self, parts: Emulation, *, seed: int, echo: Callable[[str], None]):
         self._parts = parts
         self._body = parts.body
         self._world = parts.world
@@ -95,19 +89,19 @@ class SimulatedPerson:
         self._joint = _Joint(self._counts)
         self._answers: tuple[tuple[str, Callable[[re.Match[str]], str]], ...] = (
             ("instrument between", lambda _: "skip"),  # there is none
-            ("on the stand", self._on_the_stand),
+            ("on the stand", lambda _: self._hold(STAND)),
             (r"(?P<name>.+) is limp; hold it", lambda _: ""),
             (r"(?P<name>.+): limp, count \d+, was ", lambda _: "hold"),
             (r"(?P<name>.+): count (?P<count>\d+), was .* measured", self._at_a_count),
             (r"(?P<name>.+) at its new 0°", self._at_zero),
             ("accelerometer: six", lambda _: "six"),
             (r"(?P<position>.+), hold it still", self._in_position),
-            (r"(?P<name>.+) free of any load", self._unloaded),
+            (r"(?P<name>.+) free of any load", lambda _: self._hold(STAND)),
             (r"(?P<name>.+) with a known load", self._loaded),
             ("distance: Enter", lambda _: ""),
-            ("belly flat on the ground", self._on_the_ground),
+            ("belly flat on the ground", lambda _: self._lay_down()),
             ("height of a plate", lambda _: str(PLATE_MM)),
-            (r"plate at (?P<height>\d+) mm", self._over_a_plate),
+            (r"plate at (?P<height>\d+) mm", lambda at: self._hold(float(at["height"]) / 1000)),
             ("write this", lambda _: "yes"),
         )
 
@@ -149,32 +143,11 @@ class SimulatedPerson:
                 return act(match)
         return None
 
-    def _on_the_stand(self, match: re.Match[str]) -> str:
-        del match
-        self._hold(STAND)
-        return ""
-
     def _in_position(self, match: re.Match[str]) -> str:
         lean = np.tan(np.radians(self._rng.uniform(-UNEVEN, UNEVEN, 3)))
         up = [u or float(slope) for u, slope in zip(_UP[match["position"]], lean, strict=True)]
         length = math.hypot(*up)
-        self._hold(STAND, tuple(u / length for u in up))
-        return ""
-
-    def _on_the_ground(self, match: re.Match[str]) -> str:
-        del match
-        self._world.lay_down()
-        self._settle()
-        return ""
-
-    def _over_a_plate(self, match: re.Match[str]) -> str:
-        self._hold(float(match["height"]) / 1000)
-        return ""
-
-    def _unloaded(self, match: re.Match[str]) -> str:
-        del match
-        self._hold(STAND)
-        return ""
+        return self._hold(STAND, tuple(u / length for u in up))
 
     def _loaded(self, match: re.Match[str]) -> str:
         for name in self._body.touch:
@@ -209,14 +182,20 @@ class SimulatedPerson:
     def _angle(self, index: int) -> float:
         return math.degrees(self._world.angles()[index])
 
-    def _hold(self, height: float, up: tuple[float, ...] = _UP["upright"]) -> None:
+    def _hold(self, height: float, up: tuple[float, ...] = _UP["upright"]) -> str:
         self._world.hold(height, up)
-        self._settle()
+        return self._settled()
 
-    def _settle(self) -> None:
+    def _lay_down(self) -> str:
+        self._world.lay_down()
+        return self._settled()
+
+    def _settled(self) -> str:
+        """The answer, Enter alone, once the body is still."""
         self._placements += 1
         self._noise.begin(self._placements)
         self._clock.sleep(_SETTLING_TIME)
+        return ""
 
 
 class Rehearsal(SimulatedPerson):
