@@ -54,32 +54,34 @@ class Read(NamedTuple):
     log_anywhere: Array
 
 
-class Level(NamedTuple):
-    """Noise on one level of a search and under one pair of noise factors, each with its logarithm.
-
-    Attributes:
-        tilt: Noise of tilt, rad.
-        log_tilt: Its logarithm.
-        clearance: Noise of clearance, m.
-        log_clearance: Its logarithm.
-        tilt_beside: Noise of tilt where a robot ends beside the pose predicted, rad.
-        log_tilt_beside: Its logarithm.
-        clearance_beside: Noise of clearance where a robot ends beside the pose predicted, m.
-        log_clearance_beside: Its logarithm.
-        log_wrong: Logarithm of the probability that a touch bit is wrong.
-        log_right: Logarithm of the probability that a touch bit is right.
-    """
+class Widths(NamedTuple):
+    """Noise of tilt, rad, and of clearance, m, each with its logarithm."""
 
     tilt: float
     log_tilt: float
     clearance: float
     log_clearance: float
-    tilt_beside: float
-    log_tilt_beside: float
-    clearance_beside: float
-    log_clearance_beside: float
+
+
+class Level(NamedTuple):
+    """Noise on one level of a search and under one pair of noise factors.
+
+    Attributes:
+        predicted: Of readings in the pose predicted.
+        beside: Of readings where a robot ends beside it.
+        log_wrong: Logarithm of the probability that a touch bit is wrong.
+        log_right: Logarithm of the probability that a touch bit is right.
+    """
+
+    predicted: Widths
+    beside: Widths
     log_wrong: float
     log_right: float
+
+
+@compiled
+def _widths(tilt: float, clearance: float) -> Widths:
+    return Widths(tilt, math.log(tilt), clearance, math.log(clearance))
 
 
 @compiled
@@ -88,20 +90,8 @@ def level_of(spread: Noise, noise_scale: float, log_tilt: float, log_clearance: 
     tilt = spread.tilt * noise_scale * math.exp(log_tilt)
     clearance = spread.clearance * noise_scale * math.exp(log_clearance)
     touch = min(spread.touch * noise_scale, _WORST_TOUCH)
-    tilt_beside = math.hypot(tilt, _TILT_BESIDE)
-    clearance_beside = math.hypot(clearance, _CLEARANCE_BESIDE)
-    return Level(
-        tilt,
-        math.log(tilt),
-        clearance,
-        math.log(clearance),
-        tilt_beside,
-        math.log(tilt_beside),
-        clearance_beside,
-        math.log(clearance_beside),
-        math.log(touch),
-        math.log1p(-touch),
-    )
+    beside = _widths(math.hypot(tilt, _TILT_BESIDE), math.hypot(clearance, _CLEARANCE_BESIDE))
+    return Level(_widths(tilt, clearance), beside, math.log(touch), math.log1p(-touch))
 
 
 @compiled
@@ -119,25 +109,28 @@ def _log_tilt(one: float, other: float, angles: float, noise: float, log_noise: 
 
 
 @compiled
-def _log_clearance(misfit: float, beyond: bool, noise: float, log_noise: float) -> float:
-    """Log-density of a distance, or log-probability of ground beyond the sensor's range."""
+def _log_clearance(
+    misfit: float, clear: bool, beyond: bool, noise: float, log_noise: float
+) -> float:
+    """Log-density of a distance, or log-probability of ground beyond the range; 0: not read."""
+    if not clear:
+        return 0.0
     if beyond:
         return _log_above(misfit / noise)
     return _log_shape(misfit / noise) + LOG_PEAK - log_noise
 
 
 @compiled
-def log_densities(
+def log_density(
     tilt: tuple[float, float],
     angles: float,
     clearance: float,
     clear: bool,
     beyond: bool,
-    touch: tuple[float, float],
-    bits: float,
-    level: Level,
-) -> tuple[float, float]:
-    """Logarithms of p1 and p2: the robot ends in the pose predicted, or beside it.
+    log_bits: float,
+    widths: Widths,
+) -> float:
+    """Logarithm of p1 or p2, by the noise: the robot ends in the pose predicted, or beside it.
 
     Args:
         tilt: Misfits of both angles, rad; 0 where not read.
@@ -146,20 +139,12 @@ def log_densities(
             it, and -inf where the body predicts it there, too.
         clear: Whether clearance was read.
         beyond: Whether the ground lies beyond the range.
-        touch: Number of bits that differ, and number of bits of which the model is not sure.
-        bits: Number of touch bits that were read.
-        level: Noise.
+        log_bits: Log-probability of the touch bits.
+        widths: Noise.
     """
-    as_predicted = _log_bits(bits, touch[0], touch[1], level)
-    beside = as_predicted
-    as_predicted += _log_tilt(tilt[0], tilt[1], angles, level.tilt, level.log_tilt)
-    beside += _log_tilt(tilt[0], tilt[1], angles, level.tilt_beside, level.log_tilt_beside)
-    if clear:
-        as_predicted += _log_clearance(clearance, beyond, level.clearance, level.log_clearance)
-        beside += _log_clearance(
-            clearance, beyond, level.clearance_beside, level.log_clearance_beside
-        )
-    return as_predicted, beside
+    of_tilt = _log_tilt(tilt[0], tilt[1], angles, widths.tilt, widths.log_tilt)
+    of_clearance = _log_clearance(clearance, clear, beyond, widths.clearance, widths.log_clearance)
+    return log_bits + of_tilt + of_clearance
 
 
 def _make_mixture(sources: int) -> Any:
@@ -201,16 +186,17 @@ def _make_mixture(sources: int) -> Any:
                 interaction = interactions[row if len(interactions) > 1 else 0, column]
                 first, second = -math.inf, read.log_anywhere[interaction]
                 if not misfits[row, column, NO_PREDICTION] > 0:
-                    first, second = log_densities(
+                    wrong, doubtful = misfits[row, column, _WRONG], misfits[row, column, _DOUBTFUL]
+                    seen = (
                         (misfits[row, column, _TILT], misfits[row, column, _TILT + 1]),
                         read.tilts[interaction],
                         misfits[row, column, _CLEARANCE],
                         read.clear[interaction],
                         read.beyond[interaction],
-                        (misfits[row, column, _WRONG], misfits[row, column, _DOUBTFUL]),
-                        read.bits[interaction],
-                        level,
+                        _log_bits(read.bits[interaction], wrong, doubtful, level),
                     )
+                    first = log_density(*seen, level.predicted)
+                    second = log_density(*seen, level.beside)
                     first += log_inlier + log_likely[int(misfits[row, column, BRANCH])]
                     second += log_outlier
                 inlier[row, column], beside[row, column] = first, log_nearby + second
@@ -224,12 +210,12 @@ mixture: Final = _make_mixture(_SOURCES)
 
 @compiled
 def _fill_noises(noise: float, beside: float, factors: Array, noises: Array) -> None:
-    """Fills rows: the noise under each factor and its logarithm, and both beside the prediction."""
+    """Fills rows: the noise under each factor and its logarithm, as predicted and beside that."""
     for column in range(len(factors)):
         narrow = noise * math.exp(factors[column])
         wide = math.hypot(narrow, beside)
-        noises[0, column], noises[1, column] = narrow, math.log(narrow)
-        noises[2, column], noises[3, column] = wide, math.log(wide)
+        noises[0, 0, column], noises[0, 1, column] = narrow, math.log(narrow)
+        noises[1, 0, column], noises[1, 1, column] = wide, math.log(wide)
 
 
 # Loops, not arrays' own arithmetic: each expression of arrays takes Numba half a second to compile.
@@ -299,8 +285,8 @@ def _make_over_factors(sources: int) -> Any:
         log_inlier, log_outlier = math.log1p(-spread.outlier), math.log(spread.outlier)
         log_elsewhere, log_nearby = math.log1p(-spread.nearby), math.log(spread.nearby)
         level = level_of(spread, 1.0, 0.0, 0.0)
-        tilts = np.empty((4, len(tilt_factors)))
-        clearances = np.empty((4, len(clearance_factors)))
+        tilts = np.empty((2, 2, len(tilt_factors)))
+        clearances = np.empty((2, 2, len(clearance_factors)))
         _fill_noises(spread.tilt, _TILT_BESIDE, tilt_factors, tilts)
         _fill_noises(spread.clearance, _CLEARANCE_BESIDE, clearance_factors, clearances)
         by_tilt = np.empty((2, len(tilt_factors)))
@@ -323,22 +309,18 @@ def _make_over_factors(sources: int) -> Any:
                 angles = read.tilts[column]
                 bits = _log_bits(read.bits[column], wrong, doubtful, level) - least
                 first = log_inlier + log_likely[int(misfits[row, column, BRANCH])] + bits
-                beside = log_nearby + log_outlier + bits
-                for tilt in range(len(tilt_factors)):
-                    log_narrow = _log_tilt(left, forward, angles, tilts[0, tilt], tilts[1, tilt])
-                    log_wide = _log_tilt(left, forward, angles, tilts[2, tilt], tilts[3, tilt])
-                    by_tilt[0, tilt] = math.exp(first + log_narrow)
-                    by_tilt[1, tilt] = math.exp(beside + log_wide)
-                misfit, beyond = misfits[row, column, _CLEARANCE], read.beyond[column]
-                for clearance in range(len(clearance_factors)):
-                    by_clearance[0, clearance], by_clearance[1, clearance] = 1.0, 1.0
-                    if read.clear[column]:
-                        noise, log_noise = clearances[0, clearance], clearances[1, clearance]
-                        log_predicted = _log_clearance(misfit, beyond, noise, log_noise)
-                        by_clearance[0, clearance] = math.exp(log_predicted)
-                        noise, log_noise = clearances[2, clearance], clearances[3, clearance]
-                        log_beside = _log_clearance(misfit, beyond, noise, log_noise)
-                        by_clearance[1, clearance] = math.exp(log_beside)
+                log_shares = first, log_nearby + log_outlier + bits
+                misfit = misfits[row, column, _CLEARANCE]
+                clear, beyond = read.clear[column], read.beyond[column]
+                for way in range(2):  # as predicted, or beside that
+                    for at in range(len(tilt_factors)):
+                        noise, log_noise = tilts[way, 0, at], tilts[way, 1, at]
+                        log_tilt = _log_tilt(left, forward, angles, noise, log_noise)
+                        by_tilt[way, at] = math.exp(log_shares[way] + log_tilt)
+                    for at in range(len(clearance_factors)):
+                        noise, log_noise = clearances[way, 0, at], clearances[way, 1, at]
+                        log_clearance = _log_clearance(misfit, clear, beyond, noise, log_noise)
+                        by_clearance[way, at] = math.exp(log_clearance)
                 _multiply(product, by_tilt, by_clearance)
                 multiplied += 1
                 if multiplied % _MULTIPLIED == 0:
