@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from estimator.body.morphology import Array
 from estimator.problem.genome import Genome
 from estimator.randomness import Stream, generator
 from estimator.report.canvas import new_figure
-from estimator.reproduction.figure import DrawnFigure, FinishedRun, Row, read_finished, write_figure
+from estimator.reproduction.figure import DrawnFigure, read_finished, write_figure
 from estimator.reproduction.paper_claims import Samples, mean_and_deviation
 from estimator.reproduction.paper_runs import VARIANTS, Budget, parametric_runs
 
@@ -66,31 +65,27 @@ def random_models(genome: Genome, true_lengths: Array) -> dict[str, Array]:
     return quality(leg_lengths(genome.decode_all(genes)), true_lengths)
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Cell:
-    """Quality of the best model of one run at the end of one iteration."""
-
-    variant: int
-    iteration: int
-    seed: int
-    quality: Mapping[str, float]
+_Measured: TypeAlias = Mapping[tuple[int, int], Mapping[str, Sequence[float]]]
+"""Quality of each run's best models, by variant and seed: by measure, an iteration each."""
 
 
 def make(root: Path, budget: Budget, runs: int | None) -> tuple[DrawnFigure, Samples]:
     """Draws the figure and writes its files; returns it and the samples that claims are about."""
-    cells: list[_Cell] = []
+    measured: dict[tuple[int, int], Mapping[str, Sequence[float]]] = {}
     chance: dict[str, Array] = {}
     for variant in VARIANTS:
         for run in read_finished(root, parametric_runs(variant, runs, budget)):
-            cells += _cells(run)
-            if not chance:
-                chance = random_models(run.genome, run.true_lengths)
-    if not cells:
+            lengths = np.array([run.best_lengths(end) for end in run.iteration_ends])
+            qualities = quality(lengths, run.true_lengths).items()
+            of_run = {name: values.tolist() for name, values in qualities}
+            measured[variant.number, run.planned.seed] = of_run
+            chance = chance or random_models(run.genome, run.true_lengths)
+    if not measured:
         return DrawnFigure.missing(NAME, CAPTION), {}
-    iterations = max(cell.iteration for cell in cells)
+    iterations = max(len(values) for of_run in measured.values() for values in of_run.values())
     picture = new_figure(11, 8)
     for axes, (panel, measure, label, scale) in zip(picture.subplots(2, 1), _PANELS, strict=True):
-        _draw(axes, cells, iterations, measure, scale)
+        _draw(axes, measured, iterations, measure, scale)
         level = float(np.mean(chance[measure])) * scale
         axes.axhline(level, color="0.25", linestyle="--", linewidth=1, label="random models")
         axes.set_ylabel(label)
@@ -106,7 +101,7 @@ def make(root: Path, budget: Budget, runs: int | None) -> tuple[DrawnFigure, Sam
         "caption": CAPTION,
         "iterations": iterations,
         "columns": [list(variant.modalities) for variant in VARIANTS],
-        "bars": _bars(cells, iterations),
+        "bars": _bars(measured, iterations),
         "random_models": {
             name: {"mean": float(np.mean(values)), "standard_deviation": float(np.std(values))}
             for name, values in chance.items()
@@ -117,43 +112,38 @@ def make(root: Path, budget: Budget, runs: int | None) -> tuple[DrawnFigure, Sam
         NAME,
         picture,
         header=HEADER,
-        rows=[_row(cell) for cell in cells],
+        rows=[
+            (number, VARIANTS[number - 1].name, iteration, seed, *values)
+            for (number, seed), of_run in measured.items()
+            for iteration, values in enumerate(zip(*of_run.values(), strict=True), 1)
+        ],
         numbers=numbers,
     )
-    drawn = DrawnFigure(name=NAME, caption=CAPTION, sentences=_sentences(cells, iterations, chance))
-    return drawn, _samples(cells, iterations)
+    sentences = _sentences(measured, iterations, chance)
+    samples: dict[Any, dict[int, float]] = {
+        (f"3{panel}", variant.number): _by_seed(measured, variant.number, iterations, measure)
+        for variant in VARIANTS
+        for panel, measure, _, _ in _PANELS
+    }
+    return DrawnFigure(name=NAME, caption=CAPTION, sentences=sentences), samples
 
 
-def _cells(run: FinishedRun) -> list[_Cell]:
-    ends = run.iteration_ends
-    lengths = np.array([run.best_lengths(generation) for generation in ends])
-    measured = quality(lengths, run.true_lengths)
-    return [
-        _Cell(
-            variant=run.planned.variant.number,
-            iteration=generation.iteration + 1,
-            seed=run.planned.seed,
-            quality={name: float(values[index]) for name, values in measured.items()},
-        )
-        for index, generation in enumerate(ends)
-    ]
+def _by_seed(measured: _Measured, variant: int, iteration: int, measure: str) -> dict[int, float]:
+    """Quality of the runs of a variant at the end of an iteration, by seed."""
+    return {
+        seed: of_run[measure][iteration - 1]
+        for (number, seed), of_run in measured.items()
+        if number == variant and iteration <= len(of_run[measure])
+    }
 
 
-def _values(cells: Sequence[_Cell], variant: int, iteration: int, measure: str) -> list[float]:
-    return [
-        cell.quality[measure]
-        for cell in cells
-        if (cell.variant, cell.iteration) == (variant, iteration)
-    ]
-
-
-def _draw(axes: Axes, cells: Sequence[_Cell], iterations: int, measure: str, scale: float) -> None:
+def _draw(axes: Axes, measured: _Measured, iterations: int, measure: str, scale: float) -> None:
     width = 0.8 / len(VARIANTS)
     for column, (variant, colour) in enumerate(zip(VARIANTS, _COLOURS, strict=True)):
         heights, whiskers = [], []
         for iteration in range(1, iterations + 1):
-            values = _values(cells, variant.number, iteration, measure)
-            mean, deviation = mean_and_deviation(values)
+            values = _by_seed(measured, variant.number, iteration, measure)
+            mean, deviation = mean_and_deviation([*values.values()])
             heights.append((mean or 0.0) * scale)
             whiskers.append((deviation or 0.0) * scale)
         positions = np.arange(1, iterations + 1) + (column - (len(VARIANTS) - 1) / 2) * width
@@ -171,48 +161,27 @@ def _draw(axes: Axes, cells: Sequence[_Cell], iterations: int, measure: str, sca
     axes.spines[["top", "right"]].set_visible(False)
 
 
-def _bars(cells: Sequence[_Cell], iterations: int) -> list[dict[str, Any]]:
+def _bars(measured: _Measured, iterations: int) -> list[dict[str, Any]]:
     bars: list[dict[str, Any]] = []
     for iteration in range(1, iterations + 1):
         for variant in VARIANTS:
             bar: dict[str, Any] = {"iteration": iteration, "variant": variant.number}
             for measure in MEASURES:
-                values = _values(cells, variant.number, iteration, measure)
-                mean, deviation = mean_and_deviation(values)
+                values = _by_seed(measured, variant.number, iteration, measure)
+                mean, deviation = mean_and_deviation([*values.values()])
                 bar["runs"] = len(values)
                 bar[measure] = {"mean": mean, "standard_deviation": deviation}
             bars.append(bar)
     return bars
 
 
-def _row(cell: _Cell) -> Row:
-    name = VARIANTS[cell.variant - 1].name
-    return cell.variant, name, cell.iteration, cell.seed, *cell.quality.values()
-
-
-def _samples(cells: Sequence[_Cell], iterations: int) -> Samples:
-    """Model quality of all runs at the end of the last iteration."""
-    samples: dict[Any, dict[int, float]] = {}
-    for variant in VARIANTS:
-        for panel, measure, _, _ in _PANELS:
-            samples[f"3{panel}", variant.number] = {
-                cell.seed: cell.quality[measure]
-                for cell in cells
-                if (cell.variant, cell.iteration) == (variant.number, iterations)
-            }
-    return samples
-
-
-def _sentences(
-    cells: Sequence[_Cell], iterations: int, chance: dict[str, Array]
-) -> tuple[str, ...]:
+def _sentences(measured: _Measured, iterations: int, chance: dict[str, Array]) -> tuple[str, ...]:
     sentences = []
     for panel, measure, _, scale in _PANELS:
         parts = []
         for variant in VARIANTS:
-            mean, deviation = mean_and_deviation(
-                _values(cells, variant.number, iterations, measure)
-            )
+            values = _by_seed(measured, variant.number, iterations, measure)
+            mean, deviation = mean_and_deviation([*values.values()])
             if mean is not None:
                 whisker = "" if deviation is None else f" ± {deviation * scale:.0f}"
                 parts.append(f"{variant.number}: {mean * scale:.0f}{whisker}")
