@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
+from contextlib import ExitStack, closing
+from functools import cache, partial
 
 from estimator.errors import InteractionError
 from estimator.exploration.rules import Choice
 from estimator.identification.method import Listener, Method
 from estimator.identification.robot_link import RobotLink
-from estimator.posterior.fitted import FittedPosterior
 from estimator.readings.observation import Observation
 from estimator.storage.records import InteractionRecord, Ticket
 from estimator.storage.store import RunStore
@@ -18,102 +18,84 @@ from protocol.errors import RobotError, RobotRestartedError, RobotUnreachableErr
 Connect = Callable[[], RobotLink]
 """Reaches the robot when it is first needed."""
 
-Choose = Callable[[FittedPosterior], Choice]
-"""Chooses the next motor program, by what is known so far."""
 
-
-class Identification:
-    """One run, from where its store says that it stands to its end.
+def go_through(
+    store: RunStore,
+    method: Method,
+    *,
+    choose: Callable[[], Choice],
+    connect: Connect,
+    listener: Listener,
+    after_iteration: Callable[[], object],
+) -> None:
+    """Takes a run from where its store says that it stands through all interactions to its end.
 
     Args:
         store: The run's memory; opened for writing.
-        method: Learns from interactions.
-        choose: Chooses motor programs by the run's exploration rule.
+        method: Learns from each interaction.
+        choose: Chooses the next motor program, by what the method knows so far.
         connect: Reaches the robot; called at most once, and not at all when every interaction is
             done already.
         listener: Hears what happens.
+        after_iteration: Called whenever something was learnt, and another interaction follows.
+
+    Raises:
+        InteractionError: The robot did not do its part; a further call goes on.
     """
+    observations, numbers = list[Observation](), range(store.settings.interactions)
+    listener.expect(sum(map(method.work, numbers)), sum(map(method.done, numbers)))
+    with ExitStack() as stack:
+        linked = cache(lambda: stack.enter_context(closing(connect())))
+        for number in numbers:
+            observations.append(_act(store, number, linked, choose, listener))
+            news = method.done(number) < method.work(number)
+            method.learn(number, observations)
+            if number == numbers[-1] or method.is_sure(number):
+                break
+            if news:
+                after_iteration()
+    method.finish(observations)
 
-    def __init__(
-        self,
-        store: RunStore,
-        method: Method,
-        *,
-        choose: Choose,
-        connect: Connect,
-        listener: Listener,
-    ) -> None:
-        self._store = store
-        self._method = method
-        self._choose = choose
-        self._connect = connect
-        self._listener = listener
-        self._link: RobotLink | None = None
 
-    def run(self, after_iteration: Callable[[], object]) -> None:
-        """Goes through all interactions; after each the method learns from it.
+def _act(
+    store: RunStore,
+    number: int,
+    linked: Connect,
+    choose: Callable[[], Choice],
+    listener: Listener,
+) -> Observation:
+    """Observation of an interaction, which is performed if it was not yet."""
+    interactions = store.interactions()
+    planned = interactions[number] if number < len(interactions) else None
+    if planned is not None and planned.observation is not None:
+        return planned.observation
+    link = linked()
+    if planned is None:
+        choice = _choice(store, number, link, choose)
+        planned = InteractionRecord(program=choice.program, reason=choice.reason, bits=choice.bits)
+        store.plan(number, choice.program, reason=choice.reason, bits=choice.bits)
+    if planned.reason:
+        listener.chosen(number, planned.reason, planned.bits)
+    observation = carry_out(link, number, planned, partial(store.ask, number), listener)
+    store.observe(number, observation)
+    listener.observed(number, observation)
+    return observation
 
-        Args:
-            after_iteration: Called whenever something was learnt, and another interaction follows.
 
-        Raises:
-            InteractionError: The robot did not do its part; ``run`` of a new object goes on.
-        """
-        observations: list[Observation] = []
-        numbers = range(self._store.settings.interactions)
-        self._listener.expect(
-            sum(map(self._method.work, numbers)), sum(map(self._method.done, numbers))
+def _choice(store: RunStore, number: int, link: RobotLink, choose: Callable[[], Choice]) -> Choice:
+    if link.recorded is None and not number and store.problem.reads_flat_first:
+        return Choice(
+            program=(0.0,) * len(store.capabilities.joints),
+            reason="reads the accelerometer's own tilt while the robot lies flat",
         )
-        try:
-            for number in numbers:
-                observations.append(self._act(number))
-                news = self._method.done(number) < self._method.work(number)
-                self._method.learn(number, observations)
-                if number == numbers[-1] or self._method.is_sure(number):
-                    break
-                if news:
-                    after_iteration()
-        finally:
-            if self._link is not None:
-                self._link.close()
-        self._method.finish(observations)
-
-    def _act(self, number: int) -> Observation:
-        """Observation of an interaction, which is performed if it was not yet."""
-        interactions = self._store.interactions()
-        planned = interactions[number] if number < len(interactions) else None
-        if planned is not None and planned.observation is not None:
-            return planned.observation
-        if self._link is None:
-            self._link = self._connect()
-        if planned is None:
-            choice = self._choice(number, self._link)
-            planned = InteractionRecord(
-                program=choice.program, reason=choice.reason, bits=choice.bits
-            )
-            self._store.plan(number, choice.program, reason=choice.reason, bits=choice.bits)
-        if planned.reason:
-            self._listener.chosen(number, planned.reason, planned.bits)
-        commit = partial(self._store.ask, number)
-        observation = carry_out(self._link, number, planned, commit, self._listener)
-        self._store.observe(number, observation)
-        self._listener.observed(number, observation)
-        return observation
-
-    def _choice(self, number: int, link: RobotLink) -> Choice:
-        if link.recorded is None and not number and self._store.problem.reads_flat_first:
-            return Choice(
-                program=(0.0,) * len(self._store.capabilities.joints),
-                reason="reads the accelerometer's own tilt while the robot lies flat",
-            )
-        if link.recorded is None:
-            return self._choose(self._method.posterior())
-        if number >= len(link.recorded):
-            raise InteractionError(
-                f"interaction {number + 1} was never recorded: the record holds "
-                f"{len(link.recorded)}. Add it to the record and resume."
-            )
-        return Choice(program=link.recorded[number])
+    if link.recorded is None:
+        return choose()
+    if number >= len(link.recorded):
+        raise InteractionError(
+            f"interaction {number + 1} was never recorded: the record holds "
+            f"{len(link.recorded)}. Add it to the record and resume."
+        )
+    return Choice(program=link.recorded[number])
 
 
 Commit = Callable[[Ticket | None], None]

@@ -15,7 +15,7 @@ from pydantic import ValidationError
 
 from estimator.errors import EstimatorError, InteractionError
 from estimator.exploration.rules import RULES
-from estimator.identification.loop import Identification
+from estimator.identification.loop import go_through
 from estimator.identification.method import Listener, Method
 from estimator.identification.next_program import next_program
 from estimator.identification.paper.method import PaperMethod
@@ -247,12 +247,14 @@ def _work(
     with ExitStack() as stack:
         method = METHODS[store.settings.method](store, executors, listener, stack)
         rule, jobs = store.settings.explore, executors.threads
-        identification = Identification(
+        go_through(
             store,
             method,
-            choose=partial(next_program, store, rule, physics=method.choosing, jobs=jobs),
+            choose=lambda: next_program(
+                store, rule, method.posterior(), physics=method.choosing, jobs=jobs
+            ),
             connect=connect,
             listener=listener,
+            after_iteration=lambda: report(store),
         )
-        identification.run(after_iteration=lambda: report(store))
     return report(store)
