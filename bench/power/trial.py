@@ -257,16 +257,6 @@ def _run(trial: Trial, seed: int, place: Path) -> Figures:
     )
 
 
-@dataclass(frozen=True)
-class _Summary:
-    """The best body of a run after an interaction, and the probability of its attachments."""
-
-    best: Array
-    probability: float | None = None
-    explained: bool = True
-    posterior: StoredPosterior | None = None
-
-
 class Judge:
     """Compares bodies of a run with the truth.
 
@@ -309,26 +299,19 @@ def held_against(
     count, steps = 0, []
     with StaticsPhysics(store.world) as physics:
         judge = Judge(store, truth, physics)
-        for summary, seconds in zip(_summaries(store), cpu_seconds, strict=False):
-            right, count, errors = judge.of(summary.best)
-            fields = (
-                {} if summary.posterior is None else _fields(store, summary.posterior, judge.legs)
-            )
+        for (genes, posterior), seconds in zip(_best_bodies(store), cpu_seconds, strict=False):
+            right, count, errors = judge.of(np.array(genes))
+            stated = _stated(store, posterior, judge.legs)
             steps.append(
-                Step(
-                    probability=summary.probability,
-                    explained=summary.explained,
-                    cells=right,
-                    leg_errors_mm=tuple(errors),
-                    cpu_seconds=seconds,
-                    **fields,
-                )
+                Step(cells=right, leg_errors_mm=tuple(errors), cpu_seconds=seconds, **stated)
             )
     return count, tuple(steps)
 
 
-def _fields(store: RunStore, posterior: StoredPosterior, legs: Array) -> dict[str, Any]:
-    """What a posterior says of lengths and of all that may be otherwise, as fields of a step."""
+def _stated(store: RunStore, posterior: StoredPosterior | None, legs: Array) -> dict[str, Any]:
+    """What a run states of attachments, lengths and all else that is open, as fields of a step."""
+    if posterior is None:
+        return {"probability": None, "explained": True}
     weights = np.array(posterior.weights)
     lengths = leg_lengths(store.genome.decode_all(np.array(posterior.genes)))
     low, high = _interval(lengths, weights)
@@ -339,6 +322,8 @@ def _fields(store: RunStore, posterior: StoredPosterior, legs: Array) -> dict[st
         lowest, highest = _interval(values[deviating, None], weights[deviating])
         amounts[name] = (float(lowest[0]), float(highest[0]))
     return {
+        "probability": posterior.probability,
+        "explained": posterior.explained,
         "inside": ((low <= legs) & (legs <= high)).tolist(),
         "widths_mm": (1000 * (high - low)).tolist(),
         "stated_widths_mm": [1000 * (ends.high - ends.low) for ends in posterior.as_stated_m],
@@ -353,14 +338,10 @@ def _interval(values: Array, weights: Array) -> Array:
     return ends
 
 
-def _summaries(store: RunStore) -> Iterator[_Summary]:
-    for summary, _ in store.posteriors():
-        yield _Summary(
-            np.array(summary.best),
-            summary.probability,
-            summary.explained,
-            summary,
-        )
+def _best_bodies(store: RunStore) -> Iterator[tuple[Sequence[float], StoredPosterior | None]]:
+    """Genes of the best body after each interaction, and the posterior, if the method has one."""
+    for posterior, _ in store.posteriors():
+        yield posterior.best, posterior
     last_generations = {one.iteration: one for one in store.generations()}
     for _, generation in sorted(last_generations.items()):
-        yield _Summary(np.array(generation.best))
+        yield generation.best, None
