@@ -21,7 +21,7 @@ import numpy as np
 
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
-from estimator.identification.paper.objectives import interaction_errors
+from estimator.identification.paper.objectives import LargestError
 from estimator.physics.statics import StaticsPhysics
 from estimator.storage.store import RunStore
 
@@ -81,7 +81,7 @@ def count(directory: Path) -> Excused:
                     target = observed[turn]
                     angles = np.array(target.angles)
                     around = physics.read([(genome.decode(row), angles) for row in neighbours])
-                    errors = interaction_errors(around, target, settings.modalities)
+                    errors = LargestError().terms(around, target, settings.modalities)
                     hides |= _least_error(errors, around.undecided) > min(item.errors)
                 end = item.number % (settings.generations + 1) == settings.generations
                 is_last = item.number == len(generations) - 1

@@ -15,7 +15,7 @@ that is constructed with the robot's ``Capabilities``.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from types import MappingProxyType
 from typing import Final
 
@@ -36,56 +36,6 @@ chance, so a body that is undecided twice is built so. A search also finds some 
 once and would fit worse otherwise: docs/how-it-works.md tells how often."""
 
 
-def interaction_errors(
-    readings: PredictedReadings,
-    observed: Observation,
-    modalities: Collection[str] = tuple(MODALITIES),
-) -> Array:
-    """Error of each model in one interaction.
-
-    Args:
-        readings: Predicted readings of n models in that interaction.
-        observed: What the robot observed.
-        modalities: Which sensors count.
-
-    Returns:
-        Errors, shape (n,). A missing reading adds nothing. Infinite where the model's reading is
-        invalid, so that it never outranks a valid one. 0 where the model's pose is undecided, so
-        that it adds nothing to a largest error; see ``largest``.
-
-    Raises:
-        EstimatorError: Robot and models have different numbers of touch sensors.
-    """
-    error = readings.speed.copy()
-    for name, modality in MODALITIES.items():
-        if name in modalities:
-            error += modality.error(readings, observed)
-    error[readings.undecided] = 0.0
-    errors: Array = np.where(readings.valid & ~np.isnan(error), error, np.inf)
-    return errors
-
-
-def largest(errors: Array, undecided: Flags) -> Array:
-    """Error over several interactions: the largest over those in which the model is decided.
-
-    Args:
-        errors: Errors of n models in k interactions, as ``interaction_errors`` gives them, shape
-            (k, n).
-        undecided: Whether the model's pose was undecided, shape (k, n).
-
-    Returns:
-        Errors, shape (n,). Infinite where nothing is left, and where more than ``EXCUSED``
-        interactions were undecided: a search would otherwise breed bodies that are balanced in all
-        those poses which they do not explain.
-    """
-    worst: Array = np.max(
-        np.where(undecided & np.isfinite(errors), 0.0, errors), axis=0, initial=0.0
-    )
-    excused = min(EXCUSED, len(errors) // 2)
-    worst[np.count_nonzero(undecided, axis=0) > excused] = np.inf
-    return worst
-
-
 class LargestError:
     """The paper's objective: the largest error over the interactions, for any robot.
 
@@ -99,16 +49,41 @@ class LargestError:
     def terms(
         self, readings: PredictedReadings, observed: Observation, modalities: Sequence[str]
     ) -> Array:
-        """The paper's subjective error of each model in one interaction, shape (n,)."""
-        return interaction_errors(readings, observed, modalities)
+        """The paper's subjective error of each model in one interaction.
+
+        Returns:
+            Errors, shape (n,). A missing reading adds nothing. Infinite where the model's reading
+            is invalid, so that it never outranks a valid one. 0 where the model's pose is
+            undecided, so that it adds nothing to a largest error.
+
+        Raises:
+            EstimatorError: Robot and models have different numbers of touch sensors.
+        """
+        error = readings.speed.copy()
+        for name, modality in MODALITIES.items():
+            if name in modalities:
+                error += modality.error(readings, observed)
+        error[readings.undecided] = 0.0
+        errors: Array = np.where(readings.valid & ~np.isnan(error), error, np.inf)
+        return errors
 
     def lower_bound(self, terms: Array) -> Array:
         """Total over the interactions so far."""
         return self.total(terms, np.zeros(terms.shape, dtype=bool))
 
     def total(self, terms: Array, undecided: Flags) -> Array:
-        """Largest error over the interactions in which the model is decided."""
-        return largest(terms, undecided)
+        """Largest error over the interactions in which the model is decided.
+
+        Returns:
+            Errors, shape (n,). Infinite where nothing is left, and where more than ``EXCUSED``
+            interactions were undecided: a search would otherwise breed bodies that are balanced in
+            all those poses which they do not explain.
+        """
+        decided = np.where(undecided & np.isfinite(terms), 0.0, terms)
+        worst: Array = np.max(decided, axis=0, initial=0.0)
+        excused = min(EXCUSED, len(terms) // 2)
+        worst[np.count_nonzero(undecided, axis=0) > excused] = np.inf
+        return worst
 
 
 class RobustMeanError:
@@ -137,26 +112,19 @@ class RobustMeanError:
             if name in modalities:
                 error = modality.error(readings, observed) / self._scales[name]
                 total += np.log1p(np.minimum(error, self._CAP))
-        total[readings.undecided] = self._worst(modalities)
+        total[readings.undecided] = len(modalities) * math.log1p(self._CAP)
         errors: Array = np.where(readings.valid & ~np.isnan(total), total, np.inf)
         return errors
 
     def lower_bound(self, terms: Array) -> Array:
         """Mean if the model were perfect in all interactions that are still to come."""
-        return self._mean(terms)
+        mean: Array = np.mean(terms, axis=0)
+        return mean
 
     def total(self, terms: Array, undecided: Flags) -> Array:
         """Mean over the interactions; an undecided pose counts as the worst."""
         del undecided
-        return self._mean(terms)
-
-    def _worst(self, modalities: Sequence[str]) -> float:
-        return len(modalities) * math.log1p(self._CAP)
-
-    @staticmethod
-    def _mean(terms: Array) -> Array:
-        mean: Array = np.mean(terms, axis=0)
-        return mean
+        return self.lower_bound(terms)
 
 
 OBJECTIVES: Final[Registry[type[Objective]]] = Registry(

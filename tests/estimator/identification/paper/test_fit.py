@@ -5,7 +5,7 @@ import pytest
 
 from estimator.body.morphology import Array
 from estimator.identification.paper.fit import Modeller
-from estimator.identification.paper.objectives import LargestError, interaction_errors
+from estimator.identification.paper.objectives import LargestError
 from estimator.identification.paper.search import DeterministicCrowding
 from estimator.physics.base import Pair, Physics
 from estimator.physics.pybullet import PyBulletPhysics
@@ -50,7 +50,7 @@ def in_full(
     for observation in observations:
         program = np.array(observation.angles)
         pairs = [(body, program) for body in genome.decode_all(genes)]
-        columns.append(interaction_errors(physics.read(pairs), observation, MODALITIES))
+        columns.append(LargestError().terms(physics.read(pairs), observation, MODALITIES))
     found: Array = np.max(columns, axis=0)
     return found
 

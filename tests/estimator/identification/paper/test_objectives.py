@@ -15,8 +15,6 @@ from estimator.identification.paper.objectives import (
     OBJECTIVES,
     LargestError,
     RobustMeanError,
-    interaction_errors,
-    largest,
 )
 from estimator.readings.modalities import check_modalities
 from estimator.readings.observation import Observation, PredictedReadings
@@ -34,6 +32,15 @@ def readings(count: int = 3) -> PredictedReadings:
     made.tilt[:, 0] = 0.1
     made.clearance[:] = 0.05
     return made
+
+
+largest = LargestError().total
+
+
+def interaction_errors(
+    found: PredictedReadings, seen: Observation, modalities: tuple[str, ...] = MODALITIES
+) -> Array:
+    return LargestError().terms(found, seen, modalities)
 
 
 class SummedError(LargestError):
