@@ -154,21 +154,6 @@ def coverage_of_classes(shares: Array, found: Flags, indistinguishable: Array) -
     return coverage(classes, np.vstack([found, found[indistinguishable >= MOSTLY].any(axis=0)]))
 
 
-def ess_of_class(shares: Array, ess: Array, indistinguishable: Array) -> float:
-    """Effective sample size behind the probability of all that is indistinguishable from the first.
-
-    Errors of the modes' evidences are independent, so they even out over many modes, even if few
-    draws stand for each.
-
-    Args:
-        shares: Share of the posterior that each mode has, shape (n,).
-        ess: Effective sample size of each mode, shape (n,).
-        indistinguishable: Part of each mode that is indistinguishable from the first, shape (n,).
-    """
-    counted = shares * indistinguishable
-    return float(counted.sum() ** 2 / np.sum(counted**2 / ess))
-
-
 def found_by_each(keys: Sequence[Attachments], found: Sequence[Collection[Attachments]]) -> Flags:
     """Which of n sets of attachments each population has found, shape (n, populations)."""
     flags: Flags = np.array([[key in known for known in found] for key in keys], dtype=bool)

@@ -19,7 +19,6 @@ from estimator.posterior.posterior import (
     Mode,
     Posterior,
     coverage_of_classes,
-    ess_of_class,
     systematic,
 )
 from estimator.storage.posteriors import (
@@ -88,7 +87,9 @@ def attachments_stated(
     )
     chances, found = np.array([mode.probability for mode in modes]), [mode.found for mode in modes]
     coverage = coverage_of_classes(chances, np.array(found), shares)
-    class_ess = ess_of_class(chances, np.array([mode.ess for mode in modes]), shares)
+    # Errors of evidences are independent: they even out over modes for which few draws stand each.
+    counted = chances * shares
+    class_ess = float(counted.sum() ** 2 / np.sum(counted**2 / [mode.ess for mode in modes]))
     return AttachmentsStated(
         best=tuple(unknowns.cube(_middle_body(posterior, predictor)[None])[0].tolist()),
         modes=tuple(

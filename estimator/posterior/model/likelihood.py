@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import importlib
 import math
-from functools import cache, partial
+from functools import cache
 from typing import Any, Final
 
 import numpy as np
@@ -139,12 +139,22 @@ class Likelihood:
                 (n, k): see ``ArrayPhysics``.
             sides: Which of ``GRAVITY_TILTS`` are tried, shape (n, k, 9); by default all.
         """
+
+        def under(rows: Columns, interactions: Columns, sides: Columns, **how: Any) -> Array:
+            """Misfits (m, MISFITS) of bodies in one interaction, on one of ``GRAVITY_TILTS``."""
+            if not rows.size:
+                return np.empty((0, MISFITS))
+            programs, tilts = self.data.programs[interactions], GRAVITY_TILTS[sides]
+            readings = predictor.read(bodies, rows, programs, tilts, **how)
+            misfits = self.data.misfits(readings, interactions)
+            misfits[:, BRANCH] = sides
+            return misfits
+
         if interactions is None:
             interactions = np.arange(len(self.data))
         shape = len(bodies), len(interactions), MISFITS
         rows, columns = np.indices(shape[:2]).reshape(2, -1)
         index = interactions[columns]
-        under = partial(self._misfits_under, predictor, bodies)
         if branches is not None:
             numbers = np.broadcast_to(branches, shape[:2]).ravel().astype(np.intp)
             flat = None if stances is None else stances.ravel().astype(np.int64)
@@ -162,28 +172,6 @@ class Likelihood:
         fallen, first = np.unique(retried[explains], return_index=True)
         misfits[fallen] = other_misfits[explains][first]
         return misfits.reshape(shape)
-
-    def _misfits_under(
-        self,
-        predictor: Predictor,
-        bodies: Bodies,
-        rows: Columns,
-        interactions: Columns,
-        sides: Columns,
-        *,
-        coarse_step: bool = False,
-        stances: Columns | None = None,
-    ) -> Array:
-        """Misfits (m, MISFITS) of bodies in one interaction under one of ``GRAVITY_TILTS`` each."""
-        if not rows.size:
-            return np.empty((0, MISFITS))
-        programs, gravity_tilts = self.data.programs[interactions], GRAVITY_TILTS[sides]
-        readings = predictor.read(
-            bodies, rows, programs, gravity_tilts, coarse_step=coarse_step, stances=stances
-        )
-        misfits = self.data.misfits(readings, interactions)
-        misfits[:, BRANCH] = sides
-        return misfits
 
     def readings_of(self, predictor: Predictor, values: Array) -> PredictedReadings:
         """Readings of n points in every interaction, each on its branch: n · k rows."""
