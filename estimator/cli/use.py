@@ -37,7 +37,7 @@ from estimator.report.tables import plain_table
 from estimator.storage.store import RunStore
 from estimator.use.causes import Particles, Weigher
 from estimator.use.changes import causes_of
-from estimator.use.diagnosis import MOVEMENTS, said
+from estimator.use.diagnosis import MOVEMENTS, Verdict, said
 from estimator.use.diagnosis import diagnose as find_cause
 from estimator.use.pose import SAFE, Goal, Pose, feet, find_pose, perform, standing_on
 from estimator.use.record import write_run
@@ -299,9 +299,11 @@ def diagnose(
 
             diagnosis = find_cause(weigher, act, movements=movements)
         out.print(diagnosis.in_words(known), style="bold", soft_wrap=True)
-        for suspect, share in list(
-            zip(diagnosis.weighed.particles, diagnosis.weighed.probabilities, strict=True)
-        )[:_MAX_CAUSES]:
+        weighed = diagnosis.weighed
+        refuted = diagnosis.verdict is Verdict.NONE_OF_THESE
+        for suspect, share in list(zip(weighed.particles, weighed.probabilities, strict=True))[
+            : 0 if refuted else _MAX_CAUSES
+        ]:
             out.print(f"{share:8.3f}  {said(suspect, known)}", soft_wrap=True)
         write_run(out_directory, store, weigher, diagnosis, robot)
         with RunStore.open(out_directory, to_write=False) as new_store:

@@ -191,7 +191,8 @@ class Underside:
             raise DeviceDataError(
                 f"The distance sensor ({sensor}) says {clearance * 1000:.0f} mm, but the belly of "
                 f"a body that leans by {lean:.0f}° is at least {least * 1000:.0f} mm up.",
-                "One of the two is wrong: check the distance sensor, then the accelerometer.",
+                "One of the two is wrong, or the ground is not level: check the distance sensor, "
+                "then the accelerometer.",
             )
 
 
