@@ -61,6 +61,8 @@ def headline(result: Result) -> str:
 
 def _how_well(posterior: PosteriorReport) -> str:
     """How well lengths are known where nothing else is to be found."""
+    if posterior.low_ess:
+        return "but how well they are known rests on few samples"
     accuracy = f"to ± {worst_length(posterior):.0f} mm"
     if not posterior.knows_cause(_SURE):
         return f"{accuracy}; whether the robot is as the problem says is not known yet"

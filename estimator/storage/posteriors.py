@@ -214,7 +214,7 @@ class PosteriorSummary(FitVerdict):
         coverage: Share of the posterior that the searches have found, estimated from what they
             found in common (capture-recapture).
         low_ess: Whether the share of the attachments that cannot be told from the best body's
-            rests on few effective samples.
+            rests on few effective samples; in a diagnosed run, all that is stated of the body.
         too_early: Whether there were fewer interactions than can tell all attachments apart.
         misspecification_probability: Probability that the robot is otherwise than the problem says
             in a way that is not looked for, or has changed during the run.

@@ -1,7 +1,8 @@
 """Writes a diagnosis as a run directory, readable as any other: the body as it is by now.
 
 Attachments are stated by the bodies that the diagnosis leaves of the identification's, and never as
-surer than the searches of the identification vouch for.
+surer than the searches of the identification vouch for. Few bodies stand for what was identified,
+and none is the robot's exactly: where next to none is left, the diagnosis's readings count less.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from estimator.identification.posterior_method import indistinguishable_in
 from estimator.posterior.fitted import FittedPosterior
 from estimator.posterior.indistinguishable import Indistinguishable
 from estimator.posterior.model.sensor_data import COLUMNS, DENSITIES
+from estimator.posterior.model.special import softmax
 from estimator.posterior.posterior import Mode, Posterior
 from estimator.posterior.summary import attachments_stated
 from estimator.readings.observation import Observation
@@ -38,6 +40,8 @@ from estimator.use.diagnosis import Diagnosis, Verdict, said
 
 _SAMPLES: Final = 256
 _UNEXPLAINED: Final = 0.5  # probability of an outlier
+_FEW_BODIES: Final = 5.0  # effective bodies of the identification, fewer of which say little
+_LEAST_POWER: Final = 0.3  # to which the readings' likelihood is taken, so that more count
 
 
 def write_run(
@@ -124,7 +128,7 @@ def _attached(
     return stated._replace(
         probability_within_problem=None if within is None else min(within, coverage),
         coverage=coverage,
-        low_ess=stated.low_ess or summary.low_ess,
+        low_ess=stated.low_ess or summary.low_ess or drawn.effective_bodies < _FEW_BODIES,
     )
 
 
@@ -138,7 +142,7 @@ def _stored(
     """A cause's bodies as the posterior after some movements."""
     known, old = weigher.known, weigher.known.summary
     assert old is not None
-    drawn = one.drawn(_SAMPLES, 0.5)
+    drawn = _spread(one).drawn(_SAMPLES, 0.5)
     changes = tuple(
         change.model_copy(update={"amounts": tuple(np.array(change.amounts)[drawn.rows].tolist())})
         for change in old.changes
@@ -177,6 +181,17 @@ def _stored(
             "ess": None,
         }
     )
+
+
+def _spread(one: Particles) -> Particles:
+    """Particles of which enough bodies are left, as far as their weights can be evened out."""
+    logs = np.log(np.maximum(one.weights, 1e-300))
+    powers = np.linspace(1.0, _LEAST_POWER, 15)
+    for power in powers:
+        spread = replace(one, weights=softmax(power * logs))
+        if spread.effective_bodies >= _FEW_BODIES:
+            break
+    return spread
 
 
 def _predicted(

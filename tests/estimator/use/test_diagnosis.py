@@ -31,6 +31,7 @@ from estimator.use.causes import Weigher
 from estimator.use.changes import Cause, causes_of
 from estimator.use.diagnosis import Diagnosis, Verdict, diagnose
 from estimator.use.movements import Hypotheses
+from estimator.use.record import write_run
 from estimator.use.watch import HAZARD, Watch
 from tests.estimator.evaluation.test_score import make_ended_run
 from tests.estimator.model_robot import (
@@ -421,6 +422,43 @@ def test_a_diagnosed_run_states_the_body_that_its_movements_leave(
     assert (known.probability is not None) == found_by_both
     if known.probability is not None:
         assert known.probability > 0.95
+
+
+@pytest.mark.parametrize(("nats", "is_known"), [(1.0, True), (2.0, False)])
+def test_lengths_are_not_known_where_next_to_no_body_is_left(
+    tmp_path: Path, nats: float, is_known: bool
+) -> None:
+    """Of bodies each of which explains less than the one before, by so many nats."""
+    rng, now = np.random.default_rng(1), tmp_path / "now"
+    lengths = rng.normal(TRUE_LENGTHS, SPREAD, (60, 4))
+    with make_posterior_run(tmp_path, list(map(tuple, lengths.tolist())), askew=ASKEW) as store:
+        run = store.directory
+    with use.identified(run, 1) as (store, known):
+        diagnosing = Weigher(known, causes_of(known, rng)[:1], rng)
+        felt = known.predict((0.0,) * 4)
+        seen = Observation(
+            angles=(0.0,) * 4,
+            touch=tuple(felt.touch[0].tolist()),
+            tilt=tuple(felt.tilt[0].tolist()),
+            clearance=felt.clearance[0],
+        )
+        found = Diagnosis(
+            verdict=Verdict.UNCHANGED,
+            causes=(
+                diagnosing.learning(-nats * np.arange(len(known), dtype=float)).as_identified(),
+            ),
+            probability=1.0,
+            weighed=diagnosing.weigh([seen]),
+            observations=(seen,),
+            reasons=("",),
+        )
+        write_run(now, store, diagnosing, found, "tcp://127.0.0.1:1")
+    left = load(now)
+    assert left.summary is not None
+    assert len(np.unique(left.samples, axis=0)) >= 5
+    assert (left.summary.not_known is None) == is_known
+    shown = CliRunner().invoke(app, ["show", str(now)]).stdout
+    assert ("found to" in shown) == is_known
 
 
 def test_a_population_is_not_diagnosed_and_nothing_moves(tmp_path: Path) -> None:
