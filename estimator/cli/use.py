@@ -300,10 +300,9 @@ def diagnose(
             diagnosis = find_cause(weigher, act, movements=movements)
         out.print(diagnosis.in_words(known), style="bold", soft_wrap=True)
         weighed = diagnosis.weighed
-        refuted = diagnosis.verdict is Verdict.NONE_OF_THESE
-        for suspect, share in list(zip(weighed.particles, weighed.probabilities, strict=True))[
-            : 0 if refuted else _MAX_CAUSES
-        ]:
+        causes = zip(weighed.particles, weighed.probabilities, strict=True)
+        count = 0 if diagnosis.verdict is Verdict.NONE_OF_THESE else _MAX_CAUSES
+        for suspect, share in itertools.islice(causes, count):
             out.print(f"{share:8.3f}  {said(suspect, known)}", soft_wrap=True)
         write_run(out_directory, store, weigher, diagnosis, robot)
         with RunStore.open(out_directory, to_write=False) as new_store:

@@ -167,7 +167,7 @@ class Weigher:
         self.rng = rng
         self._bodies = known.body_arrays
         self._scales = known.scales
-        self._weights = known.weights
+        self._weights = np.maximum(known.weights, 1e-300)  # their logarithms are taken
 
     def on_top_of(self, named: Sequence[tuple[Particles, float]]) -> Weigher:
         """Weigher of what may have changed as well, where some causes are taken to be known.
