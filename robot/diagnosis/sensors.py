@@ -24,7 +24,7 @@ FAST_SCANS: Final = 200  # enough to be timed; not tuned
 SAMPLES: Final = 5 * STUCK_AFTER  # so that a stuck input is noticed
 DISTANCES: Final = 20  # not tuned
 _FLICKER_SIGMAS: Final = 4.0  # a threshold below this many rms of noise is crossed by it
-_MAX_LEAN: Final = math.radians(10)  # more than any floor
+_MAX_LEAN: Final = math.radians(2)  # on ground that slopes by more lengths are found wrong
 _BELOW_GROUND: Final = -0.005  # m; beyond the error of a calibrated sensor
 _MAX_DISTANCE_NOISE: Final = 3e-3  # m rms; not tuned
 
@@ -158,7 +158,7 @@ def check_accelerometer(
             part,
         ), tilt
     if max(abs(across), abs(along)) > math.degrees(_MAX_LEAN):
-        advice = f"If the robot is level, look how it is mounted{ending}"
+        advice = f"Level the ground, or, if it is level, look how the sensor is mounted{ending}"
         return look(subject, text, advice, part), tilt
     return ok(subject, text), tilt
 

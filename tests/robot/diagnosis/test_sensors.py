@@ -51,6 +51,15 @@ def test_tilt_noise_and_rates_are_told(clinic: Clinic) -> None:
     assert "ms a measurement" in distance
 
 
+@pytest.mark.parametrize(("along", "verdict"), [(1.0, Severity.OK), (-3.0, Severity.LOOK)])
+def test_ground_that_slopes_is_told_of(clinic: Clinic, along: float, verdict: Severity) -> None:
+    """Of 3°, an identification has lengths wrong by up to 50 mm."""
+    lean(clinic, 0, along)
+    finding = of(clinic, "accelerometer")
+    assert finding.verdict is verdict
+    assert ("Level the ground" in finding.advice) == (verdict is Severity.LOOK)
+
+
 @pytest.mark.parametrize(
     ("volts", "words"),
     [
