@@ -128,7 +128,7 @@ def _attached(
     return stated._replace(
         probability_within_problem=None if within is None else min(within, coverage),
         coverage=coverage,
-        low_ess=stated.low_ess or summary.low_ess or drawn.effective_bodies < _FEW_BODIES,
+        low_ess=stated.low_ess or summary.low_ess,
     )
 
 
@@ -142,7 +142,9 @@ def _stored(
     """A cause's bodies as the posterior after some movements."""
     known, old = weigher.known, weigher.known.summary
     assert old is not None
-    drawn = _spread(one).drawn(_SAMPLES, 0.5)
+    spread = _spread(one)
+    drawn = spread.drawn(_SAMPLES, 0.5)
+    stated = attached(drawn)
     changes = tuple(
         change.model_copy(update={"amounts": tuple(np.array(change.amounts)[drawn.rows].tolist())})
         for change in old.changes
@@ -160,7 +162,8 @@ def _stored(
     return StoredPosterior(
         **{
             **{name: getattr(old, name) for name in StoredPosterior.model_fields},
-            **attached(drawn)._asdict(),
+            **stated._asdict(),
+            "low_ess": stated.low_ess or spread.effective_bodies < _FEW_BODIES,
             "genes": tuple(map(tuple, known.samples[drawn.rows].tolist())),
             "amounts": {
                 name: tuple(np.array(column)[drawn.rows].tolist())
@@ -186,8 +189,7 @@ def _stored(
 def _spread(one: Particles) -> Particles:
     """Particles of which enough bodies are left, as far as their weights can be evened out."""
     logs = np.log(np.maximum(one.weights, 1e-300))
-    powers = np.linspace(1.0, _LEAST_POWER, 15)
-    for power in powers:
+    for power in np.linspace(1.0, _LEAST_POWER, 15):
         spread = replace(one, weights=softmax(power * logs))
         if spread.effective_bodies >= _FEW_BODIES:
             break
