@@ -17,7 +17,7 @@ import pickle
 import threading
 import time
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Executor, Future, InvalidStateError
 from contextlib import suppress
 from functools import partial
@@ -27,6 +27,7 @@ from estimator.errors import ClusterError, WorkerError
 from estimator.plugins import installed_packages
 from estimator.versions import code_digest
 from protocol.system.missing_library import install_command
+from protocol.system.process import interrupts_deferred
 
 P = ParamSpec("P")
 Result = TypeVar("Result")
@@ -94,6 +95,25 @@ class Cluster(Executor):
         self._outstanding.add(future)
         inner.add_done_callback(partial(self._settle, future))
         return future
+
+    def map(
+        self,
+        fn: Callable[..., Result],
+        *iterables: Iterable[Any],
+        timeout: float | None = None,
+        chunksize: int = 1,
+    ) -> Iterator[Result]:
+        """Has workers call a function with each of the arguments; see ``Executor.map``.
+
+        An interrupt is deferred until all tasks are submitted, and cancels what is outstanding.
+        """
+        try:
+            with interrupts_deferred():
+                return super().map(fn, *iterables, timeout=timeout, chunksize=chunksize)
+        except KeyboardInterrupt:
+            for future in list(self._outstanding):
+                future.cancel()
+            raise
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """Closes the connection; the cluster drops unfinished work. May be called twice."""

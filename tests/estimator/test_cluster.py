@@ -10,7 +10,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -38,6 +38,7 @@ from tests.estimator.dask_cluster import (
     Process,
     dask,
     gate,
+    held,
     pretend,
 )
 from tests.estimator.model_robot import ModelRobot, make_order, serving
@@ -124,14 +125,14 @@ def test_an_interrupt_cancels_what_is_outstanding(
     connected: Cluster, pairs: list[Pair], expected: tuple[PredictedReadings, int]
 ) -> None:
     begun: list[int] = []
-    released = threading.Event()
+    interrupted, released = threading.Event(), threading.Event()
     interrupt = partial(signal.pthread_kill, threading.get_ident(), signal.SIGINT)
 
     def asked(pid: int) -> None:
         begun.append(pid)
         if len(begun) == 1:
             interrupt()
-            while not released.wait(60):  # in case one was lost
+            while not interrupted.wait(60):  # in case one was lost
                 interrupt()
         assert released.wait(120)
 
@@ -139,12 +140,35 @@ def test_an_interrupt_cancels_what_is_outstanding(
         held = PhysicsPool(partial(HeldPhysics, address, SETTINGS), connected)
         with pytest.raises(KeyboardInterrupt):
             held.read(pairs)
+        interrupted.set()
         while tasks_left(connected) > (0, 2):  # not all have heard yet that they are cancelled
             time.sleep(0.02)
         released.set()
         physics = PhysicsPool(partial(PyBulletPhysics, SETTINGS), connected)
         assert_same(physics.read(pairs), expected[0])
     assert len(begun) <= 2  # of 11 chunks: one on each worker, which could not be stopped
+
+
+def test_an_interrupt_of_submitting_cancels_what_is_submitted(connected: Cluster) -> None:
+    begun, released = threading.Event(), threading.Event()
+
+    def asked(_: int) -> None:
+        begun.set()
+        released.wait(120)
+
+    def addresses() -> Iterator[tuple[str, int]]:
+        yield address
+        assert begun.wait(60)
+        signal.raise_signal(signal.SIGINT)
+        yield address
+
+    with gate(asked) as address:
+        try:
+            with pytest.raises(KeyboardInterrupt):
+                connected.map(held, addresses())
+            assert until(lambda: tasks_left(connected)[0] == 0, 30)
+        finally:
+            released.set()
 
 
 # --- the command ----------------------------------------------------------------------------------
