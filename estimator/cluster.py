@@ -24,7 +24,7 @@ from functools import partial
 from typing import Any, Final, ParamSpec, TypeAlias, TypeVar
 
 from estimator.errors import ClusterError, WorkerError
-from estimator.plugins import installed_packages
+from estimator.plugins import installed_packages, packages_named_when_failing
 from estimator.versions import code_digest
 from protocol.system.missing_library import install_command
 from protocol.system.process import interrupts_deferred
@@ -235,7 +235,8 @@ def _perform(ours: _Versions, work: bytes) -> Any:
     worker = _dask().get_worker()
     _check_threads(worker.address, worker.state.nthreads)
     _compare(f"Worker {worker.address}", _identity(), ours)
-    return pickle.loads(work)()
+    with packages_named_when_failing():
+        return pickle.loads(work)()
 
 
 def _check_threads(address: str, threads: int) -> None:

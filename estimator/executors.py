@@ -24,6 +24,7 @@ from types import TracebackType
 from typing import Any, Final, ParamSpec, TypeVar
 
 from estimator.errors import WorkerError
+from estimator.plugins import packages_named_when_failing
 from protocol.system.process import Closable, interrupts_deferred
 
 P = ParamSpec("P")
@@ -219,7 +220,8 @@ def _start_fork_server() -> None:
 def _portably(work: Callable[[], Result]) -> Result:
     """Does a task; an error that cannot be sent to another process becomes one with its text."""
     try:
-        return work()
+        with packages_named_when_failing():
+            return work()
     except Exception as error:
         try:
             pickle.loads(pickle.dumps(error))

@@ -21,9 +21,11 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib import metadata
+from traceback import walk_tb
 from typing import Final, Generic, TypeVar, cast
 
 from estimator.errors import EstimatorError, PluginError, RunDirectoryError
+from protocol.errors import BodyschemaError
 from protocol.text import error_text
 
 _GROUPS: Final = "bodyschema."
@@ -48,6 +50,40 @@ def missing(packages: Mapping[str, str]) -> str:
         for name, version in packages.items()
         if version != _ADDED and name not in installed
     )
+
+
+@contextmanager
+def packages_named_when_failing() -> Iterator[None]:
+    """Turns whatever code of an installed package raises in the block into a sentence on it.
+
+    Errors of our own code stay as they are, as do those that are sentences already.
+
+    Raises:
+        EstimatorError: A package's code raised something, or something that it called.
+    """
+    try:
+        yield
+    except BodyschemaError:
+        raise
+    except Exception as error:
+        for frame, line in reversed(list(walk_tb(error.__traceback__))):
+            package = _package_of(frame.f_globals.get("__name__", ""))
+            if package is not None:
+                raise EstimatorError(
+                    f"{package.name} {package.version} failed in {frame.f_code.co_filename}, line "
+                    f"{line}: {error_text(error)}"
+                ) from error
+        raise
+
+
+def _package_of(module: str) -> metadata.Distribution | None:
+    """The package with an implementation in a module of this name, or in one beside it."""
+    top = module.partition(".")[0]
+    for package in metadata.distributions():
+        for entry in package.entry_points:
+            if entry.group.startswith(_GROUPS) and entry.module.partition(".")[0] == top:
+                return package
+    return None
 
 
 def _entry_points(group: str) -> metadata.EntryPoints:
@@ -138,26 +174,6 @@ class Registry(Generic[T]):
             raise EstimatorError(
                 f"the {self.kind} {self.described(name)} cannot be loaded from {entry.value}: "
                 f"{error_text(error)}"
-            ) from error
-
-    @contextmanager
-    def named_when_failing(self, name: str) -> Iterator[None]:
-        """Turns whatever an implementation of others raises in the block into a sentence on it.
-
-        Errors of our own code stay as they are, as do those that are sentences already.
-
-        Raises:
-            EstimatorError: It raised something.
-        """
-        try:
-            yield
-        except EstimatorError:
-            raise
-        except Exception as error:
-            if name in self.own:
-                raise
-            raise EstimatorError(
-                f"the {self.kind} {self.described(name)} failed: {error_text(error)}"
             ) from error
 
     def package(self, name: str) -> dict[str, str]:

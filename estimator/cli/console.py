@@ -14,6 +14,7 @@ from rich.console import Console, ConsoleOptions, RenderableType
 from rich.segment import Segment
 
 from estimator.errors import RunDirectoryError
+from estimator.plugins import packages_named_when_failing
 from estimator.storage.database import holds_run
 from protocol.errors import BodyschemaError
 from protocol.text import command_line, printable
@@ -77,7 +78,8 @@ def errors_as_sentences(run: Path | None) -> Iterator[None]:
         run: The run directory, when its work can be resumed.
     """
     try:
-        yield
+        with packages_named_when_failing():
+            yield
     except KeyboardInterrupt:
         fail("interrupted", run)
     except RunDirectoryError as error:

@@ -13,6 +13,7 @@ import typer
 
 from estimator.cli.console import errors_as_sentences, out, print_run_directory, unless_unwritable
 from estimator.cli.options import Directory
+from estimator.errors import EstimatorError
 from estimator.report.formats import FORMATS
 from estimator.report.outcome import print_result
 from estimator.report.result import Result
@@ -53,9 +54,12 @@ def show(
             print_run_directory(directory)
         else:
             write = FORMATS.load(form)
-            with FORMATS.named_when_failing(form):
-                text = printable(write(result, directory), keep="\n\t")
-            typer.echo(text)
+            text = write(result, directory)
+            if not isinstance(text, str):
+                raise EstimatorError(
+                    f"the {FORMATS.kind} {FORMATS.described(form)} gave {text!r}: it must give text"
+                )
+            typer.echo(printable(text, keep="\n\t"))
 
 
 def _summarised(store: RunStore) -> Result:

@@ -30,8 +30,8 @@ def next_program(
         jobs: Number of threads that the rule may use, apart from those of ``physics``.
 
     Raises:
-        EstimatorError: The rule fails, what it gives is no motor program of this robot, its reason
-            is no text, or its bits are no number.
+        EstimatorError: What the rule gives is no motor program of this robot, its reason is no
+            text, or its bits are no number.
     """
     settings = store.settings
     situation = Situation(
@@ -41,9 +41,7 @@ def next_program(
         learn=settings.learn,
         jobs=jobs,
     )
-    with RULES.named_when_failing(rule):
-        choice = RULES.load(rule)(situation)
-    return _checked(choice, f"exploration rule {rule!r}", store)
+    return _checked(RULES.load(rule)(situation), f"exploration rule {rule!r}", store)
 
 
 def _checked(chosen: object, rule: str, store: RunStore) -> Choice:

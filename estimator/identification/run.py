@@ -25,6 +25,7 @@ from estimator.identification.posterior_method import PosteriorMethod
 from estimator.identification.robot_link import RobotLink, lasting_properties, open_robot
 from estimator.parameters.rows import packages
 from estimator.physics.backends import BACKENDS, REFERENCE, Executors
+from estimator.plugins import packages_named_when_failing
 from estimator.problem.problem import Problem
 from estimator.problem.values import complaint
 from estimator.readings.modalities import MODALITIES, check_modalities
@@ -43,6 +44,7 @@ Report: TypeAlias = Callable[[RunStore], Summary]
 """Writes a run's files beside its database, and returns a summary of the run."""
 
 
+@packages_named_when_failing()
 def identify(
     directory: Path,
     config: RunConfig,
@@ -91,6 +93,7 @@ def identify(
             return _work(store, executors, lambda: link, listener, report=report)
 
 
+@packages_named_when_failing()
 def resume(
     directory: Path,
     executors: Executors,

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
+from estimator.errors import EstimatorError
 from estimator.parameters.table import Parameter
 from estimator.plugins import Registry
 
@@ -64,16 +65,19 @@ def table_of(parts: Sequence[PartOutline], sensors: int) -> tuple[Parameter, ...
     """All rows for a robot with these parts and this number of touch sensors.
 
     Raises:
-        EstimatorError: A package's source fails, or gives something else.
+        EstimatorError: A package's source gives something else.
     """
     rows = list[Parameter]()
     for name in SOURCES.names():
         source = SOURCES.load(name)
-        with SOURCES.named_when_failing(name):
-            for row in source(parts, sensors):
-                if not isinstance(row, Parameter):
-                    raise TypeError(f"it gave {row!r}, and not a Parameter")
-                rows.append(row)
+        given: object = source(parts, sensors)
+        for row in given if isinstance(given, Iterable) else [given]:
+            if not isinstance(row, Parameter):
+                raise EstimatorError(
+                    f"the {SOURCES.kind} {SOURCES.described(name)} gave {row!r}: it must give "
+                    "each Parameter"
+                )
+            rows.append(row)
     return tuple(rows)
 
 

@@ -151,9 +151,18 @@ def test_a_report_in_html(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("body", "reason"),
     [
-        ("raise LookupError('no such leg')", "LookupError: no such leg"),
-        ("raise OSError(28, 'No space left', 'legs.svg')", r"OSError: \[Errno 28\] No space left"),
-        ("return None", "TypeError: 'NoneType' object is not iterable"),
+        (
+            "raise LookupError('no such leg')",
+            r"bodyschema-svg 0.1 failed in .*bodyschema_svg\.py, line 2: LookupError: no such leg",
+        ),
+        (
+            "raise OSError(28, 'No space left', 'legs.svg')",
+            r"bodyschema-svg 0.1 failed in .*, line 2: OSError: \[Errno 28\] No space left",
+        ),
+        (
+            "return None",
+            "the report format 'svg' of bodyschema-svg 0.1 gave None: it must give text",
+        ),
     ],
 )
 def test_a_report_format_that_fails_is_named(
@@ -163,38 +172,56 @@ def test_a_report_format_that_fails_is_named(
     code = f"def write(result, directory):\n    {body}\n"
     folder = install(tmp_path / "svg", points, name="bodyschema-svg", version="0.1", code=code)
     put_on_path(folder, monkeypatch)
-    sentence = f"estimator: the report format 'svg' of bodyschema-svg 0.1 failed: {reason}"
-    assert re.match(sentence, show(made_run(tmp_path / "run", "parametric", "posterior"), "svg"))
+    assert re.match(
+        f"estimator: {reason}", show(made_run(tmp_path / "run", "parametric", "posterior"), "svg")
+    )
 
 
 FAILS = """
-class Part:
-    algorithm = "none"
-
-    def __init__(self, *given, **named):
-        raise LookupError("no such leg")
+from bodyschema_parts import RandomSearch, WrongTouches
+from estimator import StaticsPhysics
 
 
-def rule(situation):
+def fail(*given, **named):
     raise LookupError("no such leg")
+
+
+class Search(RandomSearch):
+    ask = fail
+
+
+class Objective(WrongTouches):
+    total = fail
+
+
+class Physics(StaticsPhysics):
+    read_bodies = fail
+
+
+class Unmade:
+    algorithm = "none"
+    __init__ = fail
 """
 
 
 @pytest.mark.parametrize(
-    ("part", "point", "kind"),
+    ("part", "point"),
     [
-        ("explore", "exploration]\nbad = bodyschema_bad:rule", "exploration rule"),
-        ("search", "search]\nbad = bodyschema_bad:Part", "search"),
-        ("objective", "objective]\nbad = bodyschema_bad:Part", "objective"),
+        ("explore", "exploration]\nbad = bodyschema_bad:fail"),
+        ("search", "search]\nbad = bodyschema_bad:Unmade"),
+        ("search", "search]\nbad = bodyschema_bad:Search"),
+        ("objective", "objective]\nbad = bodyschema_bad:Unmade"),
+        ("objective", "objective]\nbad = bodyschema_bad:Objective"),
+        ("physics", "physics]\nbad = bodyschema_bad:Physics"),
     ],
 )
 def test_a_part_of_a_run_that_fails_is_named(
-    part: str, point: str, kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    part: str, point: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     points = f"[bodyschema.{point}\n"
     folder = install(tmp_path / "bad", points, name="bodyschema-bad", version="0.1", code=FAILS)
     put_on_path(folder, monkeypatch)
-    sentence = f"the {kind} 'bad' of bodyschema-bad 0.1 failed: LookupError: no such leg"
+    sentence = "bodyschema-bad 0.1 failed in .*bodyschema_bad.py, line 7: LookupError: no such leg"
     with pytest.raises(EstimatorError, match=sentence):
         run(tmp_path, **{part: "bad"})
 

@@ -1,12 +1,14 @@
 """Implementations by name, of packages that are installed and of those that are not."""
 
+import importlib
+import json
 from pathlib import Path
 
 import pytest
 
 from estimator import cluster
 from estimator.errors import ClusterError, EstimatorError
-from estimator.plugins import Registry, installed_packages
+from estimator.plugins import Registry, installed_packages, packages_named_when_failing
 from tests.estimator.outside_package import install, put_on_path
 
 NUMBERS: Registry[float] = Registry(
@@ -36,18 +38,34 @@ def test_what_a_package_brings_is_imported_when_it_is_asked_for(
         NUMBERS.load("broken")
 
 
+CIRCLES = """
+import json
+
+from estimator.errors import ClusterError
+
+
+def parsed(text):
+    return json.loads(text)
+
+
+def lost(text):
+    raise ClusterError(text)
+"""
+
+
 def test_only_what_others_bring_is_named_when_it_fails(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    points = "[bodyschema.numbers]\ntau = math:tau\n"
-    put_on_path(install(tmp_path, points, name="circles", version="2.0"), monkeypatch)
-    sentence = r"^the number 'tau' of circles 2\.0 failed: KeyError: 'x'$"
-    with pytest.raises(EstimatorError, match=sentence), NUMBERS.named_when_failing("tau"):
-        raise KeyError("x")
-    with pytest.raises(KeyError), NUMBERS.named_when_failing("pi"):
-        raise KeyError("x")  # a fault of ours, whose traceback is wanted
-    with pytest.raises(ClusterError, match=r"^it is lost$"), NUMBERS.named_when_failing("tau"):
-        raise ClusterError("it is lost")
+    points = "[bodyschema.numbers]\ntau = circles.numbers:tau\n"
+    put_on_path(install(tmp_path, points, name="circles", version="2.0", code=CIRCLES), monkeypatch)
+    theirs = importlib.import_module("circles")
+    sentence = r"^circles 2\.0 failed in .*circles\.py, line 8: JSONDecodeError: Expecting value: "
+    with pytest.raises(EstimatorError, match=sentence), packages_named_when_failing():
+        theirs.parsed("x")
+    with pytest.raises(ValueError, match="Expecting value"), packages_named_when_failing():
+        json.loads("x")  # a fault of ours, whose traceback is wanted
+    with pytest.raises(ClusterError, match=r"^it is lost$"), packages_named_when_failing():
+        theirs.lost("it is lost")
 
 
 def test_a_cluster_must_have_the_packages_that_compute_here(

@@ -68,8 +68,7 @@ class PaperMethod:
         self._listener = listener
         self.choosing: ArrayPhysics = stack.enter_context(closing(StaticsPhysics(world)))
         physics = stack.enter_context(closing(executors.open_physics(settings.physics, world)))
-        with OBJECTIVES.named_when_failing(settings.objective):
-            self._objective = OBJECTIVES.load(settings.objective)(store.capabilities)
+        self._objective = OBJECTIVES.load(settings.objective)(store.capabilities)
         checkpoint = store.checkpoint()
         self._generations_done = 0 if checkpoint is None else checkpoint.number + 1
         latest = store.latest_generation()
@@ -87,17 +86,16 @@ class PaperMethod:
         operators = replace(store.problem.search.operators(), permit=store.genome.permitted)
         search = SEARCHES.load(settings.search)
         self._search: Search
-        with SEARCHES.named_when_failing(settings.search):
-            if checkpoint is None:
-                self._search = search(
-                    settings.population,
-                    store.genome.size,
-                    generator(settings.seed, Stream.SEARCH),
-                    operators=operators,
-                )
-            else:
-                _check_algorithm(checkpoint.state, search.algorithm)
-                self._search = search.from_state(checkpoint.state, operators=operators)
+        if checkpoint is None:
+            self._search = search(
+                settings.population,
+                store.genome.size,
+                generator(settings.seed, Stream.SEARCH),
+                operators=operators,
+            )
+        else:
+            _check_algorithm(checkpoint.state, search.algorithm)
+            self._search = search.from_state(checkpoint.state, operators=operators)
 
     def work(self, number: int) -> float:
         """Number of simulations after an interaction, if none is saved by an early verdict."""

@@ -280,21 +280,16 @@ def test_a_package_adds_a_row(
 
 
 @pytest.mark.parametrize(
-    ("body", "reason"),
-    [
-        ("raise ValueError('no table')", "ValueError: no table"),
-        ("return None", "TypeError: 'NoneType' object is not iterable"),
-        ("return [3]", "TypeError: it gave 3, and not a Parameter"),
-    ],
+    ("given", "named"), [("None", "None"), ("[3]", "3"), ("{'cable': 1}", "'cable'")]
 )
-def test_rows_of_a_package_that_fails_are_its_own_fault(
-    body: str, reason: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_what_a_package_gives_that_is_no_row_is_refused(
+    given: str, named: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     points = "[bodyschema.parameters]\ncables = my_cables:rows\n"
-    code = f"def rows(parts, sensors):\n    {body}\n"
+    code = f"def rows(parts, sensors):\n    return {given}\n"
     put_on_path(install(tmp_path / "my", points, name="my-cables", code=code), monkeypatch)
-    named = f"the table of parameters 'cables' of my-cables 0.3 failed: {reason}"
-    with pytest.raises(EstimatorError, match=re.escape(named)):
+    sentence = f"the table of parameters 'cables' of my-cables 0.3 gave {named}: it must give"
+    with pytest.raises(EstimatorError, match=re.escape(sentence)):
         assert Problem.load("parametric").table
 
 
