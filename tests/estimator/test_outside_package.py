@@ -226,6 +226,31 @@ def test_a_part_of_a_run_that_fails_is_named(
         run(tmp_path, **{part: "bad"})
 
 
+@pytest.mark.parametrize(
+    ("method", "given", "sentence"),
+    [
+        ("terms", "-1.0", "gave -1.0 for 8 models: it must give each an error of at least 0"),
+        ("total", "terms[0] * float('nan')", "gave .*nan.* in total of 8 models: it must give"),
+    ],
+)
+def test_an_objective_that_gives_no_error_of_a_model_is_refused(
+    method: str, given: str, sentence: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    code = f"""
+from bodyschema_parts import WrongTouches
+
+
+class Bad(WrongTouches):
+    def {method}(self, terms, *others):
+        return {given}
+"""
+    points = "[bodyschema.objective]\nbad = bodyschema_bad:Bad\n"
+    folder = install(tmp_path / "bad", points, name="bodyschema-bad", version="0.1", code=code)
+    put_on_path(folder, monkeypatch)
+    with pytest.raises(EstimatorError, match=f"the objective Bad {sentence}"):
+        run(tmp_path, objective="bad")
+
+
 def test_all_together_and_a_physics_of_a_second_package(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -156,9 +156,13 @@ class _Targets:
             invalid += int(np.count_nonzero(~readings.valid))
             alive = alive[self.objective.lower_bound(errors[:, alive]) < limits[alive]]
         counted = int(np.count_nonzero(undecided & np.isfinite(errors)))
-        return Fit(
-            errors=self.objective.total(errors, undecided), invalid=invalid, undecided=counted
-        )
+        total = self.objective.total(errors, undecided)
+        if np.shape(total) != (models,) or np.isnan(total).any():
+            raise EstimatorError(
+                f"the objective {type(self.objective).__name__} gave {total!r} in total of "
+                f"{models} models: it must give each a number, infinite where nothing is left"
+            )
+        return Fit(errors=total, invalid=invalid, undecided=counted)
 
     def _errors(self, readings: PredictedReadings, interactions: Indices) -> Array:
         errors = np.zeros(len(interactions))
