@@ -139,8 +139,13 @@ ERROR_CODES: Final = MappingProxyType(
         ),
         "expired": ErrorKind(
             False,
-            "This id is older than what the robot remembers; nothing was executed.",
-            "Give each request a new, larger id.",
+            "This id is older than what the robot remembers.",
+            "It may have been carried out before: find out before you send it under a new id.",
+        ),
+        "out_of_order": ErrorKind(
+            False,
+            "A larger id came before this one, which was never carried out.",
+            "Send it under a new, larger id.",
         ),
         "too_many_clients": ErrorKind(
             True, "All places for clients are in use.", "Try again when a client has left."

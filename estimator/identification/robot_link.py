@@ -85,7 +85,7 @@ class RobotLink(Protocol):
 PATIENCE: Final = 10.0
 """Seconds without a word from the robot after which a run stops."""
 
-_NEVER_DONE: Final = ("not_controller", "expired")
+_NEVER_DONE: Final = ("not_controller", "out_of_order")
 """Error codes that say that a request of an earlier connection did not move the robot."""
 
 

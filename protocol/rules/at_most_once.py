@@ -1,7 +1,7 @@
 """The memory of requests, by which each is carried out at most once.
 
 The last outcomes of each client are kept by request id. A request that was seen before is answered
-from memory; one that is older than anything remembered is refused, never executed.
+from memory; one that comes after a larger id, or whose outcome is forgotten, is refused.
 The memory is bounded twice: outcomes for each client, and clients. A client that is pushed out
 loses its session with its outcomes, so that requests of that session are answered ``restarted``.
 """
@@ -65,6 +65,7 @@ class Client:
         user: User that it belongs to, where the transport knows.
         software: Software that it says it is.
         highest: The largest request id seen.
+        forgotten: The largest request id whose outcome is no longer remembered.
         outcomes: Requests and their outcomes by request id, oldest first.
     """
 
@@ -73,6 +74,7 @@ class Client:
     user: str | None
     software: str | None
     highest: int = -1
+    forgotten: int = -1
     outcomes: OrderedDict[int, RememberedRequest] = field(default_factory=OrderedDict)
 
     @property
@@ -85,18 +87,22 @@ class Client:
 
         Raises:
             RobotError: ``id_reused`` for another request with this id, ``expired`` for an id that
-                is older than what is remembered.
+                may be of a forgotten one, ``out_of_order`` for another smaller than the largest.
         """
         remembered = self.outcomes.get(request.id)
         if remembered is not None:
             if remembered.fingerprint != _fingerprint(request):
                 raise RobotError("id_reused", f"Id {request.id} was used for another request.")
             return remembered
-        if request.id <= self.highest:
+        if request.id <= self.forgotten:
             raise RobotError(
                 "expired",
-                f"Id {request.id} is below {self.highest}, the latest, and no longer remembered; "
-                "nothing was executed.",
+                f"Id {request.id} is no longer remembered: whether it was carried out is unknown.",
+            )
+        if request.id < self.highest:
+            raise RobotError(
+                "out_of_order",
+                f"Id {request.id} comes after {self.highest}: it was never carried out.",
             )
         return None
 
@@ -112,6 +118,7 @@ class Client:
             if oldest_id is None:
                 raise RobotError("busy", f"{MAX_OUTCOMES} requests of this client are in flight.")
             del self.outcomes[oldest_id]
+            self.forgotten = max(self.forgotten, oldest_id)
         outcome = RememberedRequest.of(request, peer)
         self.outcomes[request.id] = outcome
         self.highest = request.id

@@ -290,6 +290,7 @@ class ServerCore:
             session=client.session,
             robot_time=self._view().robot_time,
             capabilities=self._capabilities,
+            last_id=client.highest if client.highest >= 0 else None,
         )
         return _send(peer, reply)
 

@@ -70,7 +70,8 @@ class RobotClient(Closable):
         client_id: Id of the client, the same over all starts of a program; default: a new UUID.
         timeout: Seconds of silence from the robot after which to give up. Motions may take
             longer: the robot is asked about them in between.
-        next_id: The first request id to use; above all ids that this client id has used before.
+        next_id: The first request id to use, unless the robot has seen a larger one of this client
+            id; above all ids that this client id has used before.
         resume_session: The session that earlier requests were made in, to learn whether the robot
             still knows them (``restarted``).
         software: Name and version of the program, for people.
@@ -186,6 +187,8 @@ class RobotClient(Closable):
             self._restarted = True
             self._holding = False
             self._first_id = self._next_id
+        if welcome.last_id is not None:  # of an earlier start of the program
+            self._next_id = max(self._next_id, welcome.last_id + 1)
         self._session = welcome.session
         self._capabilities = welcome.capabilities
         return welcome

@@ -187,6 +187,7 @@ class Welcome(Reply):
     session: str = checked(_name)
     robot_time: float = checked(field_checks.number)
     capabilities: Capabilities = checked(nested(Capabilities))
+    last_id: int | None = checked_optional(_natural)
 
 
 @dataclass(frozen=True, kw_only=True)

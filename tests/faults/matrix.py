@@ -101,7 +101,7 @@ NETWORK: Final = (
         fault="messages overtake each other",
         injected="the same relay, each message late by up to 0.1 s, half of them doubled",
         does="carries out each request once; one that comes after a later one, for the first time, "
-        "is `expired` and not carried out",
+        "is `out_of_order` and not carried out",
         state="holding",
         code=None,
         words="(each observation, once)",

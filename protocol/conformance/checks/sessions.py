@@ -182,15 +182,15 @@ def reused(robot: RobotUnderTest) -> None:
 
 
 @check("4.7", after=("4.4",))
-def expired(robot: RobotUnderTest) -> None:
-    """A smaller id that is not remembered is expired, and nothing is executed."""
+def out_of_order(robot: RobotUnderTest) -> None:
+    """A smaller id that was not seen before is out of order, and nothing is executed."""
     client = robot.client()
     skipped = client.number()
     client.harmless(client.number())
     sequence = client.status()["sequence"]
-    client.expect("expired", "read", id=skipped)
-    client.expect("expired", "release", id=skipped)
-    expect(client.status()["sequence"] == sequence, "An expired read was carried out.")
+    client.expect("out_of_order", "read", id=skipped)
+    client.expect("out_of_order", "release", id=skipped)
+    expect(client.status()["sequence"] == sequence, "A read out of order was carried out.")
 
 
 @check("4.7", after=("4.4",))
@@ -253,7 +253,7 @@ def what_is_no_outcome(robot: RobotUnderTest) -> None:
     client.refused(pack(request), "malformed", number, "A client that is a number")
     reply = client.ask("read", id=number)
     expect(
-        reply.get("code") not in ("id_reused", "expired"),
+        reply.get("code") not in ("id_reused", "out_of_order", "expired"),
         f"The id of requests that were not looked at is {said(reply)}.",
     )
 
@@ -292,3 +292,17 @@ def not_numbered(robot: RobotUnderTest) -> None:
         client.expect("status", "heartbeat", id=number)
         client.expect("welcome", "hello", id=number, versions=[1])
     client.harmless(client.number())
+
+
+@check("4.15", after=("3.5",))
+def largest_id(robot: RobotUnderTest) -> None:
+    """A welcome says the largest id of a numbered request in the session."""
+    client = robot.client()
+    client.number()
+    number = client.number()
+    client.harmless(number)
+    welcome = robot.client(client.name).hello()
+    expect(
+        welcome.get("last_id") == number,
+        f"After a request {number}, welcome says {welcome.get('last_id')} of it.",
+    )

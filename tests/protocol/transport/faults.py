@@ -174,6 +174,7 @@ FAULTS: dict[str, tuple[str, Fault]] = {
         parses(lambda f: "empty" if f.get("targets") == {} else None),
     ),
     "numbers heartbeats": ("4.14", loses(twice(lambda f: f.get("type") == "heartbeat"))),
+    "forgets its clients' ids": ("4.15", replies("welcome", lambda f: f | {"last_id": 0})),
     "does not answer heartbeats": (
         "5.5",
         loses(lambda f: f.get("type") == "heartbeat"),

@@ -69,6 +69,16 @@ def test_a_restarted_program_gets_the_first_outcome(serve: Serve, robot: FakeRob
     assert [motion.id for motion in robot.motions] == [number, again.next_id - 2]
 
 
+def test_a_program_that_kept_no_ids_gets_no_old_outcome(serve: Serve, robot: FakeRobot) -> None:
+    server = serve(robot)
+    for start in range(2):
+        with RobotClient(server.endpoint, client_id="legs-lab") as client:
+            assert client.next_id == 1 + 3 * start  # acquire, perform and release
+            client.acquire()
+            client.perform({"a": 0.1 * start, "b": 0.0})
+    assert [motion.targets["a"] for motion in robot.motions] == [0.0, 0.1]
+
+
 def test_a_program_that_resumes_a_forgotten_session(serve: Serve, robot: FakeRobot) -> None:
     server = serve(robot)
     with RobotClient(server.endpoint, next_id=8, resume_session="of yesterday") as client:
