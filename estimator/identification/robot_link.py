@@ -9,11 +9,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Final, Protocol
 
-from estimator.errors import EstimatorError, InteractionError
+from estimator.errors import EstimatorError, InteractionError, ReadingsError
 from estimator.identification.record_link import open_by_hand, open_replay
 from estimator.readings.observation import Observation, Program, by_joint_name
 from estimator.readings.plausibility import AnswerChecks, implausible_body
@@ -84,6 +85,8 @@ class RobotLink(Protocol):
 
 PATIENCE: Final = 10.0
 """Seconds without a word from the robot after which a run stops."""
+
+_AT_REST: Final = math.radians(3.0)  # servos that were told 0° may be measured so far off
 
 _NEVER_DONE: Final = ("not_controller", "out_of_order")
 """Error codes that say that a request of an earlier connection did not move the robot."""
@@ -227,8 +230,8 @@ def open_robot(
         keys: Key directory, where the robot asks for keys.
 
     Raises:
-        EstimatorError: The URI is of no known kind, the record cannot be read, or the robot
-            describes a body that no robot can have.
+        EstimatorError: The URI is of no known kind, the record cannot be read or has moved what the
+            problem does not drive, or the robot describes a body that no robot can have.
         BodyschemaError: The robot cannot be reached.
     """
     scheme, _, rest = uri.partition(":")
@@ -243,8 +246,24 @@ def open_robot(
         raise EstimatorError(
             f"{uri!r} names no robot: write tcp://HOST:PORT, file:READINGS.csv or replay:DIR."
         )
+    _check_undriven(uri, link, driven)
     wrong = implausible_body(link.capabilities)
     if wrong is not None:
         link.close()
         raise EstimatorError(f"The robot at {uri} cannot be: {wrong}. Write metres and kilograms.")
     return link
+
+
+def _check_undriven(
+    uri: str, link: RobotLink, driven: Callable[[Capabilities], Collection[int]]
+) -> None:
+    """Refuses a record in which a joint moved that models have at 0."""
+    for number, program in enumerate(link.recorded or (), 1):
+        driven_motors = driven(link.capabilities)
+        for motor, joint in enumerate(link.capabilities.joints):
+            if motor not in driven_motors and abs(program[motor]) > _AT_REST:
+                raise ReadingsError(
+                    f"{uri}, interaction {number}: {joint.name} stands at "
+                    f"{math.degrees(program[motor]):.0f}°, and the problem does not drive it: name "
+                    "it in `driven`, or take readings with it at 0°."
+                )

@@ -148,7 +148,11 @@ def posterior_report(store: RunStore, fitted: FittedPosterior) -> PosteriorRepor
         parameters=_parameters(fitted),
         rivals=_rivals(genome, stored),
         equivalent=_equivalent(genome, stored, problem, fitted.modalities),
-        noise={name: _interval(scales[:, column], weights) for column, name in enumerate(SCALED)},
+        noise={
+            name: _interval(scales[:, column], weights)
+            for column, name in enumerate(SCALED)
+            if name in fitted.modalities
+        },
         steps=tuple(
             Step(
                 reason=interaction.reason,

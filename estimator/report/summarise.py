@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Final
 
 import numpy as np
@@ -15,7 +15,7 @@ from estimator.identification.paper.reference_check import pairs_turned
 from estimator.posterior.fitted import FittedPosterior
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation, touched
-from estimator.report.posterior_report import posterior_report
+from estimator.report.posterior_report import PosteriorReport, posterior_report
 from estimator.report.range_ends import LengthAtEnd
 from estimator.report.result import (
     MAIN_BODY,
@@ -33,6 +33,7 @@ from estimator.storage.store import RunStore
 from protocol.wire.capabilities import Capabilities
 
 _BEST_MODELS: Final = 10
+_GUESSED: Final = 0.25  # of the median: a length with a wider interval is little more than guessed
 
 
 def summarise(store: RunStore) -> Result:
@@ -57,12 +58,12 @@ def summarise(store: RunStore) -> Result:
     posterior = None if fitted is None or not posteriors else posterior_report(store, fitted)
     error = errors[0][0] if errors else None
     is_diagnosed = bool(posteriors) and posteriors[-1][0].diagnosed
-    learnt = () if is_diagnosed else legs  # of a diagnosis, lengths come from other movements
+    guessed = () if is_diagnosed else _guessed(legs, posterior)  # whose lengths are of others
     at_ends = () if posterior is None else posterior.at_ends
     warnings = (
         *_contradictions(problem, capabilities),
         *map(_at_end, at_ends),
-        *_warnings(learnt, observations),
+        *_warnings(guessed, observations),
     )
     if bodies and error is None and posterior is None:
         warnings = (
@@ -232,11 +233,19 @@ def _at_end(length: LengthAtEnd) -> str:
     )
 
 
-def _warnings(legs: Sequence[LegResult], observations: Sequence[Observation]) -> tuple[str, ...]:
+def _guessed(legs: Sequence[LegResult], posterior: PosteriorReport | None) -> Iterator[str]:
+    """Joints of legs that never touched the ground and whose lengths nothing else tells."""
+    for index, leg in enumerate(legs):
+        if leg.touched is False:
+            length = None if posterior is None else posterior.lengths_m[index]
+            if length is None or length.high - length.low > _GUESSED * length.median:
+                yield leg.joint
+
+
+def _warnings(guessed: Iterable[str], observations: Sequence[Observation]) -> tuple[str, ...]:
     warnings = [
-        f"The leg at {leg.joint} never touched the ground: its length is little more than a guess."
-        for leg in legs
-        if leg.touched is False
+        f"The leg at {joint} never touched the ground: its length is little more than a guess."
+        for joint in guessed
     ]
     unsettled = [
         str(number)

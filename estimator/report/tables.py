@@ -57,7 +57,8 @@ def _print_posterior(console: Console, result: Result, posterior: PosteriorRepor
         f"{name} {factor.median:.1f} times what is expected ({between(factor, 1, 1)})"
         for name, factor in posterior.noise.items()
     )
-    console.print(f"Noise: {factors}.")
+    if factors:
+        console.print(f"Noise: {factors}.")
     if posterior.ess is not None:
         console.print(
             f"{result.reference} simulated {posterior.simulated} of {posterior.samples} samples; "
@@ -78,7 +79,11 @@ def as_stated_in_words(result: Result, posterior: PosteriorReport) -> str:
         f"{leg.joint} {mm(length.median)} ± {mm((length.high - length.low) / 2)}"
         for leg, length in zip(result.legs, posterior.as_stated_m, strict=True)
     )
-    return f"If the robot is exactly as stated: {listed} mm."
+    attached = ""
+    if posterior.attachments:
+        share = percent(posterior.stated(posterior.probability_within_problem or 0.0))
+        attached = f", and attached as the best body ({share})"
+    return f"If the robot is exactly as stated{attached}: {listed} mm."
 
 
 def _print_otherwise(console: Console, result: Result, posterior: PosteriorReport) -> None:

@@ -64,6 +64,13 @@ def test_joints_that_are_not_driven_need_no_column(tmp_path: Path) -> None:
     assert link.recorded[0] == pytest.approx([math.radians(-10), 0.0, math.radians(30)])
 
 
+def test_a_joint_that_moved_and_is_not_driven_is_refused(tmp_path: Path) -> None:
+    table = TABLE.replace("30,-10,", "30,-2.5,")
+    assert opened(tmp_path, table, driven=(0,)).recorded  # measured a little off 0
+    with pytest.raises(ReadingsError, match=r"interaction 1: b stands at -10°, and the problem do"):
+        opened(tmp_path, driven=(0,))
+
+
 def test_the_table_of_a_run_is_read_as_it_was_felt(tmp_path: Path) -> None:
     """A servo may stand past the end to which it was commanded; the ground may be out of range."""
     robot = make_capabilities()
@@ -82,7 +89,7 @@ def test_the_table_of_a_run_is_read_as_it_was_felt(tmp_path: Path) -> None:
     ]
     table = tmp_path / "felt.csv"
     write(table, [joint.name for joint in robot.joints], felt)
-    link = opened(tmp_path, table.read_text(), robot.to_map())
+    link = opened(tmp_path, table.read_text(), robot.to_map(), driven=(0, 1, 2))
     for number, wanted in enumerate(felt):
         got = link.perform(number, wanted.angles, None, lambda phase, fraction: None)
         assert got.taken == pytest.approx(wanted.taken, abs=1e-5)

@@ -16,12 +16,15 @@ from rich.console import Console
 from estimator.evaluation.attachments import Configuration
 from estimator.evaluation.score import Score
 from estimator.evaluation.validate import PredictionErrors, Validation
+from estimator.posterior.fitted import FittedPosterior
 from estimator.report.evaluations import print_score, print_validation
 from estimator.report.outcome import headline, print_result
 from estimator.report.page.run_page import run_page
-from estimator.report.posterior_report import sums_of_lengths
+from estimator.report.posterior_report import posterior_report, sums_of_lengths
 from estimator.report.summarise import summarise
+from estimator.report.tables import as_stated_in_words
 from estimator.storage.posteriors import (
+    Interval,
     NextMovement,
     PredictedInteraction,
     StoredMode,
@@ -108,6 +111,26 @@ def test_that_the_robot_may_be_built_otherwise_is_taken_off_and_said(tmp_path: P
     )
     assert said in text.getvalue()
     assert said in page
+
+
+def test_lengths_of_a_robot_as_stated_are_those_of_the_best_attachments(tmp_path: Path) -> None:
+    with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3, hinge=UP, misspecified=0.04) as run:
+        result = summarise(run)
+    assert result.posterior is not None
+    lengths = tuple(Interval(low=0.1, median=0.1, high=0.12) for _ in TRUE_LENGTHS)
+    posterior = result.posterior.model_copy(update={"as_stated_m": lengths})
+    assert as_stated_in_words(result, posterior).startswith(
+        "If the robot is exactly as stated, and attached as the best body (72.0 %): left 100.0 ± 10"
+    )
+
+
+def test_noise_is_told_of_sensors_that_were_read(tmp_path: Path) -> None:
+    with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3) as run:
+        fitted = FittedPosterior.of(run)
+        assert fitted is not None
+        assert list(posterior_report(run, fitted).noise) == ["tilt", "clearance"]
+        deaf = replace(fitted, modalities=("touch", "tilt"))
+        assert list(posterior_report(run, deaf).noise) == ["tilt"]
 
 
 def test_of_legs_in_line_the_sum_is_said_in_terminal_and_page(tmp_path: Path) -> None:

@@ -55,7 +55,7 @@ def test_what_the_robot_has_otherwise_is_in_terminal_and_page(tmp_path: Path) ->
     print_result(Console(file=text, width=400), result, details=True)
     for said in (text.getvalue(), page):
         assert "an accelerometer turned by +1.3° left/right, or ground that rises so" in said
-        assert "If the robot is exactly as stated: left " in said
+        assert "If the robot is exactly as stated" in said
         assert "± 3.0" in said
         for cause in (HEAVY, TURNED):
             assert cause.sentence in said
