@@ -61,7 +61,7 @@ class StillWorld:
         rest = [*config.axes.zero[:2], config.axes.zero[2] + 1.0]
         return cls(
             volts=rest + [gauge.tare for gauge in config.gauges.values()],
-            distance_mm=config.distance.sensor.zero * 1000 if config.distance else None,
+            distance_mm=config.distance.zero * 1000 if config.distance else None,
         )
 
     def input(self, channel: int) -> float:
@@ -264,7 +264,7 @@ def on_pi_sensors(
 ) -> Iterator[tuple[OnElectronics, I2CBus]]:
     """The robot, its servos on in the zero pose, and the bus with the sensors."""
     assert config.distance is not None
-    world = StillWorld(volts=[0.2] * 4, distance_mm=config.distance.sensor.zero * 1000)
+    world = StillWorld(volts=[0.2] * 4, distance_mm=config.distance.zero * 1000)
     adc = ADS1115Emulator(world.input, clock)
     accelerometer = MPU6050Emulator(lambda: (0.0, 0.0, 1.0), clock)
     distance = VL6180XEmulator(lambda: world.distance_mm, clock)

@@ -187,9 +187,7 @@ class GuidedSession:
         belly, finder = self._config.distance, self._devices.distance
         if "distance" not in self._parts or belly is None or finder is None:
             return None
-        return calibrate_distance(
-            belly.sensor, finder, self._config.noise.clearance, self._dialogue
-        )
+        return calibrate_distance(belly, finder, self._config.noise.clearance, self._dialogue)
 
     def _changes(self, before: Calibration, after: Calibration) -> Iterator[str]:
         """Yields what is new, line by line."""
@@ -226,8 +224,8 @@ class GuidedSession:
         if ruler != before.distance and ruler is not None and belly is not None:
             yield (
                 f"distance: {ruler.zero * 1000:.1f} mm on the ground (was "
-                f"{belly.sensor.zero * 1000:.1f}), scale {ruler.scale:.3f} (was "
-                f"{belly.sensor.scale:.3f}); {_uncertainty_text(ruler.uncertainty, 1000, ' mm')}"
+                f"{belly.zero * 1000:.1f}), scale {ruler.scale:.3f} (was "
+                f"{belly.scale:.3f}); {_uncertainty_text(ruler.uncertainty, 1000, ' mm')}"
             )
 
 

@@ -8,7 +8,7 @@ objects.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import Final, cast
 
@@ -25,15 +25,6 @@ from robot.sensing.samples import LEAST_SAMPLES, RestCriterion
 from robot.sensing.sensors import BellySensor, TouchPoint
 from robot.toml_sections import Section
 from robot.uncertainty import Uncertainty
-
-
-@dataclass(frozen=True, kw_only=True)
-class DistanceConfig:
-    """The distance sensor: its driver, and its calibration."""
-
-    driver: DistanceSettings
-    sensor: BellySensor
-
 
 JOINT_SIGMAS: Final = ("zero_sigma_deg", "travel_sigma")
 AXES_SIGMAS: Final = ("zero_sigma_deg", "gain_sigma")
@@ -159,15 +150,14 @@ def read_thresholds(section: Section) -> tuple[float, float]:
     return on, off
 
 
-def read_distance(section: Section) -> DistanceConfig:
+def read_distance(section: Section) -> BellySensor:
     """Reads the ``[distance]`` table."""
     driver: DistanceSettings = read_settings(section, SENSORS, "vl6180x", kind="distance")
     zero, scale = read_distance_calibration(section)
     reach = section.number("range_mm", 20, driver.reach * 1000) / 1000
     uncertainty = Uncertainty.read(section, *DISTANCE_SIGMAS)
     section.done()
-    belly = BellySensor(zero=zero, scale=scale, reach=reach, uncertainty=uncertainty)
-    return DistanceConfig(driver=driver, sensor=belly)
+    return BellySensor(driver=driver, zero=zero, scale=scale, reach=reach, uncertainty=uncertainty)
 
 
 def read_distance_calibration(section: Section) -> tuple[float, float]:

@@ -21,7 +21,6 @@ from robot.configuration.calibration_file import (
     read_calibration,
 )
 from robot.configuration.device_tables import (
-    DistanceConfig,
     check_count,
     check_rest,
     read_accelerometer,
@@ -38,7 +37,7 @@ from robot.drivers.sensors.contracts import BoardSettings, CalibratedAxes, Senso
 from robot.drivers.servos.servo_bus import ServoSettings
 from robot.errors import ConfigError
 from robot.sensing.samples import RestCriterion
-from robot.sensing.sensors import TouchPoint, Underside
+from robot.sensing.sensors import BellySensor, TouchPoint, Underside
 from robot.toml_sections import Section, numbered, read_toml
 
 DENSITIES: Final = (10.0, 20_000.0)
@@ -86,7 +85,7 @@ class RobotConfig:
     daq: BoardSettings | None
     accelerometer: SensorSettings | None
     touch: tuple[TouchPoint, ...]
-    distance: DistanceConfig | None
+    distance: BellySensor | None
     settling: RestCriterion
     samples: int
     noise: NoiseConfig
@@ -310,7 +309,7 @@ def apply_calibration(config: RobotConfig, calibration: Calibration, *, file: st
                 file=file,
                 key="distance",
             )
-        distance = replace(distance, sensor=replace(distance.sensor, **vars(calibration.distance)))
+        distance = replace(distance, **vars(calibration.distance))
     return replace(
         config, joints=joints, touch=touch, accelerometer=accelerometer, distance=distance
     )

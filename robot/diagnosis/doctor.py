@@ -133,7 +133,7 @@ class Doctor:
             yield ok(_DISTANCE, "no sensor is configured")
         elif _DISTANCE in drivers:
             finder = drivers[_DISTANCE]
-            finding = check_distance(config, config.distance.sensor, finder, tilt, self._clock)
+            finding = check_distance(config, config.distance, finder, tilt, self._clock)
             yield with_repeats(finding, finder)
 
 

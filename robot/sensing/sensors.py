@@ -17,6 +17,7 @@ from protocol.wire.readings import tilt_of, up_of
 from robot.drivers.sensors.contracts import (
     Accelerometer,
     DistanceSensor,
+    DistanceSettings,
     SensorSettings,
     TouchSensor,
 )
@@ -34,12 +35,14 @@ class BellySensor:
     """The distance sensor under the belly, with its calibration.
 
     Attributes:
+        driver: Settings of its driver.
         zero: Reading with the belly on the ground, m.
         reach: Largest clearance that it tells, m.
         scale: Metres of clearance per metre that it reads; 1 for a sensor that reads true.
         uncertainty: Uncertainty of zero and scale.
     """
 
+    driver: DistanceSettings
     zero: float
     reach: float
     scale: float = 1.0

@@ -54,7 +54,7 @@ def build_controller(
     steady = SteadyClock(clock)
     belly = None
     if config.distance is not None and devices.distance is not None:
-        belly = (devices.distance, config.distance.sensor)
+        belly = (devices.distance, config.distance)
     sensing = RobotSensors(
         accelerometer=devices.accelerometer,
         touch=list(zip(config.touch, devices.touch, strict=True)),
@@ -114,9 +114,9 @@ def describe(config: RobotConfig, *, measured: bool = False) -> Capabilities:
                 count=1,
                 noise=config.noise.clearance,
                 rate=rate,
-                upper=config.distance.sensor.reach,
-                zero_sigma=config.distance.sensor.uncertainty.zero,
-                gain_sigma=config.distance.sensor.uncertainty.gain,
+                upper=config.distance.reach,
+                zero_sigma=config.distance.uncertainty.zero,
+                gain_sigma=config.distance.uncertainty.gain,
             )
         )
     radii = [joint.part_radius for joint in config.joints if joint.part_radius is not None]

@@ -124,7 +124,7 @@ def _sensors(config: RobotConfig) -> Iterator[LiveSensor]:
     for point in config.touch:
         yield LiveSensor(f"touch {point.name}", point.driver, _Touch(point).say)
     if config.distance is not None:
-        yield LiveSensor("distance", config.distance.driver, _Belly(config.distance.sensor).say)
+        yield LiveSensor("distance", config.distance.driver, _Belly(config.distance).say)
 
 
 def _acceleration(driver: Accelerometer) -> str:

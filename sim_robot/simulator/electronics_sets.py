@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final
 
-from robot.configuration.device_tables import DistanceConfig
 from robot.configuration.joint_calibration import DrivenJoint, JointScale, middle
 from robot.configuration.robot_config import BodyConfig, NoiseConfig, RobotConfig
 from robot.drivers.sensors.ads1115 import INPUTS_PER_CHIP, ADS1115Settings
@@ -235,10 +234,7 @@ def _configuration(
             )
             for index, name in enumerate(body.touch)
         ),
-        distance=DistanceConfig(
-            driver=VL6180XSettings(bus=1, address=0x29),
-            sensor=BellySensor(zero=RECESS, reach=REACH),
-        ),
+        distance=BellySensor(driver=VL6180XSettings(bus=1, address=0x29), zero=RECESS, reach=REACH),
         settling=RestCriterion(),
         samples=10,
         noise=NoiseConfig(

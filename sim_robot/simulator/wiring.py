@@ -71,7 +71,7 @@ class Wiring:
         self._axes = truth.axes
         self._feet = truth.touch
         self._closed_feet: set[int] = set()  # feet whose switch is closed
-        self._belly_sensor = None if truth.distance is None else truth.distance.sensor
+        self._belly_sensor = truth.distance
         self._inputs = inputs
         self._carried: tuple[int, ...] = ()  # last by servos without a fault
         self._read_step = -1
@@ -204,10 +204,9 @@ def miscalibrated(config: RobotConfig, seed: int) -> RobotConfig:
         accelerometer = cast(SensorSettings, axes)
     touch = tuple(replace(point, driver=_gauge(config, point, rng)) for point in config.touch)
     if distance is not None:
-        sensor = distance.sensor
-        zero = max(0.0, sensor.zero + _off(rng, ZERO_OFF))
-        scale = sensor.scale * _gain(rng, RULER_GAIN)
-        distance = replace(distance, sensor=replace(sensor, zero=zero, scale=scale))
+        zero = max(0.0, distance.zero + _off(rng, ZERO_OFF))
+        scale = distance.scale * _gain(rng, RULER_GAIN)
+        distance = replace(distance, zero=zero, scale=scale)
     return replace(
         config,
         joints=joints,

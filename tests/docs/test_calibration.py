@@ -95,7 +95,7 @@ def test_the_page_can_be_followed(newcomer: Newcomer, capsys: pytest.CaptureFixt
     config = load_config(Path("robot.toml"))
     assert config.joints[0].scale.count(0.0) == 161
     assert config.distance is not None
-    assert config.distance.sensor.zero == pytest.approx(0.012)
+    assert config.distance.zero == pytest.approx(0.012)
 
 
 def test_a_dry_run_needs_no_calibration(

@@ -19,6 +19,7 @@ from robot.configuration.calibration_file import (
     GaugeCalibration,
 )
 from robot.drivers.sensors.analogue import AnalogueAccelerometer, AnalogueAxes, StrainGauge
+from robot.drivers.sensors.vl6180x import VL6180XSettings
 from robot.errors import AbandonedError
 from robot.sensing.samples import sample_channel
 from robot.sensing.sensors import BellySensor, TouchPoint
@@ -259,7 +260,7 @@ def test_a_gauge_can_be_skipped() -> None:
     assert calibrate_gauge(Foot(0.1), Script("skip")) is None
 
 
-BELLY = BellySensor(zero=0.010, reach=0.2)
+BELLY = BellySensor(driver=VL6180XSettings(bus=1, address=0x29), zero=0.010, reach=0.2)
 
 
 class Ruler:
@@ -308,7 +309,7 @@ def test_many_placements_find_zero_and_scale() -> None:
     calibration = calibrate_distance(ruler, script)
     assert script.left == 0
     assert calibration is not None
-    sensor = BellySensor(zero=calibration.zero, scale=calibration.scale, reach=0.2)
+    sensor = replace(BELLY, zero=calibration.zero, scale=calibration.scale)
     for height in (0, 75, 150):  # four standard errors
         assert sensor.clearance((14.2 + height / 0.97) / 1000) == pytest.approx(
             height / 1000, abs=1e-3

@@ -87,7 +87,7 @@ def test_its_values_take_the_place_of_those_in_robot_toml(tmp_path: Path) -> Non
     assert after.touch[0].debounce == before.touch[0].debounce
     assert after.distance is not None
     # 12.5 mm is the belly on the ground; 100 mm more are 98 mm of clearance.
-    assert after.distance.sensor.clearance(0.1125) == pytest.approx(0.098)
+    assert after.distance.clearance(0.1125) == pytest.approx(0.098)
     assert after.joints[1:] == before.joints[1:]
     assert after.touch[1:] == before.touch[1:]
     assert after.hash != before.hash

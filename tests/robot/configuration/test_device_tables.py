@@ -33,7 +33,7 @@ def test_a_distance_sensor_reads_true_unless_said_otherwise(tmp_path: Path) -> N
     distance = device_tables.read_distance(
         section(tmp_path, "bus = 1\nzero_mm = 10\nrange_mm = 200")
     )
-    assert distance.sensor.clearance(0.110) == pytest.approx(0.1)
+    assert distance.clearance(0.110) == pytest.approx(0.1)
 
 
 @pytest.mark.parametrize(

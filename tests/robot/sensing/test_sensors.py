@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from protocol.wire.readings import clearance_of, tilt_of
 from robot.drivers.sensors.analogue import StrainGauge
+from robot.drivers.sensors.vl6180x import VL6180XSettings
 from robot.errors import DeviceDataError
 from robot.sensing.sensors import (
     LEAST_MARGIN,
@@ -23,6 +24,7 @@ from robot.sensing.sensors import (
 from tests.robot.clocks import InstantClock
 from tests.robot.sensing.resting import Leaning, Ruler
 
+BELLY = BellySensor(driver=VL6180XSettings(bus=1, address=0x29), zero=0.0, reach=0.15)
 WIDE = Underside(length=1.0, width=1.0)  # its middle is 0.18 m up when it leans by 20°
 
 
@@ -30,7 +32,7 @@ def sensing(metres: float | None) -> RobotSensors:
     return RobotSensors(
         accelerometer=Leaning(),
         touch=(),
-        belly=(Ruler(metres), BellySensor(zero=0.0, reach=0.15)),
+        belly=(Ruler(metres), BELLY),
         clock=InstantClock(),
         rate=50.0,
         underside=WIDE,
@@ -55,7 +57,7 @@ def test_without_an_accelerometer_there_is_no_tilt_and_nothing_to_contradict() -
     sensors = RobotSensors(
         accelerometer=None,
         touch=(),
-        belly=(Ruler(0.1), BellySensor(zero=0.0, reach=0.15)),
+        belly=(Ruler(0.1), BELLY),
         clock=InstantClock(),
         rate=50.0,
         underside=WIDE,
@@ -81,17 +83,16 @@ def test_the_robot_reads_what_the_protocol_defines(
 ) -> None:
     length = math.hypot(*components)
     x, y, z = (part / length for part in components)
-    sensor = BellySensor(zero=0.0, reach=0.15)
     reading = RobotSensors(
         accelerometer=Leaning((x, y, z)),
         touch=(),
-        belly=(Ruler(millimetres / 1000), sensor),
+        belly=(Ruler(millimetres / 1000), BELLY),
         clock=InstantClock(),
         rate=50.0,
     ).average(1)
     assert reading.tilt == pytest.approx(tilt_of((x, y, z)), abs=1e-7)  # asin is steep at its ends
     assert (reading.clearance, reading.clearance_saturated) == clearance_of(
-        sensor.clearance(millimetres / 1000), sensor.reach
+        BELLY.clearance(millimetres / 1000), BELLY.reach
     )
 
 

@@ -57,7 +57,7 @@ def errors(config: RobotConfig, truth: RobotConfig) -> Errors:
         for count in true.counts
         if true.lower_limit <= true.scale.angle(count) <= true.upper_limit
     )
-    sensor, real = config.distance.sensor, truth.distance.sensor
+    sensor, real = config.distance, truth.distance
     heights = [millimetres / 1000 for millimetres in range(151)]
     clearance = max(
         abs(sensor.clearance(real.zero + height / real.scale) - height) for height in heights
@@ -162,7 +162,7 @@ def errors_in_sigmas(config: RobotConfig, truth: RobotConfig) -> list[float]:
     off += [math.log(ours / true) / (config.axes.uncertainty.gain or 0) for ours, true in gains]
     assert config.distance is not None
     assert truth.distance is not None
-    sensor, real = config.distance.sensor, truth.distance.sensor
+    sensor, real = config.distance, truth.distance
     off.append((sensor.zero - real.zero) / (sensor.uncertainty.zero or 0))
     off.append(math.log(sensor.scale / real.scale) / (sensor.uncertainty.gain or 0))
     return [abs(one) for one in off]

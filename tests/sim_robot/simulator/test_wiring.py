@@ -55,7 +55,7 @@ def test_signs_offsets_and_gains_are_wrong_somewhere() -> None:
         pulled += sum(gauge.volts_per_newton < 0 for gauge in truth.gauges.values())
         assert BELIEVED.distance is not None
         assert truth.distance is not None
-        deeper += truth.distance.sensor.zero > BELIEVED.distance.sensor.zero + 0.002
+        deeper += truth.distance.zero > BELIEVED.distance.zero + 0.002
     assert 60 < turned < 100  # of 160, half of them
     assert shifted > 60
     assert stretched > 40
