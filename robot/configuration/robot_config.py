@@ -177,9 +177,9 @@ class RobotConfig:
     @property
     def underside(self) -> Underside:
         """The belly, with a margin for the noise that ``hello`` announces."""
-        return Underside.of(
-            self.body.size,
-            self.body.radius,
+        return Underside(
+            size=self.body.size[:2],
+            round=self.body.radius is not None,
             tilt_noise=self.noise.tilt,
             clearance_noise=self.noise.clearance,
         )

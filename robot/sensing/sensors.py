@@ -140,38 +140,22 @@ class Underside:
     """The belly, by which distance and tilt are checked against each other.
 
     Attributes:
-        length: Length along x, m.
-        width: Width along y, m.
+        size: Size along x and y, m.
         round: Whether it is a disc, else a rectangle.
-        margin: Metres by which distance and tilt may contradict each other.
+        tilt_noise: Root mean square error of one observation of tilt, rad.
+        clearance_noise: Root mean square error of one observation of clearance, m.
     """
 
-    length: float
-    width: float
+    size: tuple[float, ...]
     round: bool = False
-    margin: float = LEAST_MARGIN
+    tilt_noise: float = 0.0
+    clearance_noise: float = 0.0
 
-    @classmethod
-    def of(
-        cls,
-        size: Sequence[float],
-        radius: float | None = None,
-        *,
-        tilt_noise: float,
-        clearance_noise: float,
-    ) -> Underside:
-        """The belly of a body, with a margin for the noise that its sensors announce.
-
-        Args:
-            size: Size of the main body along x, y, z, m.
-            radius: Radius of a round main body, m; ``None``: it is a box.
-            tilt_noise: Root mean square error of one observation of tilt, rad.
-            clearance_noise: Root mean square error of one observation of clearance, m.
-        """
-        length, width = size[:2]
-        lifted = _TILT_SIGMAS * tilt_noise * (length + width) / 2
-        margin = max(LEAST_MARGIN, _DISTANCE_SIGMAS * clearance_noise + lifted)
-        return cls(length=length, width=width, round=radius is not None, margin=margin)
+    @property
+    def margin(self) -> float:
+        """Metres by which distance and tilt may contradict each other, both erring as announced."""
+        lifted = _TILT_SIGMAS * self.tilt_noise * sum(self.size) / 2
+        return max(LEAST_MARGIN, _DISTANCE_SIGMAS * self.clearance_noise + lifted)
 
     def check(self, clearance: float, tilt: tuple[float, float], *, sensor: str) -> None:
         """Checks that a clearance fits a tilt: nothing of the belly is below the ground.
@@ -187,7 +171,7 @@ class Underside:
         along, across, upright = map(abs, up_of(tilt))
         if upright < _STEEPEST:
             return
-        x, y = self.length * along / 2, self.width * across / 2
+        x, y = self.size[0] * along / 2, self.size[1] * across / 2
         least = (math.hypot(x, y) if self.round else x + y) / upright
         if clearance < least - self.margin:
             lean = math.degrees(math.acos(upright))

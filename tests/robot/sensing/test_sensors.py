@@ -25,7 +25,7 @@ from tests.robot.clocks import InstantClock
 from tests.robot.sensing.resting import Leaning, Ruler
 
 BELLY = BellySensor(driver=VL6180XSettings(bus=1, address=0x29), zero=0.0, reach=0.15)
-WIDE = Underside(length=1.0, width=1.0)  # its middle is 0.18 m up when it leans by 20°
+WIDE = Underside(size=(1.0, 1.0))  # its middle is 0.18 m up when it leans by 20°
 
 
 def sensing(metres: float | None) -> RobotSensors:
@@ -139,7 +139,7 @@ def test_a_switch_needs_no_threshold_and_is_debounced() -> None:
 def test_a_belly_that_leans_is_not_on_the_ground() -> None:
     lean = math.radians(20)
     least = 0.14 / 2 * math.tan(lean)  # the lower edge on the ground, the middle above it
-    belly = Underside(length=0.2, width=0.14)
+    belly = Underside(size=(0.2, 0.14))
     belly.check(least, (lean, 0.0), sensor="ruler")
     with pytest.raises(DeviceDataError, match=r"leans by 20° is at least 25 mm up"):
         belly.check(least - LEAST_MARGIN - 1e-6, (lean, 0.0), sensor="ruler")
@@ -150,7 +150,7 @@ def test_a_round_belly_has_no_corners() -> None:
     least = (
         0.07 * math.hypot(math.sin(lean), math.sin(lean)) / math.sqrt(1 - 2 * math.sin(lean) ** 2)
     )
-    belly = Underside.of((0.14, 0.14, 0.01), 0.07, tilt_noise=0.0, clearance_noise=0.0)
+    belly = Underside(size=(0.14, 0.14), round=True)
     belly.check(least - LEAST_MARGIN + 1e-6, (lean, lean), sensor="ruler")
     with pytest.raises(DeviceDataError, match="at least 26 mm up"):
         belly.check(least - LEAST_MARGIN - 1e-6, (lean, lean), sensor="ruler")
@@ -159,16 +159,17 @@ def test_a_round_belly_has_no_corners() -> None:
 @pytest.mark.parametrize(
     ("size", "tilt_deg", "clearance", "margin"),
     [
-        ((0.14, 0.14, 0.085), 0.0, 0.0, LEAST_MARGIN),
-        ((0.14, 0.14, 0.085), 0.3, 0.001, 0.01 + 5 * math.radians(0.3) * 0.14),
-        ((1.0, 0.5, 0.1), 0.3, 0.001, 0.01 + 5 * math.radians(0.3) * 0.75),
-        ((0.14, 0.14, 0.085), 0.0, 0.006, 0.06),
+        ((0.14, 0.14), 0.0, 0.0, LEAST_MARGIN),
+        ((0.14, 0.14), 0.3, 0.001, 0.01 + 5 * math.radians(0.3) * 0.14),
+        ((1.0, 0.5), 0.3, 0.001, 0.01 + 5 * math.radians(0.3) * 0.75),
+        ((0.14, 0.14), 0.0, 0.006, 0.06),
     ],
 )
 def test_sensors_that_err_as_announced_may_contradict_each_other(
     size: tuple[float, ...], tilt_deg: float, clearance: float, margin: float
 ) -> None:
-    belly = Underside.of(size, tilt_noise=math.radians(tilt_deg), clearance_noise=clearance)
+    noise = math.radians(tilt_deg)
+    belly = Underside(size=size, tilt_noise=noise, clearance_noise=clearance)
     lean = math.radians(20)
     least = size[1] / 2 * math.tan(lean)
     belly.check(least - margin + 1e-6, (lean, 0.0), sensor="ruler")
@@ -192,5 +193,5 @@ def test_no_body_above_the_ground_is_refused(
         a * footprint[0] / 2 * x + b * footprint[1] / 2 * y for a in (-1, 1) for b in (-1, 1)
     ]
     middle = height - min(corners)  # the lowest corner is `height` above the ground
-    belly = Underside(length=footprint[0], width=footprint[1])
+    belly = Underside(size=footprint)
     belly.check(middle / z, (math.asin(y), math.asin(x)), sensor="ruler")
