@@ -27,7 +27,7 @@ from robot.configuration.calibration_file import (
 from robot.drivers.sensors.contracts import CalibratedAxes, DistanceSensor
 from robot.errors import DeviceDataError
 from robot.host.clock import Clock
-from robot.sensing.samples import Spread, sample_distance, spread
+from robot.sensing.samples import Spread, spread
 from robot.sensing.sensors import BellySensor, TouchPoint
 from robot.uncertainty import Uncertainty
 
@@ -387,10 +387,12 @@ def _place(finder: DistanceSensor, count: int, what: str, dialogue: Questions) -
 
 
 def _measure(finder: DistanceSensor) -> float:
-    distances = sample_distance(finder, count=DISTANCE_SAMPLES)
-    if distances is None:
+    """Mean of the measurements of one placement that saw a target, m."""
+    measured = [finder.distance() for _ in range(DISTANCE_SAMPLES)]
+    distances = [distance for distance in measured if distance is not None]
+    if 2 * len(distances) < DISTANCE_SAMPLES:
         raise DeviceDataError(
             "The distance sensor sees no target.",
             "Use a light, dull surface, and look that nothing covers the sensor.",
         )
-    return distances.mean
+    return spread(distances).mean

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from typing import Final
 
 from robot.drivers.links.analogue_inputs import AnalogueInputs
-from robot.drivers.sensors.contracts import DistanceSensor
 from robot.host.clock import Clock
 
 LEAST_SAMPLES: Final = 4
@@ -110,16 +109,3 @@ def sample_channel(
         inputs.check([channel])
         clock.sleep(1.0 / rate)
     return spread(volts)
-
-
-def sample_distance(sensor: DistanceSensor, *, count: int) -> Spread | None:
-    """Statistics of the distance, m: ``count`` measurements one after another.
-
-    Returns:
-        Statistics of those that saw a target, or ``None`` when more than half saw none.
-
-    Raises:
-        DeviceError: The sensor failed.
-    """
-    distances = [value for value in (sensor.distance() for _ in range(count)) if value is not None]
-    return spread(distances) if 2 * len(distances) >= count else None

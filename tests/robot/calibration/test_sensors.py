@@ -358,5 +358,35 @@ def test_a_sensor_without_a_target_is_asked_again() -> None:
     assert script.heard("no target")
 
 
+class Blinking(Ruler):
+    """Sees nothing in some of ten measurements."""
+
+    def __init__(self, blind: int):
+        super().__init__(rms=0.0)
+        self._blind = blind
+        self._measurements = 0
+
+    def distance(self) -> float | None:
+        self._measurements += 1
+        return None if self._measurements % 10 < self._blind else super().distance()
+
+
+def test_a_placement_is_that_of_the_measurements_that_saw_something() -> None:
+    ruler = Blinking(5)
+    script = Script("", *placed(ruler, 0, 3), "done", "100", *placed(ruler, 100, 3), "done")
+    calibration = calibrate_distance(ruler, script)
+    assert calibration is not None
+    assert calibration.zero == pytest.approx(0.0142, abs=5e-4)
+    assert not script.heard("no target")
+
+
+def test_a_placement_that_is_mostly_not_seen_is_measured_again() -> None:
+    ruler = Blinking(6)
+    script = Script("", (lambda: ruler.put(0), ""))
+    with pytest.raises(AbandonedError):
+        calibrate_distance(ruler, script)
+    assert script.heard("no target")
+
+
 def test_it_can_be_skipped() -> None:
     assert calibrate_distance(Ruler(), Script("skip")) is None

@@ -12,12 +12,10 @@ from robot.sensing.samples import (
     RestCriterion,
     RestDetector,
     sample_channel,
-    sample_distance,
     spread,
 )
 from tests.robot.calibration.desk import Inputs
 from tests.robot.clocks import InstantClock
-from tests.robot.sensing.resting import Leaning
 
 CRITERION = RestCriterion()
 
@@ -101,21 +99,3 @@ def test_a_channel_that_cannot_be_believed_is_not_sampled() -> None:
     inputs = Inputs(0, 0, 9).connected({2: "a gauge"})
     with pytest.raises(DeviceDataError, match="input 2, a gauge, is at the end of its range"):
         sample_channel(inputs, 2, count=4, rate=50, clock=InstantClock())
-
-
-class Finder(Leaning):
-    def __init__(self, *values: float | None):
-        self._values = list(values)
-
-    def distance(self) -> float | None:
-        return self._values.pop(0)
-
-
-def test_a_distance_is_that_of_the_measurements_that_saw_something() -> None:
-    distance = sample_distance(Finder(10, None, 12, None), count=4)
-    assert distance is not None
-    assert (distance.mean, distance.count) == (11.0, 2)
-
-
-def test_a_distance_that_is_mostly_not_seen_is_none() -> None:
-    assert sample_distance(Finder(10, None, None), count=3) is None
