@@ -86,6 +86,8 @@ class SteadyClock:
 
     def __init__(self, clock: Clock):
         self._clock = clock
+        self.sleep = clock.sleep
+        self.charge = clock.charge
         self._lock = threading.Lock()  # the server's thread asks for the time, too
         self._last = clock.now()
         self._lost = 0.0
@@ -101,14 +103,6 @@ class SteadyClock:
             self._lost += step_back
             self._backwards += step_back
             return time + self._lost
-
-    def sleep(self, seconds: float) -> None:
-        """Lets ``seconds`` pass."""
-        self._clock.sleep(seconds)
-
-    def charge(self, seconds: float) -> None:
-        """Accounts for time that a blocking device call took."""
-        self._clock.charge(seconds)
 
     def watch(self) -> None:
         """Starts to look for jumps: something begins that a jump would spoil."""

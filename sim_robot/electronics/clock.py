@@ -101,20 +101,14 @@ class HostClock(FaultSwitch):
 
     def __init__(self, clock: Clock):
         super().__init__()
+        self.sleep = clock.sleep
+        self.charge = clock.charge
         self._clock = clock
         self._offset = 0
 
     def now(self) -> float:
         """Seconds on this clock."""
         return self._clock.now() + self._offset
-
-    def sleep(self, seconds: float) -> None:
-        """Lets ``seconds`` pass."""
-        self._clock.sleep(seconds)
-
-    def charge(self, seconds: float) -> None:
-        """Accounts for the time of a device access."""
-        self._clock.charge(seconds)
 
     def _happen(self, event: str, value: int) -> None:
         self._offset += value
