@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Any, Final
 
 import mujoco
@@ -202,16 +202,8 @@ def _shape(collision: Collision) -> dict[str, Any]:
     return {"type": mujoco.mjtGeom.mjGEOM_SPHERE, "size": (shape.radius, 0, 0)}
 
 
-def _place(origin: Origin) -> dict[str, Sequence[float]]:
+def _place(origin: Origin) -> dict[str, Any]:
     """Position and quaternion of an origin; URDF's angles turn about the fixed axes x, y, z."""
-    roll, pitch, yaw = (angle / 2 for angle in vector(origin.rpy))
-    cr, sr = math.cos(roll), math.sin(roll)
-    cp, sp = math.cos(pitch), math.sin(pitch)
-    cy, sy = math.cos(yaw), math.sin(yaw)
-    quaternion = (
-        cr * cp * cy + sr * sp * sy,
-        sr * cp * cy - cr * sp * sy,
-        cr * sp * cy + sr * cp * sy,
-        cr * cp * sy - sr * sp * cy,
-    )
+    quaternion = np.zeros(4)
+    mujoco.mju_euler2Quat(quaternion, vector(origin.rpy), "XYZ")
     return {"pos": vector(origin.xyz), "quat": quaternion}

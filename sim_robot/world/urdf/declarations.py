@@ -62,14 +62,6 @@ def rotation(axis: Sequence[float] | Points, angle: float) -> Points:
     return turn
 
 
-def inverse(frame: Frame) -> Frame:
-    """Inverse of a pose: that of the outer frame in the inner one."""
-    inverted = np.eye(4)
-    inverted[:3, :3] = frame[:3, :3].T
-    inverted[:3, 3] = -frame[:3, :3].T @ frame[:3, 3]
-    return inverted
-
-
 def _finite(value: float) -> float:
     if not math.isfinite(value):
         raise ValueError("must be finite")

@@ -30,7 +30,6 @@ from sim_robot.world.urdf.declarations import (
     Robot,
     Say,
     frame_of,
-    inverse,
     rotation,
     text_of,
     vector,
@@ -142,7 +141,7 @@ def _make_root(robot: Robot, wanted: Callable[[Link], bool]) -> str:
                 upright[:3, 3] = 0.0
                 for fixed in [*way, joint]:
                     fixed.parent, fixed.child = fixed.child, fixed.parent
-                    fixed.origin = Origin.at(inverse(fixed.origin.frame))
+                    fixed.origin = Origin.at(np.linalg.inv(fixed.origin.frame).astype(float))
                 _move_contents(robot, link, upright)
                 return child_name
             seen_names.add(child_name)
