@@ -116,19 +116,9 @@ class I2CLink:
     def __init__(self, open_bus: Callable[[str], I2CBus], path: str):
         self.transfers = 0
         self.repeats = 0
-        self._open_bus: Callable[[str], I2CBus] | None = open_bus
+        self._open_bus = open_bus
         self._path = path
         self._bus: I2CBus | None = None
-
-    @classmethod
-    def to(cls, bus: I2CBus | I2CLink) -> I2CLink:
-        """Returns a link as it is; or a link to a bus that its owner opened, never opened anew."""
-        if isinstance(bus, I2CLink):
-            return bus
-        link = cls(lambda path: bus, "of its owner")
-        link.open()
-        link._open_bus = None
-        return link
 
     def open(self) -> None:
         """Opens the bus; anew if it is open: an adapter that was plugged in again is another.
@@ -136,9 +126,8 @@ class I2CLink:
         Raises:
             DeviceMissingError: The bus cannot be opened.
         """
-        if self._open_bus is not None:
-            self.close()
-            self._bus = self._open_bus(self._path)
+        self.close()
+        self._bus = self._open_bus(self._path)
 
     def close(self) -> None:
         """Closes the bus, if it is open."""

@@ -21,7 +21,7 @@ from types import MappingProxyType
 from typing import ClassVar, Final
 
 from robot.drivers.buses import Buses
-from robot.drivers.links.i2c import I2CBus, I2CLink, I2CRegisters
+from robot.drivers.links.i2c import I2CLink, I2CRegisters
 from robot.errors import CommandError, DeviceDataError, DeviceMissingError, DeviceTimeoutError
 from robot.host.clock import Clock
 from robot.toml_sections import Section
@@ -100,13 +100,13 @@ class ADS1115:
     """The inputs of one robot; call ``probe`` before the first scan.
 
     Args:
-        bus: The I²C bus, which the driver opens and closes; or a bus that is open.
+        link: The I²C bus, which the driver opens and closes.
         settings: Where the chips are, and their input range.
         clock: Paces the conversions.
     """
 
-    def __init__(self, bus: I2CBus | I2CLink, *, settings: ADS1115Settings, clock: Clock):
-        self.link = I2CLink.to(bus)
+    def __init__(self, link: I2CLink, *, settings: ADS1115Settings, clock: Clock):
+        self.link = link
         self._settings = settings
         self._clock = clock
         self._chips = [I2CRegisters(self.link, one, settings.name) for one in settings.addresses]

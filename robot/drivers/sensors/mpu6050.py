@@ -22,7 +22,7 @@ from types import MappingProxyType
 from typing import ClassVar, Final
 
 from robot.drivers.buses import Buses
-from robot.drivers.links.i2c import I2CBus, I2CLink, I2CRegisters
+from robot.drivers.links.i2c import I2CLink, I2CRegisters
 from robot.drivers.sensors.contracts import AXIS_KEYS, MOUNTING_KEYS, CalibratedAxes, read_axes
 from robot.errors import DeviceDataError, DeviceMissingError
 from robot.host.clock import Clock
@@ -143,15 +143,15 @@ class MPU6050:
     """One chip; call ``start`` before the first sample.
 
     Args:
-        bus: The I²C bus, which the driver opens and closes; or a bus that is open.
+        link: The I²C bus, which the driver opens and closes.
         settings: Where the chip is, and its calibration.
         clock: Paces the self-test.
     """
 
     name = MPU6050Settings.name
 
-    def __init__(self, bus: I2CBus | I2CLink, *, settings: MPU6050Settings, clock: Clock):
-        self.link = I2CLink.to(bus)
+    def __init__(self, link: I2CLink, *, settings: MPU6050Settings, clock: Clock):
+        self.link = link
         self._settings = settings
         self._chip = I2CRegisters(self.link, settings.address, self.name)
         self._clock = clock

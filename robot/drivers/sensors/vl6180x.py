@@ -22,7 +22,7 @@ from types import MappingProxyType
 from typing import ClassVar, Final
 
 from robot.drivers.buses import Buses
-from robot.drivers.links.i2c import I2CBus, I2CLink, I2CRegisters
+from robot.drivers.links.i2c import I2CLink, I2CRegisters
 from robot.errors import DeviceDataError, DeviceMissingError, DeviceTimeoutError
 from robot.host.clock import Clock
 from robot.toml_sections import Section
@@ -141,15 +141,15 @@ class VL6180X:
     """One sensor; call ``start`` before the first measurement.
 
     Args:
-        bus: The I²C bus, which the driver opens and closes; or a bus that is open.
+        link: The I²C bus, which the driver opens and closes.
         address: Address of the sensor: 0x29 after every power-up.
         clock: Paces the polls.
     """
 
     name = VL6180XSettings.name
 
-    def __init__(self, bus: I2CBus | I2CLink, *, address: int = 0x29, clock: Clock):
-        self.link = I2CLink.to(bus)
+    def __init__(self, link: I2CLink, *, address: int = 0x29, clock: Clock):
+        self.link = link
         self._registers = I2CRegisters(self.link, address, self.name, wide=True)
         self._address = address
         self._clock = clock

@@ -7,6 +7,7 @@ import errno
 import pytest
 from smbus2 import i2c_msg
 
+from robot.drivers.links.i2c import I2CLink
 from robot.drivers.sensors.vl6180x import VL6180X
 from sim_robot.electronics.vl6180x import VL6180XEmulator
 from tests.robot.clocks import InstantClock
@@ -19,6 +20,7 @@ class Bench:
         self.clock = InstantClock()
         self.distance: float | None = 42.0
         self.chip = VL6180XEmulator(lambda: self.distance, self.clock)
+        self.link = I2CLink(lambda path: self.chip, "/dev/i2c-1")
 
     def read(self, register: int, count: int = 1) -> bytes:
         data = i2c_msg.read(ADDRESS, count)
@@ -42,7 +44,7 @@ def bench() -> Bench:
 
 @pytest.fixture
 def tuned(bench: Bench) -> Bench:
-    VL6180X(bench.chip, clock=bench.clock).start()
+    VL6180X(bench.link, clock=bench.clock).start()
     return bench
 
 
@@ -178,7 +180,7 @@ def test_a_transfer_takes_100_microseconds(bench: Bench) -> None:
 
 
 def test_a_frozen_distance_thaws(tuned: Bench) -> None:
-    sensor = VL6180X(tuned.chip, clock=tuned.clock)
+    sensor = VL6180X(tuned.link, clock=tuned.clock)
     sensor.start()
     tuned.chip.inject("frozen")
     assert sensor.range_mm() == 42

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from smbus2 import i2c_msg
 
-from robot.drivers.links.i2c import I2CBus
+from robot.drivers.links.i2c import I2CBus, I2CLink
 from robot.drivers.sensors.vl6180x import VL6180X
 from robot.errors import (
     DeviceDataError,
@@ -19,6 +19,10 @@ from robot.errors import (
 )
 from sim_robot.electronics.vl6180x import VL6180XEmulator
 from tests.robot.clocks import InstantClock
+
+
+def link_to(bus: I2CBus) -> I2CLink:
+    return I2CLink(lambda path: bus, "/dev/i2c-1")
 
 
 class Target:
@@ -41,7 +45,7 @@ def chip(target: Target, clock: InstantClock) -> VL6180XEmulator:
 
 @pytest.fixture
 def sensor(chip: VL6180XEmulator, clock: InstantClock) -> VL6180X:
-    started = VL6180X(chip, clock=clock)
+    started = VL6180X(link_to(chip), clock=clock)
     started.start()
     return started
 
@@ -68,7 +72,7 @@ def test_every_measurement_is_fresh(sensor: VL6180X, target: Target) -> None:
 def test_starting_again_without_a_reset_keeps_the_settings(
     sensor: VL6180X, chip: VL6180XEmulator, clock: InstantClock
 ) -> None:
-    again = VL6180X(chip, clock=clock)
+    again = VL6180X(link_to(chip), clock=clock)
     again.start()
     assert again.range_mm() == 50
 
@@ -106,7 +110,7 @@ def test_a_faulty_sensor_is_an_error_in_time_and_recovers(
 ) -> None:
     clock = InstantClock()
     chip = VL6180XEmulator(target, clock)
-    sensor = VL6180X(chip, clock=clock)
+    sensor = VL6180X(link_to(chip), clock=clock)
     sensor.start()
     chip.inject(fault)
     start = clock.now()
@@ -150,7 +154,7 @@ def test_a_sensor_that_was_reset_says_so_instead_of_measuring_badly(
 
 def test_nobody_at_the_address(chip: VL6180XEmulator, clock: InstantClock) -> None:
     with pytest.raises(DeviceMissingError, match="0x30"):
-        VL6180X(chip, address=0x30, clock=clock).start()
+        VL6180X(link_to(chip), address=0x30, clock=clock).start()
 
 
 class Noise:
@@ -173,7 +177,7 @@ class Noise:
 
 def test_another_chip_at_the_address(clock: InstantClock) -> None:
     with pytest.raises(DeviceMissingError, match="calls itself 0xee instead of 0xb4"):
-        VL6180X(Noise(b"\xee"), clock=clock).start()
+        VL6180X(link_to(Noise(b"\xee")), clock=clock).start()
 
 
 class Shown(VL6180XEmulator):
@@ -190,7 +194,7 @@ class Shown(VL6180XEmulator):
 
 @pytest.mark.parametrize(("status", "words"), [(0x44, "laser safety"), (0x84, "clock")])
 def test_status_bits_of_a_chip_that_shut_down(clock: InstantClock, status: int, words: str) -> None:
-    sensor = VL6180X(Shown(clock, {0x04F: status}.get), clock=clock)
+    sensor = VL6180X(link_to(Shown(clock, {0x04F: status}.get)), clock=clock)
     sensor.start()
     with pytest.raises(DeviceDataError, match=words):
         sensor.range_mm()
@@ -202,7 +206,7 @@ def test_noise_in_what_the_chip_says_ends_in_a_reading_or_an_error(data: bytes) 
     noise = cycle(data)
     results = {0x04D, 0x04F, 0x062, 0x06C}
     chip = Shown(clock, lambda register: next(noise) if register in results and started else None)
-    sensor, started = VL6180X(chip, clock=clock), False
+    sensor, started = VL6180X(link_to(chip), clock=clock), False
     sensor.start()
     started = True
     before = clock.now()
@@ -259,7 +263,7 @@ def test_what_another_program_left_is_set_anew_at_every_start(
     assert held(chip) != before
     if spoils:
         assert measured_by_hand(chip, clock) != 90
-    again = VL6180X(chip, clock=clock)
+    again = VL6180X(link_to(chip), clock=clock)
     again.start()
     assert held(chip) == before
     assert again.range_mm() == 90
@@ -282,9 +286,9 @@ def test_a_scale_that_another_program_set_first_is_refused(
     tell(chip, 0x016, 0x00)
     chip.inject("rescaled")
     with pytest.raises(DeviceDataError, match=r"another scale \(0x0054 .* supply off and on"):
-        VL6180X(chip, clock=clock).start()
+        VL6180X(link_to(chip), clock=clock).start()
     chip.power_cycle()
-    again = VL6180X(chip, clock=clock)
+    again = VL6180X(link_to(chip), clock=clock)
     again.start()
     assert again.range_mm() == 50
 
@@ -294,7 +298,7 @@ def test_a_sensor_that_another_program_set_up_without_scaling_is_taken_over(
 ) -> None:
     tell(chip, 0x096, 0x00, 0xFD)
     tell(chip, 0x016, 0x00)
-    found = VL6180X(chip, clock=clock)
+    found = VL6180X(link_to(chip), clock=clock)
     found.start()
     assert found.range_mm() == 50
 
@@ -318,7 +322,7 @@ def test_measurements_without_end_are_ended(
     tell(chip, 0x2A3, alternating)
     tell(chip, start, 0x03)
     clock.sleep(1.0)
-    found = VL6180X(chip, clock=clock)
+    found = VL6180X(link_to(chip), clock=clock)
     found.start()
     for distance in (50, 70):
         target.distance = distance
@@ -333,7 +337,7 @@ def test_lost_acknowledges_cost_no_measurement_and_start_none_twice(
     asked = count()
     chip = VL6180XEmulator(lambda: 50.0 + 0 * next(asked), clock)
     chip.inject(fault, every)
-    found = VL6180X(chip, clock=clock)
+    found = VL6180X(link_to(chip), clock=clock)
     found.start()
     assert [found.range_mm() for _ in range(20)] == [50] * 20
     assert next(asked) == 20
