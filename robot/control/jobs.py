@@ -97,19 +97,6 @@ class Job:
         """The event of the request in the table of transitions."""
         return Event(self.request.TYPE)
 
-    def progresses(self, phase: str, now: float) -> bool:
-        """Records progress, and returns whether clients should be told.
-
-        Args:
-            phase: Phase as in ``protocol.wire.messages.Progress``.
-            now: Robot time, s.
-        """
-        last_phase, last_time = self.reported
-        if phase == last_phase and now - last_time < PROGRESS_PERIOD:
-            return False
-        self.reported = (phase, now)
-        return True
-
     def observation(
         self, reading: Reading, sequence: int, angles: Mapping[str, float]
     ) -> ObservationReply:
@@ -242,10 +229,13 @@ class Outbox:
 
     def progress(self, job: Job, phase: str, fraction: float, now: float) -> None:
         """Adds progress at robot time ``now`` (s), unless some was added a moment before."""
-        if not job.ended and job.progresses(phase, now):
-            self._put(
-                job, Progressed(ticket=job.ticket, phase=phase, fraction=fraction, robot_time=now)
-            )
+        last_phase, last_time = job.reported
+        if job.ended or (phase == last_phase and now - last_time < PROGRESS_PERIOD):
+            return
+        job.reported = (phase, now)
+        self._put(
+            job, Progressed(ticket=job.ticket, phase=phase, fraction=fraction, robot_time=now)
+        )
 
     def withdraw(self, jobs: Sequence[Job]) -> None:
         """Adds, for each request that was ended while it waited, the error with which it ends."""
