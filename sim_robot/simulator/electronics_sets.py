@@ -16,6 +16,7 @@ from robot.drivers.sensors.contracts import BoardSettings, SensorSettings
 from robot.drivers.sensors.dmm32 import DMM32Settings
 from robot.drivers.sensors.mpu6050 import MPU6050Settings
 from robot.drivers.sensors.vl6180x import VL6180XSettings
+from robot.drivers.servos.answering_servos import AnsweringServoSettings
 from robot.drivers.servos.dynamixel import DynamixelSettings
 from robot.drivers.servos.feetech import FeetechSettings
 from robot.drivers.servos.pca9685 import OSCILLATOR_MHZ, PCA9685Settings
@@ -89,12 +90,12 @@ def pi(body: Body, levels: NoiseLevels) -> RobotConfig:
 
 def feetech(body: Body, levels: NoiseLevels) -> RobotConfig:
     """Feetech STS servos, with the IDs from 1, beside the sensors of a Pi."""
-    return _with_bus_servos(body, levels, FeetechSettings(port="/dev/ttyUSB0", baud=1_000_000))
+    return _with_sensors_of_pi(body, levels, FeetechSettings(port="/dev/ttyUSB0", baud=1_000_000))
 
 
 def dynamixel(body: Body, levels: NoiseLevels) -> RobotConfig:
     """DYNAMIXEL X servos, with the IDs from 1, beside the sensors of a Pi."""
-    return _with_bus_servos(body, levels, DynamixelSettings(port="/dev/ttyUSB0", baud=1_000_000))
+    return _with_sensors_of_pi(body, levels, DynamixelSettings(port="/dev/ttyUSB0", baud=1_000_000))
 
 
 @dataclass(frozen=True)
@@ -128,23 +129,13 @@ SETS: Final[Mapping[str, ElectronicsSet]] = MappingProxyType(
 DEFAULT_SET: Final = "pc104"
 
 
-def _with_bus_servos(
-    body: Body, levels: NoiseLevels, servos: FeetechSettings | DynamixelSettings
-) -> RobotConfig:
-    turn = 2 * math.pi * len(servos.counts) / STEPS
-    return _with_sensors_of_pi(body, levels, servos, turn=turn)
-
-
-def _with_sensors_of_pi(
-    body: Body, levels: NoiseLevels, servos: ServoSettings, *, turn: float | None = None
-) -> RobotConfig:
+def _with_sensors_of_pi(body: Body, levels: NoiseLevels, servos: ServoSettings) -> RobotConfig:
     """As many ADS1115 as the body's feet need, an MPU-6050 and a VL6180X on one bus."""
     chips = math.ceil(len(body.touch) / INPUTS_PER_CHIP)
     return _configuration(
         body,
         levels,
         servos=servos,
-        turn=turn,
         daq=ADS1115Settings(
             bus=1, addresses=tuple(range(0x48, 0x48 + chips)), input_range="±4.096V"
         )
@@ -165,14 +156,14 @@ def _configuration(
     accelerometer: SensorSettings,
     first_foot: int,
     full_load: float,
-    turn: float | None = None,
 ) -> RobotConfig:
     """The configuration of a simulated robot with the drivers of one set.
 
     The emulated calibration is one rule for every body and board: a joint's range takes all counts
     but a few at either end, so that the middle count is its middle. With 255 counts that is 0.68° a
     count at the hips of the paper's quadruped and 0.76° at its knees, because Table 2's ranges do
-    not fit the 254 counts at the SV203's nominal 0.71°.
+    not fit the 254 counts at the SV203's nominal 0.71°. A count of bus servos is a step of their
+    encoder, and the middle count 0°.
 
     Args:
         body: The body.
@@ -182,20 +173,16 @@ def _configuration(
         accelerometer: Settings of the accelerometer.
         first_foot: Input of the first foot; the others follow.
         full_load: Largest voltage at twice the body's weight on one foot, V.
-        turn: Angle that a servo turns over all its counts, rad, if known: the middle count is 0.
     """
     counts = servos.counts
     spare = int(len(counts) * _SPARE_SHARE)
     ends = counts[0] + spare, counts[-1] - spare
 
     def scale(motor: Motor) -> JointScale:
-        if turn is None:
+        if not isinstance(servos, AnsweringServoSettings):
             return JointScale(((ends[0], motor.lower), (ends[1], motor.upper)))
-        zero = middle(counts)
-        step = turn / len(counts)
-        return JointScale(
-            tuple((count, step * (count - zero)) for count in (counts[0], counts[-1]))
-        )
+        steps = [(count, count - middle(counts)) for count in (counts[0], counts[-1])]
+        return JointScale(tuple((count, 2 * math.pi / STEPS * step) for count, step in steps))
 
     sensitivity = min(VOLTS_PER_NEWTON, full_load / (2 * body.mass * GRAVITY))
     return RobotConfig(
