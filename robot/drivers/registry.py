@@ -8,7 +8,6 @@ distribution can replace ours.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from importlib import metadata
 from types import MappingProxyType
 from typing import Any, Final
@@ -48,36 +47,13 @@ OURS: Final = MappingProxyType(
 """Entry-point group → name → module and class."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class InstalledDriver:
-    """A driver that a configuration can name.
-
-    Attributes:
-        table: Table of ``robot.toml`` that the driver serves.
-        name: Name of the driver in that table's key ``driver``.
-        point: Entry point of the driver's settings class.
-        distribution: Name and version of the distribution that brings it; empty where unknown.
-    """
-
-    table: str
-    name: str
-    point: metadata.EntryPoint
-    distribution: str
-
-
-def installed() -> list[InstalledDriver]:
-    """All drivers, ours first; a name that comes twice is offered twice."""
-    drivers = []
+def installed() -> list[metadata.EntryPoint]:
+    """Entry points of all drivers, ours first, without a ``dist``; a name may be offered twice."""
+    points: list[metadata.EntryPoint] = []
     for group, ours in OURS.items():
-        points = [metadata.EntryPoint(name, value, group) for name, value in ours.items()]
-        for point in [*points, *metadata.entry_points(group=group)]:
-            table, _, name = ("servos." + point.name if group == SERVOS else point.name).partition(
-                "."
-            )
-            dist = point.dist or (metadata.distribution("bodyschema") if point in points else None)
-            label = f"{dist.name} {dist.version}" if dist else ""
-            drivers.append(InstalledDriver(table=table, name=name, point=point, distribution=label))
-    return drivers
+        points += [metadata.EntryPoint(name, value, group) for name, value in ours.items()]
+        points += metadata.entry_points(group=group)
+    return points
 
 
 def read_settings(table: Section, group: str, default: str, *, kind: str = "") -> Any:
