@@ -63,6 +63,7 @@ from estimator.physics.kernel.work import (
     NEXT,
     POINT_ROWS,
     RESTS,
+    RIM,
     ROUND,
     ROW,
     STANCE,
@@ -85,7 +86,8 @@ _SOURCES: Final = stamp(
     Path(geometry.__file__),
 )
 
-_MOST_REFINEMENTS: Final = 4  # times at most that rims are placed until they hardly move; not tuned
+_MOST_REFINEMENTS: Final = 4  # times at most that rims are placed for the last pose; not tuned
+_UPRIGHT: Final = 0.2  # of up's z: above it the lower rim keeps the upper one off the ground
 _LEAST_MOVE: Final = 1e-4  # rad; where a rim bears has hardly moved by less
 _FOLLOWED_PACES: Final = (
     8.0  # paces by which a body may turn in one step and be followed; not tuned
@@ -185,22 +187,31 @@ def _start(work: Work, lane: int, row: int, gravity_tilts: Array, slew: Slew) ->
 
 
 @inlined
-def _come_to_rest(work: Work, lane: int, least_cosine: float) -> None:
-    """Brings a body to rest that does not rest as before."""
+def _come_to_rest(work: Work, lane: int, least_cosine: float, refinements: int) -> None:
+    """Brings a body to rest that does not rest as before.
+
+    A rim's points are placed up to ``refinements`` times, until where it bears hardly moves.
+    """
     bodies = work.bodies
     bodies[LIES, lane] = 0.0
     centre = bodies[MIDDLE, lane], bodies[MIDDLE + 1, lane], bodies[MIDDLE + 2, lane]
-    is_round, count = bodies[ROUND, lane] > 0, work.one.shape[1]
-    for _ in range(_MOST_REFINEMENTS if is_round else 1):
+    is_round, every_point = bodies[ROUND, lane] > 0, work.one.shape[1]
+    for _ in range(refinements if is_round else 1):
         x, y = _bearing(work, lane, centre)
+        count = every_point
         if is_round:
             place_rims(work, lane, x, y)
+            if bodies[UP + 2, lane] > _UPRIGHT:
+                count -= RIM
         pick_out(work, lane)
         _take_pose(work, lane)
         if bodies[FIRM, lane] == 0.0 or not follow(
             work.one, count, centre, work.pose, work.stance, least_cosine
         ):
-            _roll(work, lane, centre)
+            _roll(work, lane, centre, count)
+        if count < every_point and work.pose[2] <= _UPRIGHT:
+            _take_pose(work, lane)
+            _roll(work, lane, centre, every_point)
         _keep_pose(work, lane)
         new_x, new_y = _bearing(work, lane, centre)
         if x * new_x + y * new_y > 0 and abs(x * new_y - y * new_x) < _LEAST_MOVE:
@@ -220,9 +231,8 @@ def _bearing(work: Work, lane: int, centre: Vector) -> tuple[float, float]:
 
 
 @inlined
-def _roll(work: Work, lane: int, centre: Vector) -> None:
-    """Rolls the body that was picked out."""
-    count = work.one.shape[1]
+def _roll(work: Work, lane: int, centre: Vector, count: int) -> None:
+    """Rolls the body that was picked out, of which the first ``count`` points may touch."""
     if not roll(work.one, count, centre, work.pose, work.stance, work.touch, work.flat):
         work.counts[RESTS, lane] = 0
     work.bodies[FIRM, lane] = 1.0 if work.stance[2] >= 0 else 0.0
@@ -252,12 +262,12 @@ def _upright(work: Work, lane: int, plumb: bool) -> bool:
         # Under inclined gravity a rim rolls on, which is no other place to land: so it rolls back.
         for axis in range(3):
             bodies[MIDDLE + axis, lane] = centre[axis]
-        _come_to_rest(work, lane, 0.0)
+        _come_to_rest(work, lane, 0.0, _MOST_REFINEMENTS)
         return True
     if plumb and inclined:
         pick_out(work, lane)
         _take_pose(work, lane)
-        _roll(work, lane, centre)
+        _roll(work, lane, centre, work.one.shape[1])
         _keep_pose(work, lane)
         return True
     return False
@@ -324,7 +334,8 @@ def _make_rest(sources: int) -> Any:
                     if step > known + 1:
                         _turn_to(work, lane, known + 1, slew)
                         continue
-                    _come_to_rest(work, lane, least_cosine)
+                    refinements = _MOST_REFINEMENTS if step == last else 1
+                    _come_to_rest(work, lane, least_cosine, refinements)
                 if step < last:
                     counts[AT, lane] = step
                     _turn_to(work, lane, min(step + counts[STRIDE, lane], last), slew)

@@ -192,8 +192,10 @@ def _set_corners(work: Work, lane: int) -> None:
     points, has_rims = work.points, work.main > CORNERS
     if has_rims:
         is_round = work.bodies[ROUND, lane] > 0
-        for point in range(work.main):
+        for point in range(RIM):
             points[POINT_ROWS * point + 3, lane] = 0.0 if is_round or point < CORNERS else NOWHERE
+            upper = POINT_ROWS * (work.one.shape[1] - RIM + point)
+            points[upper + 3, lane] = 0.0 if is_round else NOWHERE
         if is_round:
             place_rims(work, lane, 1.0, 0.0)
             return
@@ -215,12 +217,14 @@ def place_rims(work: Work, lane: int, x: float, y: float) -> None:
         y: The direction's y.
     """
     radius, half = work.bodies[HALF, lane], work.bodies[HALF + 2, lane]
-    for point in range(2 * RIM):
-        cosine, sine = RIM_COSINES[point % RIM], RIM_SINES[point % RIM]
-        row = POINT_ROWS * point
-        work.points[row, lane] = radius * (x * cosine - y * sine)
-        work.points[row + 1, lane] = radius * (y * cosine + x * sine)
-        work.points[row + 2, lane] = -half if point < RIM else half
+    for point in range(RIM):
+        east = radius * (x * RIM_COSINES[point] - y * RIM_SINES[point])
+        north = radius * (y * RIM_COSINES[point] + x * RIM_SINES[point])
+        for upper in range(2):
+            row = POINT_ROWS * (work.one.shape[1] - RIM + point if upper else point)
+            work.points[row, lane] = east
+            work.points[row + 1, lane] = north
+            work.points[row + 2, lane] = half if upper else -half
 
 
 @inlined

@@ -72,8 +72,8 @@ POINT_ROWS: Final = 4
 CORNERS: Final = 8
 NOWHERE: Final = -1e30  # radius of a point that is left out
 
-_CLOSE_TURNS: Final = tuple(math.radians(0.35 * 2**step) for step in range(5))
-_TURNS_AROUND: Final = tuple(math.radians(15.0 * step) for step in range(1, 12))
+_CLOSE_TURNS: Final = tuple(math.radians(0.35 * 2.5**step) for step in range(6))
+_TURNS_AROUND: Final = tuple(math.radians(30.0 * step) for step in range(2, 6))
 _RIM_TURNS: Final = (
     *(0.0, math.pi),
     *(side * turn for turn in (*_CLOSE_TURNS, *_TURNS_AROUND) for side in (1.0, -1.0)),
@@ -170,7 +170,7 @@ def work_space(trees: Trees, which: Integers, start: int, end: int) -> Work:
     main = CORNERS
     for row in range(start, end):
         if trees.base[which[row], IS_ROUND] > 0:
-            main = 2 * RIM
+            main = RIM
         for part in range(parts):
             boxed[part] |= trees.box[which[row], part]
     firsts, ends, points = np.zeros(parts, np.int64), np.zeros(parts, np.int64), main
@@ -178,6 +178,8 @@ def work_space(trees: Trees, which: Integers, start: int, end: int) -> Work:
         firsts[part] = points
         points += CORNERS if boxed[part] else 2
         ends[part] = points
+    if main == RIM:
+        points += RIM  # the upper rim's
     work = Work(
         np.zeros((parts * HINGE_ROWS, LANES)),
         np.zeros(((parts + 1) * FRAME_ROWS, LANES)),
