@@ -10,7 +10,7 @@ surprise.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -67,6 +67,11 @@ class Particles:
         return len(self.rows)
 
     @property
+    def name(self) -> str | None:
+        """Name of the cause; ``None``: nothing has changed."""
+        return None if self.cause is None else self.cause.name
+
+    @property
     def effective_bodies(self) -> float:
         """Effective number of bodies of the identification that the particles are made of."""
         return float(1 / np.sum(np.bincount(self.rows, self.weights) ** 2))
@@ -117,6 +122,17 @@ class Weighed:
         """Probability that nothing has changed."""
         unchanged = [particles.cause is None for particles in self.particles]
         return float(self.probabilities[unchanged].sum())
+
+    @property
+    def shares(self) -> list[tuple[Particles, float]]:
+        """Each cause with its probability."""
+        return list(zip(self.particles, self.probabilities.tolist(), strict=True))
+
+    def shares_of(self, names: Collection[str | None]) -> list[tuple[Particles, float]]:
+        """The causes of these names, ``None`` for no change, with shares that add up to 1."""
+        groups = [(one, share) for one, share in self.shares if one.name in names]
+        total = max(sum(share for _, share in groups), 1e-300)
+        return [(one, share / total) for one, share in groups]
 
 
 @dataclass(frozen=True)

@@ -178,21 +178,14 @@ def _named(weighed: Weighed) -> tuple[tuple[Particles, ...], float]:
     return weighed.particles[:probable], float(weighed.probabilities[:probable].sum())
 
 
-def _name(one: Particles) -> str | None:
-    return None if one.cause is None else one.cause.name
-
-
 def _names(causes: Sequence[Particles]) -> set[str | None]:
-    return set(map(_name, causes))
+    return {one.name for one in causes}
 
 
 def _reason(weighed: Weighed, bits: float) -> str:
     if weighed.probabilities[0] < 0.02 or len(weighed.particles) < 2:
         return "tells most of all changes apart"
-    first, second = (
-        "no change" if particles.cause is None else particles.cause.name
-        for particles in weighed.particles[:2]
-    )
+    first, second = (one.name or "no change" for one in weighed.particles[:2])
     return f"tells apart: {first} or {second}; {information_in_words(bits)}"
 
 
@@ -209,7 +202,8 @@ def _tested(
     reasons: Sequence[str],
 ) -> Diagnosis:
     """Puts what is named to the test, by movements that tell it from the competitor."""
-    groups = _shares_of(named, weighed)
+    names = _names(named)
+    groups = weighed.shares_of(names)
     claim = Hypotheses.of(weigher, groups, _BODIES)
     on_top = weigher.on_top_of(groups)
     rival = Competitor.fitted(weigher, observations).drawn(_BODIES // 2)
@@ -226,7 +220,7 @@ def _tested(
         all_observations.append(act(tuple(program.tolist()), reason))
         all_reasons.append(reason)
     reweighed = weigher.weigh(all_observations)
-    groups = _shares_of(named, reweighed)
+    groups = reweighed.shares_of(names)
     claim = Hypotheses.of(weigher, groups, _BODIES)
     surprises = [surprise(weigher, claim, one) for one in all_observations[-CONFIRMING:]]
     odd = sum(float(np.mean(drawn >= observed)) <= _SURPRISE for drawn, observed in surprises)
@@ -252,18 +246,6 @@ def _tested(
     )
 
 
-def _shares_of(named: Sequence[Particles], weighed: Weighed) -> list[tuple[Particles, float]]:
-    """The named causes as they are weighed by now, with shares that add up to 1."""
-    names = _names(named)
-    groups = [
-        (particles, share)
-        for particles, share in zip(weighed.particles, weighed.probabilities.tolist(), strict=True)
-        if _name(particles) in names
-    ]
-    total = max(sum(share for _, share in groups), 1e-300)
-    return [(particles, share / total) for particles, share in groups]
-
-
 def _suspects(
     weigher: Weigher,
     named: Sequence[Particles],
@@ -280,23 +262,14 @@ def _suspects(
         return rival.suspects(weigher) if rival.log_evidence > anywhere else ()
     if last.none_of_these > 0.5:
         return ()
-    second = next(
-        (one.cause.name, float(share))
-        for one, share in zip(last.particles, last.probabilities, strict=True)
-        if one.cause is not None
-    )
+    second = next((one.cause.name, share) for one, share in last.shares if one.cause is not None)
     return (*((one.cause.name, 1.0) for one in named if one.cause is not None), second)
 
 
 def _second(further: Weigher, weighed: Weighed) -> Hypotheses:
     """Bodies with one change more than those that are named."""
-    groups = [
-        (one, share)
-        for one, share in zip(weighed.particles, weighed.probabilities.tolist(), strict=True)
-        if one.cause is not None
-    ]
-    total = sum(share for _, share in groups)
-    return Hypotheses.of(further, [(one, share / total) for one, share in groups], _BODIES // 2)
+    groups = weighed.shares_of(_names(weighed.particles) - {None})
+    return Hypotheses.of(further, groups, _BODIES // 2)
 
 
 def _log_odds(further: Weighed) -> float:
@@ -314,7 +287,7 @@ def _evidence(weigher: Weigher, named: Sequence[Particles], weighed: Weighed) ->
     logs = [
         particles.log_evidence + log_alone(weigher, particles)
         for particles in weighed.particles
-        if _name(particles) in names
+        if particles.name in names
     ]
     return float(logsumexp(np.array(logs)))
 

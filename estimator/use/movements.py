@@ -79,8 +79,7 @@ class Hypotheses:
 
 def telling(weigher: Weigher, weighed: Weighed) -> tuple[Array, float]:
     """The movement, rad, that is expected to tell most of what has changed, and how much, bits."""
-    groups = list(zip(weighed.particles, weighed.probabilities.tolist(), strict=True))
-    return best_of(weigher, Hypotheses.of(weigher, groups))
+    return best_of(weigher, Hypotheses.of(weigher, weighed.shares))
 
 
 def best_of(

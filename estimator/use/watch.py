@@ -132,10 +132,10 @@ class Watch:
         first = len(observed) - 1 - int(np.argmax(logsumexp(log_odds, axis=1)))
         weighed = learning[first].weigh(observed[first:])
         changed = max(1.0 - weighed.unchanged, 1e-300) / (1.0 - self.none_of_these)
-        suspects = zip(weighed.particles, weighed.probabilities.tolist(), strict=True)
-        return tuple((one, share / changed) for one, share in suspects if one.cause is not None)[
-            :count
+        suspects = [
+            (one, share / changed) for one, share in weighed.shares if one.cause is not None
         ]
+        return tuple(suspects[:count])
 
     def _likely(self) -> list[tuple[Particles, float]]:
         """The table's causes weighed by the recursion, each with its share of these."""
