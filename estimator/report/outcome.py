@@ -13,7 +13,7 @@ from rich.text import Text
 
 from estimator.identification.record_link import is_record
 from estimator.report.posterior_report import PosteriorReport
-from estimator.report.result import MAIN_BODY, LegResult, ModelResult, PartResult, Result
+from estimator.report.result import MAIN_BODY, LegResult, ModelResult, Result
 from estimator.report.tables import (
     between,
     mm,
@@ -153,8 +153,9 @@ def _body(result: Result) -> Iterator[Table]:
             return
     heading = "in the population (mm)" if result.posterior is None else "90 % interval (mm)"
     table = plain_table("leg", "mount", "length (mm)", heading, "touched")
-    for leg, interval in zip(result.legs, _intervals(result), strict=True):
-        table.add_row(leg.joint, leg.mount, *interval, leg.touched_in_words)
+    for leg, length in zip(result.legs, result.leg_intervals, strict=True):
+        cells = mm(length.median), between(length, 1000), leg.touched_in_words
+        table.add_row(leg.joint, leg.mount, *cells)
     yield table
 
 
@@ -162,7 +163,7 @@ def _parts(result: Result, model: ModelResult, legs: dict[str, LegResult]) -> Ta
     has_posterior = result.posterior is not None
     sure = ["sure"] if has_posterior else []
     table = plain_table("part", "sits on", "mount", "hinge", *sure, justify="left")
-    intervals = dict(zip(legs, _intervals(result), strict=True)) if legs else {}
+    lengths = dict(zip(legs, result.leg_intervals, strict=True)) if legs else {}
     add_numbers = partial(table.add_column, justify="right", no_wrap=True)
     add_numbers("length (mm)" if legs else "best body (mm)")
     if legs:
@@ -171,27 +172,14 @@ def _parts(result: Result, model: ModelResult, legs: dict[str, LegResult]) -> Ta
     for part in model.parts:
         row = [part.name, part.parent, part.mount, part.hinge if part.joint else "–"]
         if has_posterior:
-            row.append(_agreement(part))
-        if part.joint in intervals:
-            row += [*intervals[part.joint], legs[part.joint].touched_in_words]
+            row.append("–" if part.agreement is None else percent(part.agreement))
+        if part.joint in lengths:
+            length = lengths[part.joint]
+            row += [mm(length.median), between(length, 1000), legs[part.joint].touched_in_words]
         else:
             row.append(mm(part.length_m))
         table.add_row(*row)
     return table
-
-
-def _agreement(part: PartResult) -> str:
-    return "–" if part.agreement is None else percent(part.agreement)
-
-
-def _intervals(result: Result) -> list[tuple[str, str]]:
-    """Length of each leg and its interval, mm."""
-    if result.posterior is not None:
-        return [(mm(length.median), between(length, 1000)) for length in result.posterior.lengths_m]
-    return [
-        (mm(leg.length_m), "–" if leg.population_m is None else "–".join(map(mm, leg.population_m)))
-        for leg in result.legs
-    ]
 
 
 def next_steps(result: Result, directory: Path | None) -> list[str]:
