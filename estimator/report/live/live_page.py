@@ -185,12 +185,6 @@ def _listening_socket(host: str, port: int) -> socket.socket:
 
 _FLICKER_PERIOD: Final = 0.3  # s, for which a body is shown
 
-_STATE_SENTENCES: Final = {
-    RunState.GOES_ON: "The run goes on.",
-    RunState.INTERRUPTED: "The run is not finished, and nobody works on it.",
-    RunState.FINISHED: "The run is finished.",
-}
-
 
 def watch(directory: Path, host: str, port: int, say: Callable[[str], None]) -> NoReturn:
     """Shows a run on a page until it is interrupted.
@@ -215,7 +209,7 @@ def watch(directory: Path, host: str, port: int, say: Callable[[str], None]) -> 
             try:
                 if view is not None:
                     page.show(view)
-                    last_sentence = _say_once(say, _STATE_SENTENCES[view.state], last_sentence)
+                    last_sentence = _say_once(say, view.state.value, last_sentence)
                 else:
                     page.flicker()
                 time.sleep(_FLICKER_PERIOD)

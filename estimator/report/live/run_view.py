@@ -25,11 +25,11 @@ SHOWN: Final = 24
 
 
 class RunState(Enum):
-    """Whether a run goes on."""
+    """Whether a run goes on, as a sentence."""
 
-    GOES_ON = "goes on"
-    INTERRUPTED = "interrupted"
-    FINISHED = "finished"
+    GOES_ON = "The run goes on."
+    INTERRUPTED = "The run is not finished, and nobody works on it."
+    FINISHED = "The run is finished."
 
 
 @dataclass(frozen=True, kw_only=True)
