@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, PlainSerializer
 
 from estimator.body.morphology import Array, Morphology, Part, rotation
-from estimator.evaluation.truth.urdf import Box, Cylinder, Origin, Sphere, Urdf, numbers
+from estimator.evaluation.truth.urdf import Box, Collision, Cylinder, Urdf, numbers
 from estimator.readings.observation import Observation
 from protocol.wire.readings import belly_ray, up_of
 
@@ -134,25 +134,12 @@ def robot_links(urdf: Urdf, joints: Sequence[str], limbs_of: Mapping[str, int]) 
         joints: Names of the robot's joints in motor order; others stand at 0.
         limbs_of: Number of the limb that each joint carries, by the joint's name.
     """
-    shapes = {
-        link.name: tuple(
-            Shape(
-                kind=kind,
-                size=size,
-                place=_numbers(place),
-                turn=_numbers(turn),
-            )
-            for collision in link.collisions
-            for kind, size in (_shape_of(collision.geometry.shape),)
-            for turn, place in (_frame_of(collision.origin),)
-        )
-        for link in urdf.links
-    }
+    shapes = {link.name: tuple(map(_shape_of, link.collisions)) for link in urdf.links}
     links = [Link(name=urdf.root, shapes=shapes[urdf.root])]
     numbered = {urdf.root: 0}
     for joint in urdf.joints:
         parent, child = numbered[joint.parent.link], joint.child.link
-        turn, place = _frame_of(joint.origin)
+        turn, place = joint.origin.frame
         axis = np.array(numbers(joint.axis.xyz))
         is_driven = joint.type == "revolute" and joint.name in joints
         numbered[child] = len(links)
@@ -182,22 +169,17 @@ def _limb_numbers(body: Morphology) -> list[int]:
     return [MAIN_BODY if motor is None else motors.index(motor) for motor in moving]
 
 
-def _frame_of(origin: Origin) -> tuple[Array, Array]:
-    """Rotation and place, m, that a URDF's origin stands for."""
-    roll, pitch, yaw = numbers(origin.rpy)
-    turn = rotation((0.0, 0.0, 1.0), yaw) @ rotation((0.0, 1.0, 0.0), pitch)
-    turn = turn @ rotation((1.0, 0.0, 0.0), roll)
-    return turn, np.array(numbers(origin.xyz))
-
-
-def _shape_of(shape: Box | Cylinder | Sphere | None) -> tuple[Kind, tuple[float, ...]]:
-    """Kind and size of a URDF's shape, as a ``Shape`` has them."""
+def _shape_of(collision: Collision) -> Shape:
+    """A shape of a URDF, in its link's frame."""
+    turn, place = map(_numbers, collision.origin.frame)
+    shape = collision.geometry.shape
     if isinstance(shape, Box):
-        return "box", numbers(shape.size)
+        return Shape(kind="box", size=numbers(shape.size), place=place, turn=turn)
     if isinstance(shape, Cylinder):
-        return "cylinder", (shape.radius, shape.length)
+        size = shape.radius, shape.length
+        return Shape(kind="cylinder", size=size, place=place, turn=turn)
     assert shape is not None
-    return "sphere", (shape.radius,)
+    return Shape(kind="sphere", size=(shape.radius,), place=place, turn=turn)
 
 
 _LYING: Final = rotation((0.0, 1.0, 0.0), math.pi / 2)

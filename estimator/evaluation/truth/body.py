@@ -16,14 +16,13 @@ from typing import Final
 import numpy as np
 
 from estimator.body.limbs import Limb
-from estimator.body.morphology import BASE, Array, direction, rotation
+from estimator.body.morphology import BASE, Array, direction
 from estimator.body.mounts import BaseMount
 from estimator.errors import TruthError
 from estimator.evaluation.truth.urdf import (
     Box,
     Collision,
     Cylinder,
-    Origin,
     Urdf,
     numbers,
     read_urdf,
@@ -146,7 +145,7 @@ class _Reader:
         self._limb_of = {urdf.root: BASE}
         self._driven = []
         for joint in urdf.joints:
-            pose = self._poses[joint.parent.link] @ _pose(joint.origin)
+            pose = self._poses[joint.parent.link] @ _Pose(*joint.origin.frame)
             self._poses[joint.child.link] = pose
             motor = motors.get(joint.name, self._limb_of[joint.parent.link])
             self._limb_of[joint.child.link] = motor
@@ -219,7 +218,7 @@ class _Reader:
         origin = parent.turn.T @ (start - parent.place)
         ways = np.array([parent.turn @ direction(place)[:, 0] for place in places])
         shapes = [
-            (self._poses[name] @ _pose(collision.origin), collision)
+            (self._poses[name] @ _Pose(*collision.origin.frame), collision)
             for name, link in self._links.items()
             if self._limb_of[name] == motor
             for collision in link.collisions
@@ -282,12 +281,6 @@ def _misfits(
             f"hinge, {limb.hinge}"
         )
     return misfits
-
-
-def _pose(origin: Origin) -> _Pose:
-    roll, pitch, yaw = numbers(origin.rpy)
-    turn = rotation((0.0, 0.0, 1.0), yaw) @ rotation((0.0, 1.0, 0.0), pitch)
-    return _Pose(turn @ rotation((1.0, 0.0, 0.0), roll), np.array(numbers(origin.xyz)))
 
 
 def _reach(pose: _Pose, collision: Collision, start: Array, way: Array) -> float:

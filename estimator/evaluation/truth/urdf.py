@@ -14,10 +14,12 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Final, Literal, TypeAlias
 
+import numpy as np
 from lxml import etree
 from pydantic import AfterValidator, Field, ValidationError
 from pydantic_xml import BaseXmlModel, ParsingError, attr, element
 
+from estimator.body.morphology import Array, rotation
 from estimator.errors import TruthError
 
 
@@ -70,6 +72,13 @@ class Origin(_Element, tag="origin"):
 
     xyz: Vector = attr(default=_ZERO)
     rpy: Vector = attr(default=_ZERO)
+
+    @property
+    def frame(self) -> tuple[Array, Array]:
+        """Rotation, shape (3, 3), and place, m, shape (3,)."""
+        roll, pitch, yaw = numbers(self.rpy)
+        turn = rotation((0.0, 0.0, 1.0), yaw) @ rotation((0.0, 1.0, 0.0), pitch)
+        return turn @ rotation((1.0, 0.0, 0.0), roll), np.array(numbers(self.xyz))
 
 
 class Box(_Element, tag="box"):
