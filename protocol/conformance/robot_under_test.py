@@ -20,6 +20,7 @@ from protocol.conformance.raw_connection import (
     SuiteSettings,
     Unanswered,
     expect,
+    pack,
     said,
 )
 from protocol.security.keys import ClientKeys
@@ -107,9 +108,10 @@ class TrialClient:
             self.connection.expect_ids()
         return None
 
-    def refused(self, frame: bytes, code: str, request_id: int | None, what: str) -> None:
-        """Expects that a frame is answered with an error; ``what`` names it in the sentence."""
-        self.expect_raw(frame, (code,), (request_id,), what)
+    def refused(self, code: str, what: str, kind: str, **fields: Any) -> None:
+        """Expects that a request is refused; ``what`` names it in the sentence."""
+        request = self.request(kind, **fields)
+        self.expect_raw(pack(request), (code,), (request["id"],), what)
 
     def expect_raw(
         self, frame: bytes, codes: Collection[str], ids: Collection[int | None], what: str

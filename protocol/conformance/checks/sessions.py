@@ -12,7 +12,6 @@ from protocol.conformance.raw_connection import (
     Map,
     Skipped,
     expect,
-    pack,
     said,
 )
 from protocol.conformance.registry import Need, check
@@ -46,9 +45,7 @@ def session_is_needed(robot: RobotUnderTest) -> None:
     client = robot.client()
     for kind in ("heartbeat", "read", "release"):
         for missing in ("session", "client"):
-            request = client.request(kind)
-            del request[missing]
-            client.refused(pack(request), "malformed", request["id"], f"{kind} without {missing}")
+            client.refused("malformed", f"{kind} without {missing}", kind, **{missing: None})
 
 
 @check("3.5")
@@ -249,8 +246,7 @@ def what_is_no_outcome(robot: RobotUnderTest) -> None:
     number = client.number()
     client.expect("restarted", "read", id=number, session="no such session")
     client.expect("unknown_type", "dance", id=number)
-    request = client.request("read", id=number, client=5)
-    client.refused(pack(request), "malformed", number, "A client that is a number")
+    client.refused("malformed", "A client that is a number", "read", id=number, client=5)
     reply = client.ask("read", id=number)
     expect(
         reply.get("code") not in ("id_reused", "out_of_order", "expired"),
@@ -267,12 +263,9 @@ def order(robot: RobotUnderTest) -> None:
     client.expect("restarted", "read", id=number, session="no such session")  # before the id
     client.expect("id_reused", "clear", id=number)  # before control
     client.expect("not_controller", "perform", targets={})  # before the targets
-    perform = client.request("perform", session="no such session", targets=5)
-    client.refused(pack(perform), "malformed", perform["id"], "Targets that are no map")
-    unknown = client.request("dance", session=5)
-    client.refused(
-        pack(unknown), "unknown_type", unknown["id"], "An unknown type with wrong fields"
-    )
+    fields = {"session": "no such session", "targets": 5}
+    client.refused("malformed", "Targets that are no map", "perform", **fields)
+    client.refused("unknown_type", "An unknown type with wrong fields", "dance", session=5)
 
 
 @check("4.12", need=Need.CONTROL, after=("7.2",))
