@@ -119,7 +119,7 @@ def _errors(fitted: FittedPosterior) -> list[tuple[float | None, float | None]]:
     if fitted.errors is None or fitted.searched is None:
         return [(None, None)] * len(fitted.model_points)
     return [
-        (_known(fitted.errors[row]), _known(fitted.searched[row])) for row in fitted.ranked.tolist()
+        (finite(fitted.errors[row]), finite(fitted.searched[row])) for row in fitted.ranked.tolist()
     ]
 
 
@@ -197,7 +197,7 @@ def _model(
     )
 
 
-def _known(error: float) -> float | None:
+def finite(error: float) -> float | None:
     """An error for JSON, which has no infinity: ``None`` in its place."""
     return float(error) if math.isfinite(error) else None
 

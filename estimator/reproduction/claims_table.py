@@ -6,6 +6,7 @@ from dataclasses import asdict, astuple, dataclass
 from pathlib import Path
 from typing import Final
 
+from estimator.report.tables import mm
 from estimator.reproduction.figure import write_csv, write_json
 from estimator.reproduction.paper_claims import (
     SIGNIFICANT,
@@ -112,7 +113,7 @@ def _row(item: VariantComparison) -> str:
         _variant(item.better),
         _variant(item.worse),
         f"{item.pairs}",
-        f"{_mm(item.means[0])}, {_mm(item.means[1])}",
+        f"{mm(item.means[0])}, {mm(item.means[1])}",
         _difference(item.difference),
         _p(item.p),
         _p(item.corrected),
@@ -130,7 +131,7 @@ def _aside(item: TiltAloneComparison) -> str:
         verdict = "better than" if of_tilt < of_other else "worse than"
     return (
         f"Figure {item.panel}: variant {_variant(TILT_ALONE)} is {verdict} {_variant(item.other)}: "
-        f"{_mm(of_tilt)} against {_mm(of_other)} mm, difference {_difference(item.difference)}, "
+        f"{mm(of_tilt)} against {mm(of_other)} mm, difference {_difference(item.difference)}, "
         f"p = {_p(item.p)}."
     )
 
@@ -152,10 +153,6 @@ def _successes(item: SuccessRateComparison) -> str:
 
 def _variant(number: int) -> str:
     return f"{number} ({', '.join(VARIANTS[number - 1].modalities)})"
-
-
-def _mm(length: float | None) -> str:
-    return "–" if length is None else f"{length * 1000:.1f}"
 
 
 def _difference(item: MeanDifference | None) -> str:

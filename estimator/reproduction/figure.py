@@ -25,6 +25,7 @@ from estimator.readings.observation import Observation
 from estimator.report.evaluations import TRUTH
 from estimator.report.plots import draw_errors, draw_lengths
 from estimator.report.result import Result
+from estimator.report.summarise import finite
 from estimator.reproduction.paper_runs import PlannedRun, Summary
 from estimator.storage.records import Generation, InteractionRecord, Prediction
 from estimator.storage.store import RunStore
@@ -96,11 +97,6 @@ def history_rows(run: FinishedRun, panels: tuple[str, str]) -> Iterator[Row]:
             yield panels[1], item.number, item.iteration + 1, "leg_length_m", joint, length_text
 
 
-def _finite(error: float) -> float | None:
-    """An error for JSON; ``None`` for a model that could not be simulated."""
-    return error if math.isfinite(error) else None
-
-
 def history_numbers(run: FinishedRun) -> dict[str, Any]:
     """Numbers of a run at the end of each iteration."""
     ends = run.iteration_ends
@@ -110,7 +106,7 @@ def history_numbers(run: FinishedRun) -> dict[str, Any]:
         "joints": list(run.score.joints),
         "true_lengths_m": list(run.score.true_lengths_m),
         "last_generations": [generation.number for generation in ends],
-        "best_errors": [_finite(min(generation.errors)) for generation in ends],
+        "best_errors": [finite(min(generation.errors)) for generation in ends],
         "best_lengths_m": [run.best_lengths(generation).tolist() for generation in ends],
     }
 

@@ -266,7 +266,7 @@ class _Paired:
 
     @property
     def means(self) -> tuple[float | None, float | None]:
-        return _mean(self.one), _mean(self.other)
+        return mean_and_deviation(self.one)[0], mean_and_deviation(self.other)[0]
 
     @property
     def differences(self) -> list[float]:
@@ -367,7 +367,3 @@ def _verdict(less: float | None, more: float | None) -> ClaimVerdict:
     if more is not None and more < SIGNIFICANT:
         return "contradicted"
     return "not shown"
-
-
-def _mean(values: Sequence[float]) -> float | None:
-    return float(np.mean(values)) if len(values) else None
