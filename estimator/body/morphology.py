@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Final, Literal, TypeAlias
 
@@ -212,6 +212,11 @@ class Morphology:
             number = getattr(part, name)
             if number is not None and number < 0:
                 raise refuse(f"{name} must be at least 0 or None, not {number}")
+
+    def with_lengths(self, lengths: Sequence[float]) -> Morphology:
+        """The body with other lengths of its parts, m."""
+        pairs = zip(self.parts, lengths, strict=True)
+        return replace(self, parts=tuple(replace(part, length=length) for part, length in pairs))
 
     def mount(self, index: int) -> BaseMount | PartMount:
         """Mount that a part sits on."""

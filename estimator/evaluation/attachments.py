@@ -21,7 +21,7 @@ from typing import Final, TypeAlias
 from pydantic import BaseModel, ConfigDict
 
 from estimator.body.limbs import Limb, driven_limbs, limbs
-from estimator.body.morphology import BASE, Morphology, Part
+from estimator.body.morphology import BASE, Morphology
 from estimator.evaluation.truth.body import TrueLimb, check_robot, rigid_parts, true_limbs
 from estimator.physics.equivalence import images
 from estimator.problem.genome import Genome
@@ -265,6 +265,7 @@ class Comparison:
     ) -> set[Cell]:
         """Cells whose wrong values, all together, make a body that is like the truth."""
         cells = [cell for cell in wrong if cell[1] not in self._impossible[cell[0]]]
+        lengths = [part.length for part in self._model.parts]
         trials = [
             set(cells),
             *({cell for cell in cells if cell[1] == trait} for trait in TRAITS),
@@ -278,7 +279,7 @@ class Comparison:
             if candidate == excused or candidate in refused:
                 continue
             body = self._variant(reference, candidate)
-            if indistinguishable([body, _with_lengths_of(self._model, body)]):
+            if indistinguishable([body, body.with_lengths(lengths)]):
                 excused = candidate
             else:
                 refused.append(candidate)
@@ -321,32 +322,23 @@ class Comparison:
             elif (parts[row].parent == BASE) == (true_limb.limb.parent == BASE):
                 parts[row] = replace(parts[row], mount=true_limb.mount)
         body = self._genome.assemble(parts)
-        return self._genome.assemble(_with_true_lengths(body, self._rows, legs))
+        return body.with_lengths(_true_lengths(body, self._rows, legs))
 
 
-def _with_true_lengths(
+def _true_lengths(
     body: Morphology, rows: Mapping[int, TrueLimb], legs: Mapping[int, TrueLimb]
-) -> list[Part]:
-    """Parts with their true lengths, or, in a leg of which not all parts are known, scaled.
+) -> list[float]:
+    """True lengths of parts, or, in a leg of which not all parts are known, scaled ones, m.
 
     A leg that is scaled reaches as far as the true one.
     """
     by_motor: dict[int | None, Limb] = {limb.motor: limb for limb in limbs(body)}
-    parts = list(body.parts)
+    lengths = [part.length for part in body.parts]
     divided = {root for row, root in enumerate(body.rigid_groups) if row not in rows}
     for row, root in enumerate(body.rigid_groups):
         motor = body.parts[root].motor
         if root not in divided:
-            parts[row] = replace(parts[row], length=rows[row].limb.length)
+            lengths[row] = rows[row].limb.length
         elif motor is not None and motor in legs:
-            scale = legs[motor].limb.length / by_motor[motor].length
-            parts[row] = replace(parts[row], length=parts[row].length * scale)
-    return parts
-
-
-def _with_lengths_of(other: Morphology, body: Morphology) -> Morphology:
-    """The body with the part lengths of ``other``."""
-    parts = (
-        replace(part, length=its.length) for part, its in zip(body.parts, other.parts, strict=True)
-    )
-    return replace(body, parts=tuple(parts))
+            lengths[row] *= legs[motor].limb.length / by_motor[motor].length
+    return lengths

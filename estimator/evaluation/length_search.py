@@ -67,7 +67,7 @@ class LengthSearch:
         for number in range(_ROUNDS):
             trial.take(number)
             nearest = trial.descend(nearest, _NARROW_WIDTHS)
-            if self._reference.is_like(_with_lengths(starts[0], nearest)):
+            if self._reference.is_like(starts[0].with_lengths(nearest.tolist())):
                 return True
             if trial.agreement(nearest) < _HOPEFUL_SHARE:
                 return False
@@ -129,13 +129,3 @@ class _Trial:
             tried[1:, part] = np.linspace(self._lower[part], self._upper[part], _GRID)
             lengths = self.best(tried, width=1.0)
         return lengths
-
-
-def _with_lengths(body: Morphology, lengths: Array) -> Morphology:
-    return replace(
-        body,
-        parts=tuple(
-            replace(part, length=length)
-            for part, length in zip(body.parts, lengths.tolist(), strict=True)
-        ),
-    )
