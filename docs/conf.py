@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from pathlib import Path
 
@@ -28,3 +29,9 @@ def setup(app: Sphinx) -> None:
     """Shows CSV and hexadecimal bytes as they are: Pygments knows neither."""
     for language in ("csv", "hex"):
         app.add_lexer(language, TextLexer)
+    app.connect("source-read", _unlink_readme)
+
+
+def _unlink_readme(app: Sphinx, name: str, source: list[str]) -> None:
+    """Leaves the words of links to README.md, which is no page of the site."""
+    source[0] = re.sub(r"\[([^]]+)\]\(\.\./README\.md[^)]*\)", r"\1", source[0])

@@ -1,7 +1,7 @@
 """Finds out a robot's body from what it feels when it moves: a package of bodyschema.
 
-``docs/extending.md`` has the plan. A program needs no more than the names below, which
-``__init__.pyi`` lists; ``docs/extending.md`` has an example::
+``docs/architecture.md`` has the plan. A program needs no more than the names below, which
+``__init__.pyi`` lists; ``docs/extending.md`` has examples. The shortest::
 
     from estimator import RunConfig, identify
 
@@ -34,12 +34,13 @@ Name                    What it is
 ``EstimatorError``      what can go wrong; the other errors derive from it
 ======================= =========================================================================
 
-The subpackages, from the top down; each imports only from those below it:
+The modules and subpackages, from the top down; each imports only from those below it:
 
 ================== ==============================================================================
-Subpackage         What is in it
+Name               What is in it
 ================== ==============================================================================
-``cli``            the command line; beside it ``api``, for programs
+``cli``            the command line
+``api``            what a program calls
 ``reproduction``   studies of many runs, resumed by the same command: the paper's figures
 ``report``         a run in numbers, tables, plots and pages, also while it goes on; a body as
                    URDF, MJCF or JSON
@@ -49,6 +50,7 @@ Subpackage         What is in it
 ``identification`` a run: act, sense, model; the robot, a table or a recorded run that it acts on.
                    Two methods: ``posterior_method`` and, with its search and objectives, ``paper``
 ``exploration``    which motor program is next: the rules
+``preloaded``      what worker processes load before they are forked
 ``posterior``      every body that explains the readings, as samples with weights
 ``storage``        a run on disk: settings, interactions, generations, posteriors
 ``problem``        what is known and what is to be found; genes to bodies
@@ -56,11 +58,15 @@ Subpackage         What is in it
 ``physics``        what a body's sensors read at rest: back-ends by name
 ``readings``       what was observed and what is predicted; the modalities
 ``body``           a body as a tree of parts, and its kinematics
+``executors``      where work is done: processes and threads here
+``cluster``        where work is done: workers elsewhere
+``plugins``        implementations by name
+``versions``       what computed a run
+``randomness``     the streams that a run's seed gives
+``errors``         what can go wrong
 ================== ==============================================================================
 
-Below them all: ``executors`` (processes and threads here) and ``cluster`` (workers elsewhere),
-``plugins`` (implementations by name), ``versions`` (what computed a run), ``randomness`` and
-``errors``. Only ``evaluation`` and ``reproduction`` look at a true body (``evaluation.truth``);
+Only ``evaluation`` and ``reproduction`` look at a true body (``evaluation.truth``);
 nothing that searches can.
 """
 

@@ -13,6 +13,7 @@ Name                    What is in it
 ``configuration``       ``robot.toml`` and ``calibration.toml``
 ``sensing``             volts and millimetres become tilt, touch and clearance
 ``drivers``             the electronics
+``uncertainty``         how well something was calibrated
 ``toml_sections``       reads a TOML file so that a wrong key is refused by name
 ``host``                the computer that it runs on: clocks, log, service manager
 ``errors``              what can go wrong

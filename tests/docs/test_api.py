@@ -9,9 +9,11 @@ import sys
 from pathlib import Path
 
 from bench.daemons import simulator
-from tests.docs.pages import blocks, section
+from tests.docs.pages import ROOT, blocks, section
 
-QUESTIONS, PROGRAM, _ = blocks(section("extending", "From your own program"), "python")
+LIKELIHOOD, PROGRAM, _ = blocks(section("extending", "From your own program"), "python")
+(ASKED,) = blocks((ROOT / "README.md").read_text(encoding="utf-8"), "python")
+QUESTIONS = ASKED.partition("\nwith RobotClient")[0] + LIKELIHOOD
 
 
 def run(program: Path) -> subprocess.CompletedProcess[str]:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.docs.pages import ROOT, section
+from tests.docs.pages import ROOT
 
 PAGES = [*sorted(ROOT.glob("*.md")), ROOT / "protocol" / "SPEC.md", *sorted(ROOT.glob("docs/*.md"))]
 PACKAGES = ("protocol", "robot", "sim_robot", "estimator", "tests", "bench")
@@ -35,17 +35,6 @@ def test_the_modules_of_a_page_are_there_also_where_their_package_goes_without_s
     modules = [path for package in PACKAGES for path in (ROOT / package).rglob("*.py")]
     named = set(re.findall(r"`(\w+(?:/\w+)+\.py)`", text))
     assert not {name for name in named if not any(path.match(name) for path in modules)}
-
-
-def test_the_subpackages_of_the_architecture_are_those_that_there_are() -> None:
-    text = section("extending", "Architecture")
-    header, _, *rows = re.findall(r"^\|.*\|$", text[text.index("| `protocol/` | `robot/`") :], re.M)
-    packages = re.findall(r"`(\w+)/`", header)
-    cells = [[cell.strip() for cell in row.strip("|").split("|")] for row in rows]
-    for column, package in enumerate(packages):
-        drawn = [re.findall(r"^`(\w+)`", row[column]) for row in cells if len(row) == 4]
-        there = {path.parent.name for path in (ROOT / package).glob("*/__init__.py")}
-        assert {name for one in drawn for name in one} == there, package
 
 
 def test_targets_that_are_named_to_contributors_exist() -> None:

@@ -2,13 +2,10 @@
 
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
 import estimator
-
-SUBPACKAGES = estimator.__doc__ or ""
 
 
 def test_importing_it_loads_no_library() -> None:
@@ -52,10 +49,3 @@ def test_an_option_names_what_there_is(field: str, registry: estimator.Registry[
     described = estimator.RunConfig.model_fields[field].description or ""
     for name in registry.own:
         assert name in described
-
-
-def test_the_front_page_names_every_subpackage() -> None:
-    names = [path.parent.name for path in Path(*estimator.__path__).glob("*/__init__.py")]
-    assert names
-    for name in names:
-        assert f"\n``{name}``" in SUBPACKAGES
