@@ -35,9 +35,6 @@ BEST: Final = "best_model"
 POPULATION: Final = "population_median"
 RANDOM: Final = "random_models"
 RANDOM_MODELS: Final = 50
-_AS_PREDICTED: Final = {"touch": 0.5, "tilt_deg": 1.5, "clearance_mm": 5.0}
-"""Largest errors that noise explains; beyond them the body landed elsewhere, or is another."""
-
 
 PredictionErrors: TypeAlias = dict[str, float | None]
 """Mean errors over the programs by the modalities' ``error_name``; ``None`` where nothing could be
@@ -55,7 +52,7 @@ class Validation(BaseModel):
         invalid_predictions: Number of predictions of the three groups that could not be simulated
             and are left out.
         as_predicted: Number of programs after which every sensor read what the best model predicts,
-            to 1.5° and 5 mm.
+            to the modality's ``error_limit``.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -157,12 +154,13 @@ def compare(predictions: Sequence[Prediction], observations: Sequence[Observatio
 
 def _is_as_predicted(predicted: Mapping[str, Array], observation: Observation) -> bool:
     """Whether all sensors read what a model predicts; not if it predicts nothing."""
-    errors = {
-        modality.error_name: modality.prediction_errors(predicted[name], observation)
-        for name, modality in MODALITIES.items()
-    }
-    is_elsewhere = any(bool(np.any(error > _AS_PREDICTED[name])) for name, error in errors.items())
-    return not is_elsewhere and any(bool(np.any(~np.isnan(error))) for error in errors.values())
+    is_compared = False
+    for name, modality in MODALITIES.items():
+        errors = modality.prediction_errors(predicted[name], observation)
+        if np.any(errors > modality.error_limit):
+            return False
+        is_compared |= bool(np.any(~np.isnan(errors)))
+    return is_compared
 
 
 def _programs(store: RunStore, link: RobotLink, count: int, number: int) -> list[Program]:

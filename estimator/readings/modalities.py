@@ -42,7 +42,10 @@ class Modality(ABC):
         weight: Weight of a unit in the paper's subjective error.
         error_factor: Factor from a value's unit to that of a prediction error.
         error_name: Name of the prediction error in ``validation.json``, with its unit.
-        error_format: Format in which a prediction error is said.
+        error_limit: Largest prediction error that noise explains, in the unit of ``error_name``;
+            beyond it the body landed elsewhere, or is another.
+        error_unit: What follows a prediction error that is said, in the unit of ``heading``.
+        error_digits: How many of its digits after the point are said.
         heading: Heading of the prediction error in tables.
         table_factor: Factor from ``error_name``'s unit to the heading's.
     """
@@ -55,7 +58,9 @@ class Modality(ABC):
     weight: ClassVar[float] = 1.0
     error_factor: ClassVar[float] = 1.0
     error_name: ClassVar[str]
-    error_format: ClassVar[str]
+    error_limit: ClassVar[float]
+    error_unit: ClassVar[str]
+    error_digits: ClassVar[int] = 1
     heading: ClassVar[str]
     table_factor: ClassVar[float] = 1.0
 
@@ -93,7 +98,8 @@ class Modality(ABC):
 
     def say_error(self, error: float | None) -> str:
         """A prediction error with its unit."""
-        return "–" if error is None else self.error_format.format(error)
+        shown = self.shown(error)
+        return "–" if shown is None else f"{shown:.{self.error_digits}f}{self.error_unit}"
 
     # --- as columns of a table --------------------------------------------------------------------
 
@@ -183,7 +189,9 @@ class Touch(Modality):
     unit = "bool"
     on_parts = True
     error_name = "touch"
-    error_format = "{:.0%}"
+    error_limit = 0.5
+    error_unit = "%"
+    error_digits = 0
     heading = "touch wrong (%)"
     table_factor = 100.0
     _COLUMN: ClassVar[str] = "touch_"
@@ -261,6 +269,10 @@ class Quantity(Modality):
         number = parse_number(where, column, cell, *self.written_range)
         return None if number is None else type(self).read(number)
 
+    def say_limit(self) -> str:
+        """``error_limit`` with its unit."""
+        return f"{self.table_factor * self.error_limit:g}{self.error_unit}"
+
     def differences(self, one: PredictedReadings, other: PredictedReadings) -> Array:
         """Differences in units of ``tolerance``."""
         return (self.predicted(one) - self.predicted(other)) / self.tolerance
@@ -274,7 +286,8 @@ class Tilt(Quantity):
     weight = math.degrees(1.0)  # the paper's error counts degrees
     error_factor = math.degrees(1.0)
     error_name = "tilt_deg"
-    error_format = "{:.1f}°"
+    error_limit = 1.5
+    error_unit = "°"
     heading = "tilt (°)"
     column_names = ("tilt_lr_deg", "tilt_fb_deg")
     written = math.degrees
@@ -315,7 +328,8 @@ class Clearance(Quantity):
     weight = 10.0  # weight of a metre, where a degree of tilt has 1; the paper's
     error_factor = 1000.0
     error_name = "clearance_mm"
-    error_format = "{:.1f} mm"
+    error_limit = 5.0
+    error_unit = " mm"
     heading = "clearance (mm)"
     column_names = ("clearance_mm",)
     written = _millimetres

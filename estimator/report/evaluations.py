@@ -20,7 +20,7 @@ from estimator.evaluation.attachments import Configuration
 from estimator.evaluation.score import Score
 from estimator.evaluation.truth.urdf import Urdf, read_urdf
 from estimator.evaluation.validate import Validation
-from estimator.readings.modalities import MODALITIES
+from estimator.readings.modalities import MODALITIES, Quantity
 from estimator.report.result import Result, in_words
 from estimator.report.tables import mm, number, plain_table
 from protocol.system.files import replace_bytes, replace_text
@@ -182,7 +182,9 @@ def _marked(cell: Configuration) -> Text:
 def print_validation(console: Console, validation: Validation) -> None:
     """Prints whether the best model predicts the robot, and its errors beside other models'."""
     right, wrong = validation.as_predicted, validation.programs - validation.as_predicted
-    summary = f"{right} of {validation.programs} read as predicted, to 1.5° and 5 mm"
+    *most, last = (one.say_limit() for one in MODALITIES.values() if isinstance(one, Quantity))
+    limits = f"{', '.join(most)} and {last}"
+    summary = f"{right} of {validation.programs} read as predicted, to {limits}"
     if wrong <= _MAX_WRONG * validation.programs:
         verdict, style = f"This body predicts the robot: {summary}.", "bold green"
     elif right >= wrong:

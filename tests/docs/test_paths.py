@@ -37,6 +37,13 @@ def test_the_modules_of_a_page_are_there_also_where_their_package_goes_without_s
     assert not {name for name in named if not any(path.match(name) for path in modules)}
 
 
+def test_the_names_in_the_architecture_are_in_our_code() -> None:
+    files = [path for package in PACKAGES for path in (ROOT / package).rglob("*.py")]
+    words = {word for path in files for word in re.findall(r"\w+", path.read_text("utf-8"))}
+    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    assert not set(re.findall(r"`(\w+)`", text)) - words
+
+
 def test_targets_that_are_named_to_contributors_exist() -> None:
     text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")

@@ -377,6 +377,7 @@ def test_a_validation_begins_with_a_verdict(right: int, said: str) -> None:
     first, *_ = text.getvalue().splitlines()
     assert first.startswith("This body ")
     assert said in first
+    assert f"{right} of 10 read as predicted, to 1.5° and 5 mm" in first
 
 
 @pytest.mark.parametrize("method", ["paper", "posterior"])
