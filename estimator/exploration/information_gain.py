@@ -79,15 +79,15 @@ class InformationGain:
         noise, uniforms = drawn((draws, 3), rng), rng.random((draws, 1 + readings.touch.shape[1]))
         sources, outlier = np.arange(draws) % len(scales), self._noise.outlier
         shares = (1 - outlier, outlier * self._noise.nearby)
-        as_foretold = np.exp(scales) * [self._noise.of(name) for name in SCALED]
-        nearby = np.hypot(as_foretold, [DENSITIES[name].beside for name in SCALED])
+        as_predicted = np.exp(scales) * [self._noise.of(name) for name in SCALED]
+        nearby = np.hypot(as_predicted, [DENSITIES[name].beside for name in SCALED])
         beside, unknown = uniforms[:, 0] < shares[1], predicted.undecided | ~predicted.valid
-        spread = np.where(beside[:, None], nearby[sources], as_foretold[sources])
+        spread = np.where(beside[:, None], nearby[sources], as_predicted[sources])
         beyond, read = self._drawn(predicted[:, sources], spread, noise, uniforms[:, 1:])
         far: Flags = np.any(beyond, axis=1)
         pairs = _Pairs(
             read=read,
-            expected=[self._expected(predicted, spread, far) for spread in (as_foretold, nearby)],
+            expected=[self._expected(predicted, spread, far) for spread in (as_predicted, nearby)],
             shares=shares,
             anywhere=self._anywhere(readings.touch.shape[1])[beyond.astype(int)][..., None],
             elsewhere=1 - self._noise.nearby,
@@ -108,12 +108,12 @@ class InformationGain:
             those of ``_expected``, shape (p, d, f).
         """
         wrong = np.where(own.touch_doubtful, 0.5, self._noise.touch)
-        felt = own.touch != (uniforms < wrong)
+        touch = own.touch != (uniforms < wrong)
         tilt = own.tilt + spread[:, :1] * noise[:, :2]
         height = own.clearance + spread[:, 1] * noise[:, 2]
         beyond = (own.saturated | (height >= self._cap)) & ("clearance" in self._modalities)
         factors = {
-            "touch": (felt, ~felt),
+            "touch": (touch, ~touch),
             "tilt": (read_factors(tilt[..., 0]), read_factors(tilt[..., 1])),
             "clearance": (read_factors(height) * ~beyond[..., None], beyond[..., None]),
         }
@@ -216,8 +216,8 @@ class _Pairs:
 
     Attributes:
         read: Factors of the readings, shape (p, d, f).
-        expected: Factors of the predictions, for robots that end as foretold and for those that end
-            beside it, shape (p, f, n) each: inner products with ``read`` are log-densities.
+        expected: Factors of the predictions, for robots that end as predicted and for those that
+            end beside it, shape (p, f, n) each: inner products with ``read`` are log-densities.
         shares: Share of the readings that end in each of these ways.
         anywhere: Density of each reading in any pose times the share of outliers, shape (p, d, 1).
         elsewhere: Share of the outliers that may be anywhere.

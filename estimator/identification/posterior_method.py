@@ -144,7 +144,7 @@ class PosteriorMethod:
         fitted = replace(fitted, posterior=self._posterior)
         summary = self._summarised(fitted, before)
         summary = summary.model_copy(update={"overturned": self._overturned(number, summary)})
-        summary = self._doubted(summary, fitted)
+        summary = self._with_misspecification(summary, fitted)
         self._store.save_posterior(number, summary, self._cost(), self._sampler.state())
         self._summaries.append(summary)
         settings = self._store.settings
@@ -229,13 +229,15 @@ class PosteriorMethod:
                 "ess": checked.ess,
             }
         )
-        final = self._doubted(final, fitted)
+        final = self._with_misspecification(final, fitted)
         modes = (mode for mode in final.modes if mode.probability >= RIVAL)
         if not final.knows_cause(SURE) or any(not mode.indistinguishable for mode in modes):
             final = final.model_copy(update={"next_movement": self._deciding(fitted)})
         self._store.save_posterior(last, final, self._cost(), None)
 
-    def _doubted(self, summary: StoredPosterior, fitted: FittedPosterior) -> StoredPosterior:
+    def _with_misspecification(
+        self, summary: StoredPosterior, fitted: FittedPosterior
+    ) -> StoredPosterior:
         """The summary, with the probability of a deviation that is not in the table."""
         outliers = outliers_left(
             np.array([reading.outlier_probability for reading in summary.predicted]),

@@ -32,7 +32,7 @@ def test_outliers_are_as_frequent_and_as_far_off_as_in_the_likelihood() -> None:
     tilts = np.array([robot.perform(flat).tilt for _ in range(COUNT)], dtype=float)
     tilts = np.abs(tilts).max(axis=1)
     outliers = tilts > PLAINLY * noise.tilt
-    # Of those beside the pose foretold some are too near to be told from noise.
+    # Of those beside the pose predicted some are too near to be told from noise.
     assert 0.7 * noise.outlier < outliers.mean() < 1.1 * noise.outlier
     assert 0.3 < np.mean(tilts[outliers] > FAR) < 0.7, "half of them end anywhere"
 

@@ -168,7 +168,7 @@ def test_threads_do_not_show_in_the_result() -> None:
     assert one.min() > 0
 
 
-def test_poses_that_cannot_be_foretold_tell_nothing() -> None:
+def test_poses_that_cannot_be_predicted_tell_nothing() -> None:
     assert bits(predictions(np.array([0.0, 0.5]), no_prediction=True), [0, 1]) == 0.0
 
 

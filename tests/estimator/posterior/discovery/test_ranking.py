@@ -36,7 +36,7 @@ def test_few_interactions_or_points_are_ranked_by_all(
     assert np.array_equal(best_first, truly[: len(best_first)])
 
 
-def test_what_fits_best_is_hardly_ever_lost_with_most_of_the_work_spared(
+def test_what_fits_best_is_hardly_ever_lost_with_most_of_the_work_skipped(
     predictor: Predictor,
 ) -> None:
     rng, lengths = np.random.default_rng(3), lengths_with(predictor, 8)

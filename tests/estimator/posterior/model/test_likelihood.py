@@ -77,7 +77,7 @@ def test_readings_of_which_nothing_is_known_have_a_density_of_their_own() -> Non
     assert np.exp(Likelihood(data, NOISE).log_anywhere) == pytest.approx([anywhere], rel=1e-10)
 
 
-def test_one_that_ends_beside_the_pose_foretold_costs_less() -> None:
+def test_one_that_ends_beside_the_pose_predicted_costs_less() -> None:
     predicted, beside, elsewhere = (
         math.log(densities([one], one_reading())[0])
         for one in (
