@@ -19,6 +19,7 @@ import numpy as np
 from estimator.body.morphology import Array
 from estimator.errors import EstimatorError
 from estimator.identification.posterior_method import indistinguishable_in
+from estimator.posterior.checks.verdict import STRIKING, have_sure_paths
 from estimator.posterior.fitted import FittedPosterior
 from estimator.posterior.indistinguishable import Indistinguishable
 from estimator.posterior.model.sensor_data import COLUMNS, DENSITIES
@@ -159,30 +160,25 @@ def _stored(
             ),
         )
     predicted, unexplained = _predicted(weigher, drawn, seen)
+    few_are_left = spread.effective_bodies < _FEW_BODIES
     return StoredPosterior(
-        **{
-            **{name: getattr(old, name) for name in StoredPosterior.model_fields},
-            **stated._asdict(),
-            "low_ess": stated.low_ess or spread.effective_bodies < _FEW_BODIES,
-            "genes": tuple(map(tuple, known.samples[drawn.rows].tolist())),
-            "amounts": {
-                name: tuple(np.array(column)[drawn.rows].tolist())
-                for name, column in old.amounts.items()
-            },
-            "scales": tuple(map(tuple, weigher.scales(drawn).tolist())),
-            "weights": (1 / _SAMPLES,) * _SAMPLES,
-            "changes": changes,
-            "diagnosed": True,
-            "predicted": predicted,
-            "unexplained": unexplained,
-            "overturned": None,
-            "information_gain_bits": None,
-            "causes": (),
-            "as_stated_m": (),
-            "next_movement": None,
-            "simulated": 0,
-            "ess": None,
-        }
+        **stated._replace(low_ess=stated.low_ess or few_are_left)._asdict(),
+        genes=tuple(map(tuple, known.samples[drawn.rows].tolist())),
+        amounts={
+            name: tuple(np.array(column)[drawn.rows].tolist())
+            for name, column in old.amounts.items()
+        },
+        scales=tuple(map(tuple, weigher.scales(drawn).tolist())),
+        weights=(1 / _SAMPLES,) * _SAMPLES,
+        changes=changes,
+        diagnosed=True,
+        predicted=predicted,
+        unexplained=unexplained,
+        # what casts doubt on the identification does so on what is built on it
+        noisy=old.noisy,
+        contradicting=old.contradicting,
+        too_early=old.too_early,
+        misspecification_probability=old.misspecification_probability,
     )
 
 
@@ -215,12 +211,15 @@ def _predicted(
         for name, density in DENSITIES.items()
     }
     counts = {name: data.observed[name].count for name in residuals}
+    surely = np.flatnonzero(outliers > _UNEXPLAINED)  # of which none lands elsewhere by a trifle
+    programs = data.programs[surely]
+    surely = surely[have_sure_paths(known.predictor, bodies, drawn.weights, programs)]
     predicted = PredictedInteraction.each(readings, residuals, counts, outliers)
     return predicted, tuple(
         UnexplainedInteraction(
             interaction=at,
-            sensors=tuple(name for name, values in residuals.items() if abs(values[at]) > 3),
+            sensors=tuple(name for name, values in residuals.items() if abs(values[at]) > STRIKING),
             residual=float(max(abs(values[at]) for values in residuals.values())),
         )
-        for at in np.flatnonzero(outliers > _UNEXPLAINED).tolist()
+        for at in surely.tolist()
     )

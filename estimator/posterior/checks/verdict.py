@@ -16,11 +16,11 @@ from typing import Final
 
 import numpy as np
 
-from estimator.body.arrays import Flags
+from estimator.body.arrays import Bodies, Flags
 from estimator.body.morphology import Array
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.noise import MEAN_LOSS, VARIANCE_LOSS
-from estimator.posterior.model.sensor_data import COLUMNS, DENSITIES, SCALED, SensorData
+from estimator.posterior.model.sensor_data import COLUMNS, DENSITIES, SCALED
 from estimator.posterior.model.special import at_least, softmax
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Mode, Posterior
@@ -38,7 +38,8 @@ POOR: Final = 1.0
 
 _SURELY: Final = 0.95  # probability that a factor lies above ``TOO_NOISY``, or that a path is sure
 _BY_CHANCE: Final = 1e-3  # probability below which a touch sensor's wrong bits are no chance
-_STRIKING: Final = 3.0  # standard deviations from which a sensor is named
+STRIKING: Final = 3.0
+"""Standard deviations from which a sensor is named."""
 
 
 def judge(posterior: Posterior, predictor: Predictor, likelihood: Likelihood) -> FitVerdict:
@@ -53,10 +54,8 @@ def judge(posterior: Posterior, predictor: Predictor, likelihood: Likelihood) ->
     misfits = likelihood.misfits_of(predictor, posterior.values)
     outliers = weights @ likelihood.inlier_share(misfits, scales=posterior.scales) < 0.5
     interactions = np.flatnonzero(outliers)
-    sure = (
-        weights @ (_margins(posterior.values, predictor, likelihood.data[interactions]) > SURE_PATH)
-        > _SURELY
-    )
+    bodies, programs = predictor.unknowns.bodies(posterior.values), likelihood.data.programs
+    sure = have_sure_paths(predictor, bodies, weights, programs[interactions])
     residuals = standardised_residuals(best, predictor, likelihood)
     widened = likelihood.noise.widened(np.exp(weights @ posterior.scales))
     by_widened = standardised_residuals(best, predictor, Likelihood(likelihood.data, widened))
@@ -65,7 +64,7 @@ def judge(posterior: Posterior, predictor: Predictor, likelihood: Likelihood) ->
         UnexplainedInteraction(
             interaction=index,
             sensors=tuple(
-                name for name, residual in residuals.items() if abs(residual[index]) > _STRIKING
+                name for name, residual in residuals.items() if abs(residual[index]) > STRIKING
             ),
             residual=float(farthest[index]),
         )
@@ -118,11 +117,8 @@ def fit_of(point: Array, predictor: Predictor, likelihood: Likelihood) -> Fit:
     losses = (likelihood.best() - likelihood.of(misfits))[0]
     readings = sum(float(data.observed[name].count[~outliers].sum()) for name in SCALED)
     excess = float(losses[~outliers].sum()) - MEAN_LOSS * readings
-    unexplained = (
-        np.count_nonzero(outliers & (_margins(points, predictor, data)[0] > SURE_PATH))
-        if outliers.any()
-        else 0
-    )
+    bodies, programs = predictor.unknowns.bodies(points), data.programs[outliers]
+    unexplained = np.count_nonzero(have_sure_paths(predictor, bodies, np.ones(1), programs))
     return Fit(
         unexplained=int(unexplained),
         # without readings there is no loss
@@ -164,10 +160,8 @@ def _contradicting(
     return tuple(np.flatnonzero(chance < _BY_CHANCE).tolist())
 
 
-def _margins(points: Array, predictor: Predictor, data: SensorData) -> Array:
-    """Path margins of n points in k interactions, rad, shape (n, k)."""
-    rows = np.repeat(np.arange(len(points)), len(data))
-    margins = predictor.margins(
-        predictor.unknowns.bodies(points), rows, np.tile(data.programs, (len(points), 1))
-    )
-    return margins.reshape(len(points), len(data))
+def have_sure_paths(predictor: Predictor, bodies: Bodies, weights: Array, programs: Array) -> Flags:
+    """Whether nearly all of n bodies land surely in each of k programs, shape (k,)."""
+    rows = np.repeat(np.arange(len(bodies)), len(programs))
+    margins = predictor.margins(bodies, rows, np.tile(programs, (len(bodies), 1)))
+    return weights @ (margins.reshape(len(bodies), len(programs)) > SURE_PATH) > _SURELY

@@ -461,6 +461,34 @@ def test_lengths_are_not_known_where_next_to_no_body_is_left(
     assert ("found to" in shown) == is_known
 
 
+@pytest.mark.parametrize(("margin", "unexplained"), [(0.5, [0]), (0.0, [])])
+def test_a_movement_in_which_a_trifle_decides_is_not_called_unexplained(
+    margin: float, unexplained: list[int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now = tmp_path / "now"
+    with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 6, askew=ASKEW) as store:
+        run = store.directory
+    rng = np.random.default_rng(1)
+    with use.identified(run, 1) as (store, known):
+        diagnosing = Weigher(known, causes_of(known, rng)[:1], rng)
+        monkeypatch.setattr(
+            type(known.predictor), "margins", lambda self, bodies, rows, *_: rows * 0.0 + margin
+        )
+        seen = Observation(angles=(0.0,) * 4, touch=(False,) * 4, tilt=(0.6, 0.6), clearance=0.1)
+        found = Diagnosis(
+            verdict=Verdict.UNCHANGED,
+            causes=(diagnosing.as_identified(),),
+            probability=1.0,
+            weighed=diagnosing.weigh([seen]),
+            observations=(seen,),
+            reasons=("",),
+        )
+        write_run(now, store, diagnosing, found, "tcp://127.0.0.1:1")
+    summary = load(now).summary
+    assert summary is not None
+    assert [item.interaction for item in summary.unexplained] == unexplained
+
+
 def test_a_population_is_not_diagnosed_and_nothing_moves(tmp_path: Path) -> None:
     with make_ended_run(tmp_path, TRUE_LENGTHS) as store:
         directory = store.directory
