@@ -8,12 +8,12 @@ from .errors import SearchStateError as SearchStateError
 from .exploration.best_programs import best_programs as best_programs
 from .exploration.rules import RULES as RULES
 from .exploration.rules import Choice as Choice
-from .exploration.rules import Objective as Objective
 from .exploration.rules import Rule as Rule
 from .exploration.rules import Situation as Situation
 from .identification.method import Listener as Listener
 from .identification.paper.objectives import OBJECTIVES as OBJECTIVES
 from .identification.paper.objectives import LargestError as LargestError
+from .identification.paper.objectives import Objective as Objective
 from .identification.paper.objectives import RobustMeanError as RobustMeanError
 from .identification.paper.search import SEARCHES as SEARCHES
 from .identification.paper.search import DeterministicCrowding as DeterministicCrowding

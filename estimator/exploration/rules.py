@@ -5,48 +5,19 @@ A rule of another package belongs to the entry-point group ``bodyschema.explorat
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final, Protocol
 
 import numpy as np
 
-from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.plugins import Registry
 from estimator.posterior.fitted import FittedPosterior
 from estimator.posterior.model.sensor_data import DENSITIES, SCALED
 from estimator.readings.modalities import MODALITIES
-from estimator.readings.observation import Observation, PredictedReadings, Program
+from estimator.readings.observation import Program
 from estimator.storage.run_config import Learn
-from protocol.wire.capabilities import Capabilities
-
-
-class Objective(Protocol):
-    """What the paper's search minimises."""
-
-    def __init__(self, capabilities: Capabilities) -> None: ...
-
-    def terms(
-        self, readings: PredictedReadings, observed: Observation, modalities: Sequence[str]
-    ) -> Array:
-        """Errors of n models in one interaction, shape (n,): ≥ 0, infinite for invalid readings."""
-
-    def lower_bound(self, terms: Array) -> Array:
-        """Lower bound of the total, shape (n,): a model whose bound reaches its limit has lost.
-
-        Args:
-            terms: Errors of n models in k interactions, shape (k, n); 0 where not yet computed.
-        """
-
-    def total(self, terms: Array, undecided: Flags) -> Array:
-        """Total error over all interactions, shape (n,).
-
-        Args:
-            terms: Errors of n models in k interactions, shape (k, n).
-            undecided: Whether a model's pose might as well be another, shape (k, n).
-        """
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,8 +27,6 @@ class Situation:
     Attributes:
         posterior: What is known of the body by now, and the interactions that it was learnt from;
             random bodies before the first. With the method ``paper`` it holds the population.
-        objective: What the method ``paper`` minimises; the method ``posterior`` has its own
-            likelihood.
         rng: Random generator of this choice alone.
         learn: What is to be learnt once attachments have converged.
         jobs: Threads that the rule may use, apart from those of physics; what it chooses must not
@@ -65,7 +34,6 @@ class Situation:
     """
 
     posterior: FittedPosterior
-    objective: Objective
     rng: np.random.Generator
     learn: Learn = "all"
     jobs: int = 1

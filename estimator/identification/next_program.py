@@ -8,7 +8,6 @@ from typing import Final
 
 from estimator.errors import EstimatorError
 from estimator.exploration.rules import RULES, Choice, Situation
-from estimator.identification.paper.objectives import OBJECTIVES
 from estimator.physics.base import ArrayPhysics
 from estimator.posterior.fitted import FittedPosterior
 from estimator.randomness import Stream, generator
@@ -36,7 +35,6 @@ def next_program(
     settings = store.settings
     situation = Situation(
         posterior=posterior.computed_by(physics),
-        objective=OBJECTIVES.load(settings.objective)(store.capabilities),
         rng=generator(settings.seed, Stream.PROGRAMS, len(posterior.observations)),
         learn=settings.learn,
         jobs=jobs,

@@ -86,12 +86,8 @@ class Slack(StaticsPhysics):
 def first(situation: Situation) -> Choice:
     """A rule of this program."""
     (program,), known = situation.random_programs(1), situation.posterior
-    error = (
-        situation.objective.terms(known.predict(program), known.observations[-1], known.modalities)
-        if known.observations
-        else np.zeros(1)
-    )
-    return Choice(program=program, reason=f"errs by {error.min():.1f}")
+    likely = [known.log_likelihood(felt.angles, felt).max() for felt in known.observations]
+    return Choice(program=program, reason=f"its models have log-likelihoods {likely}")
 
 
 def test_a_run_with_parts_of_a_program_goes_on_only_with_them(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 from estimator.body.arrays import Bodies
 from estimator.body.morphology import Array, Morphology
 from estimator.errors import EstimatorError
-from estimator.exploration.rules import Objective
+from estimator.identification.paper.objectives import Objective
 from estimator.identification.paper.search import Search
 from estimator.physics.base import ArrayPhysics, Physics
 from estimator.physics.equivalence import Indices, Read

@@ -17,13 +17,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from types import MappingProxyType
-from typing import Final
+from typing import Final, Protocol
 
 import numpy as np
 
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
-from estimator.exploration.rules import Objective
 from estimator.plugins import Registry
 from estimator.posterior.model.noise import Noise
 from estimator.readings.modalities import MODALITIES
@@ -34,6 +33,32 @@ EXCUSED: Final = 1
 """Largest number of interactions in which a body may be undecided: one in five hundred is by
 chance, so a body that is undecided twice is built so. A search also finds some that are undecided
 once and would fit worse otherwise: docs/how-it-works.md tells how often."""
+
+
+class Objective(Protocol):
+    """What the paper's search minimises."""
+
+    def __init__(self, capabilities: Capabilities) -> None: ...
+
+    def terms(
+        self, readings: PredictedReadings, observed: Observation, modalities: Sequence[str]
+    ) -> Array:
+        """Errors of n models in one interaction, shape (n,): ≥ 0, infinite for invalid readings."""
+
+    def lower_bound(self, terms: Array) -> Array:
+        """Lower bound of the total, shape (n,): a model whose bound reaches its limit has lost.
+
+        Args:
+            terms: Errors of n models in k interactions, shape (k, n); 0 where not yet computed.
+        """
+
+    def total(self, terms: Array, undecided: Flags) -> Array:
+        """Total error over all interactions, shape (n,).
+
+        Args:
+            terms: Errors of n models in k interactions, shape (k, n).
+            undecided: Whether a model's pose might as well be another, shape (k, n).
+        """
 
 
 class LargestError:

@@ -13,8 +13,8 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Array, Morphology
-from estimator.exploration.rules import Objective
 from estimator.identification.paper.fit import fit_bodies
+from estimator.identification.paper.objectives import Objective
 from estimator.physics.base import Physics
 from estimator.problem.genome import Genome
 from estimator.readings.observation import Observation

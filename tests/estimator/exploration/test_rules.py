@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from estimator.exploration.rules import Situation, most_disputed_program
-from estimator.identification.paper.objectives import LargestError
 from estimator.problem.genome import Genome
 from estimator.readings.modalities import MODALITIES
 from tests.estimator.model_robot import make_capabilities, make_posterior, make_problem
@@ -19,11 +18,7 @@ def situation(modalities: tuple[str, ...], *, alike: bool = False) -> Situation:
     if alike:
         genes[:] = genes[0]
     posterior = make_posterior(problem, capabilities, genes, modalities=modalities)
-    return Situation(
-        posterior=posterior,
-        objective=LargestError(capabilities),
-        rng=np.random.default_rng(3),
-    )
+    return Situation(posterior=posterior, rng=np.random.default_rng(3))
 
 
 def spread(modalities: tuple[str, ...], *, alike: bool = False) -> float:

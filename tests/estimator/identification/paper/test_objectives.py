@@ -10,10 +10,10 @@ import pytest
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.errors import EstimatorError
-from estimator.exploration.rules import Objective
 from estimator.identification.paper.objectives import (
     OBJECTIVES,
     LargestError,
+    Objective,
     RobustMeanError,
 )
 from estimator.readings.modalities import check_modalities
