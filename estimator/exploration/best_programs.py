@@ -7,8 +7,9 @@ from collections.abc import Callable, Sequence
 from typing import Final, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
+from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.errors import EstimatorError
 
@@ -31,15 +32,15 @@ def best_programs(
     rng: np.random.Generator,
     *,
     candidates: ArrayLike | None = None,
+    moved: Flags | None = None,
     rough: Score | None = None,
     sure: Score | None = None,
     spreads: Sequence[float] = _SPREADS,
 ) -> tuple[Array, Array]:
     """Motor programs that score well.
 
-    The best of many random ones are varied, again and again. A joint whose target is 0 stays
-    there. A hundred candidates are scored by ``score``, those that ``rough`` finds best; and only
-    finalists by ``sure``.
+    The best of many random ones are varied, again and again. A hundred candidates are scored by
+    ``score``, those that ``rough`` finds best; and only finalists by ``sure``.
 
     Args:
         score: Score that is maximised.
@@ -48,6 +49,8 @@ def best_programs(
         rng: Draws the programs.
         candidates: Programs to begin with, rad, shape (p, joints); by default 1,000 drawn from the
             range.
+        moved: Which joints of each candidate are varied, shape (p, joints); the others keep their
+            targets. By default all are varied.
         rough: A cheaper score, for the candidates; by default ``score``.
         sure: A more expensive score, which ranks the finalists; by default ``score`` ranks them.
         spreads: Standard deviations of targets, rad, one for each time that programs are varied; by
@@ -58,8 +61,8 @@ def best_programs(
         candidates; and their scores, shape (20,).
 
     Raises:
-        EstimatorError: The range or the candidates have a wrong shape, or a score is not one number
-            for each program; NaN does not count as one.
+        EstimatorError: The range, the candidates or what is moved of them have a wrong shape, or a
+            score is not one number for each program; NaN does not count as one.
     """
     ends = np.asarray(program_range, dtype=float)
     if ends.ndim != 2 or ends.shape[1] != 2:
@@ -73,23 +76,33 @@ def best_programs(
             f"candidates have the shape ({CANDIDATES}, {len(low)}), or another number of programs, "
             f"not {programs.shape}"
         )
-    programs, _ = _best(programs, _scored(rough or score, programs), _LIKELY)
+    varied = np.ones(programs.shape, dtype=bool) if moved is None else np.asarray(moved, dtype=bool)
+    if varied.shape != programs.shape:
+        raise EstimatorError(
+            f"what is moved has the shape of the candidates, {programs.shape}, not {varied.shape}"
+        )
+    rows = _best(_scored(rough or score, programs), _LIKELY)
+    programs, varied = programs[rows], varied[rows]
     scores = _scored(score, programs)
     for spread in spreads:
-        best = np.repeat(_best(programs, scores, _REFINED)[0], _VARIANTS, axis=0)
+        rows = np.repeat(_best(scores, _REFINED), _VARIANTS)
+        best, free = programs[rows], varied[rows]
         variants = np.clip(best + rng.normal(0, spread, best.shape), low, high)
-        variants = np.where(best == 0, 0.0, variants)
-        programs = np.concatenate([programs, variants])
+        variants = np.where(free, variants, best)
+        programs, varied = np.concatenate([programs, variants]), np.concatenate([varied, free])
         scores = np.concatenate([scores, _scored(score, variants)])
-    programs, scores = _best(programs, scores, _FINALISTS)
+    rows = _best(scores, _FINALISTS)
+    programs, scores = programs[rows], scores[rows]
     if sure is not None:
-        programs, scores = _best(programs, _scored(sure, programs), _FINALISTS)
+        scores = _scored(sure, programs)
+        rows = _best(scores, _FINALISTS)
+        programs, scores = programs[rows], scores[rows]
     return programs, scores
 
 
-def _best(programs: Array, scores: Array, count: int) -> tuple[Array, Array]:
-    order = np.argsort(-scores, kind="stable")[:count]
-    return programs[order], scores[order]
+def _best(scores: Array, count: int) -> NDArray[np.intp]:
+    order: NDArray[np.intp] = np.argsort(-scores, kind="stable")[:count]
+    return order
 
 
 def _scored(score: Score, programs: Array) -> Array:

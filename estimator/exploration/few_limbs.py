@@ -16,7 +16,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.body.morphology import BASE, Array
+from estimator.body.arrays import Flags
+from estimator.body.morphology import BASE
 from estimator.posterior.model.unknowns import Columns, Unknowns
 
 _OPEN_BITS: Final = 24.0
@@ -84,37 +85,40 @@ def _down_from(tip: int, parents: Sequence[int]) -> list[int]:
     return chain
 
 
-def with_few_limbs(
-    programs: Array,
+def moved_motors(
+    shape: tuple[int, int],
     limbs: Limbs,
     decided: NDArray[np.int64],
     interactions: int,
     rng: np.random.Generator,
-) -> Array:
-    """The programs, with some limbs left unmoved where the attachments of many are open.
+) -> Flags:
+    """Which motors each program moves: those of few limbs where the attachments of many are open.
 
     Each program moves limbs in a random order, at least one, up to the entropy that ``limbs``
-    allows. Where all limbs together have no more the programs stay as they are.
+    allows. Where all limbs together have no more, each moves all motors.
 
     Args:
-        programs: Motor programs, rad, shape (p, motors).
+        shape: Numbers of programs and motors.
         limbs: Limbs of the bodies, from ``limbs_of``.
         decided: Choices of equally likely samples, by gene, shape (n, genes).
         interactions: Number of interactions that the samples were learnt from.
         rng: Draws the orders.
+
+    Returns:
+        Flags of this shape.
     """
     bits = np.array([_entropy(decided[:, columns]) for columns in limbs.choices])
     if bits.size:  # it is not known which limbs samples are wrong about: shared evenly
         bits += max(limbs.unlearnt - _BITS_LEARNT * interactions - bits.sum(), 0.0) / bits.size
     if bits.sum() <= limbs.open:
-        return programs
-    order = rng.permuted(np.tile(np.arange(len(bits)), (len(programs), 1)), axis=1)
-    moved = np.cumsum(bits[order], axis=1) <= limbs.open
-    moved[:, 0] = True
-    unmoved = np.ones(programs.shape, dtype=bool)
-    for row, limb in zip(*np.nonzero(moved), strict=True):
-        unmoved[row, limbs.motors[order[row, limb]]] = False
-    return np.where(unmoved, 0.0, programs)
+        return np.ones(shape, dtype=bool)
+    order = rng.permuted(np.tile(np.arange(len(bits)), (shape[0], 1)), axis=1)
+    few = np.cumsum(bits[order], axis=1) <= limbs.open
+    few[:, 0] = True
+    moved = np.zeros(shape, dtype=bool)
+    for row, limb in zip(*np.nonzero(few), strict=True):
+        moved[row, limbs.motors[order[row, limb]]] = True
+    return moved
 
 
 def _entropy(chosen: NDArray[np.int64]) -> float:

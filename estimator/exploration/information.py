@@ -18,7 +18,7 @@ from estimator.body.arrays import Bodies
 from estimator.body.morphology import Array
 from estimator.executors import Threads
 from estimator.exploration.best_programs import CANDIDATES, best_programs
-from estimator.exploration.few_limbs import limbs_of, with_few_limbs
+from estimator.exploration.few_limbs import limbs_of, moved_motors
 from estimator.exploration.information_gain import InformationGain
 from estimator.exploration.rules import Choice, Situation
 from estimator.parameters.table import deviating, prior_probabilities
@@ -189,13 +189,10 @@ class Chooser:
             known = replace(self._models(evened, None), causes=self._deviating(evened.values))
         half = known.some(_THINNED)
         fewest = half.some(slice(None, None, max(1, len(half) // _FEWEST_BODIES)))
-        candidates = with_few_limbs(
-            rng.uniform(low, high, (CANDIDATES, len(low))),
-            self._limbs,
-            self._predictor.unknowns.decided(samples.values),
-            interactions,
-            rng,
-        )
+        shape = CANDIDATES, len(low)
+        candidates = rng.uniform(low, high, shape)
+        decided = self._predictor.unknowns.decided(samples.values)
+        moved = moved_motors(shape, self._limbs, decided, interactions, rng)
 
         def rough(programs: Array) -> Array:
             (quick,) = self._read(fewest, programs, _PLUMB, coarse_step=True)
@@ -209,7 +206,13 @@ class Chooser:
             return self._bits(known, self._surest_readings(known, programs), rng, _MORE_DRAWS)
 
         programs, gains = best_programs(
-            good, self._ends, rng, candidates=candidates, rough=rough, sure=sure
+            good,
+            self._ends,
+            rng,
+            candidates=np.where(moved, candidates, 0.0),
+            moved=moved,
+            rough=rough,
+            sure=sure,
         )
         chosen, bits = programs[[0]], gains[[0]]
         readings, narrowed, about_causes = self._surest_readings(known, chosen), None, 0.0

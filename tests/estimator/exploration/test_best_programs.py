@@ -31,13 +31,28 @@ def test_programs_are_refined_beyond_what_was_drawn() -> None:
     assert np.all((programs >= ENDS[:, 0]) & (programs <= ENDS[:, 1]))
 
 
-def test_a_joint_that_stays_in_the_middle_stays_there() -> None:
+def test_a_joint_that_is_not_moved_keeps_its_target() -> None:
     candidates = np.random.default_rng(1).uniform(ENDS[:, 0], ENDS[:, 1], (50, 3))
-    candidates[:, 1] = 0.0
+    moved = np.ones((50, 3), dtype=bool)
+    moved[:, 1] = False
     programs, _ = best_programs(
-        near_the_goal, ENDS, np.random.default_rng(2), candidates=candidates
+        near_the_goal, ENDS, np.random.default_rng(2), candidates=candidates, moved=moved
     )
-    assert not programs[:, 1].any()
+    kept, found = set(candidates[:, 1].tolist()), set(candidates[:, 0].tolist())
+    assert set(programs[:, 1].tolist()) <= kept
+    assert not set(programs[:, 0].tolist()) <= found
+
+
+@pytest.mark.parametrize("low", [-30.0, 0.0])
+def test_targets_of_zero_are_varied_also_where_a_range_ends_there(low: float) -> None:
+    ends = np.radians([[low, 30.0], [-30.0, -low], [0.0, 0.0]])
+    programs, scores = best_programs(
+        near_the_goal, ends, np.random.default_rng(1), candidates=np.zeros((1, 3))
+    )
+    assert len(programs) == 20
+    assert np.degrees(-scores[0]) < 22.0  # from 29
+    assert np.all(programs[0, :2] != 0)
+    assert not programs[:, 2].any()
 
 
 def test_a_rough_score_spares_the_others_and_a_sure_one_has_the_last_word() -> None:
@@ -82,3 +97,14 @@ def test_what_is_no_score_is_said(
 ) -> None:
     with pytest.raises(EstimatorError, match=sentence):
         best_programs(score, ends, np.random.default_rng(1), candidates=candidates)
+
+
+def test_what_is_moved_is_said_of_each_candidate() -> None:
+    with pytest.raises(EstimatorError, match=r"the candidates, \(4, 3\), not \(3,\)"):
+        best_programs(
+            near_the_goal,
+            ENDS,
+            np.random.default_rng(1),
+            candidates=np.zeros((4, 3)),
+            moved=np.ones(3, dtype=bool),
+        )
