@@ -19,7 +19,6 @@ from bench.daemons import Simulator, simulator
 from estimator.api import load
 from estimator.identification.method import Listener
 from estimator.identification.run import identify
-from estimator.physics.backends import IN_THIS_PROCESS
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.fitted import FittedPosterior
 from estimator.readings.observation import Observation, Program, by_joint_name
@@ -32,6 +31,7 @@ from estimator.use.diagnosis import diagnose
 from estimator.use.movements import near_forks, readings_in
 from estimator.use.pose import Goal, Pose, find_pose
 from estimator.use.watch import Watch
+from estimator.workplaces import IN_THIS_PROCESS
 from protocol.system.files import replace_text
 from protocol.transport.client import RobotClient
 from sim_robot.faults.control_socket import FaultClient

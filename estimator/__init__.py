@@ -16,6 +16,8 @@ Name                    What it is
 ``identify``            a run from start to end; ``resume`` sees an interrupted one through
 ``Result``              a run in numbers; ``Listener`` hears of it while it goes on
 ``load``                what a run knows of the body: ``FittedPosterior``, with ``Attachment``
+``Executors``           where a run's work is done: ``on_workers`` makes them of an executor of your
+                        own, or of a ``Cluster`` of Dask
 ``best_programs``       the motor programs that are best by a score of your own
 ``find_pose``           the motor program after which the robot reads as a ``Goal`` says: ``Pose``
 ``RunConfig``           what is asked of a run; ``METHODS`` are the methods by name
@@ -51,6 +53,7 @@ Name               What is in it
                    Two methods: ``posterior_method`` and, with its search and objectives, ``paper``
 ``exploration``    which motor program is next: the rules
 ``preloaded``      what worker processes load before they are forked
+``workplaces``     where a run's work is done
 ``posterior``      every body that explains the readings, as samples with weights
 ``storage``        a run on disk: settings, interactions, generations, posteriors
 ``problem``        what is known and what is to be found; genes to bodies
@@ -58,8 +61,8 @@ Name               What is in it
 ``physics``        what a body's sensors read at rest: back-ends by name
 ``readings``       what was observed and what is predicted; the modalities
 ``body``           a body as a tree of parts, and its kinematics
-``executors``      where work is done: processes and threads here
-``cluster``        where work is done: workers elsewhere
+``executors``      processes and threads here
+``cluster``        workers elsewhere
 ``plugins``        implementations by name
 ``versions``       what computed a run
 ``randomness``     the streams that a run's seed gives

@@ -3,6 +3,7 @@
 from .api import identify as identify
 from .api import load as load
 from .api import resume as resume
+from .cluster import Cluster as Cluster
 from .errors import EstimatorError as EstimatorError
 from .errors import SearchStateError as SearchStateError
 from .exploration.best_programs import best_programs as best_programs
@@ -39,5 +40,7 @@ from .storage.run_config import RunConfig as RunConfig
 from .use.pose import Goal as Goal
 from .use.pose import Pose as Pose
 from .use.pose import find_pose as find_pose
+from .workplaces import Executors as Executors
+from .workplaces import on_workers as on_workers
 
 __all__: list[str]

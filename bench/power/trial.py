@@ -21,7 +21,6 @@ from estimator.evaluation.length_search import LengthSearch
 from estimator.evaluation.score import length_search
 from estimator.identification.method import Listener
 from estimator.identification.run import identify
-from estimator.physics.backends import IN_THIS_PROCESS
 from estimator.physics.statics import StaticsPhysics
 from estimator.problem.problem import Problem
 from estimator.report.result import Result
@@ -31,6 +30,7 @@ from estimator.reproduction.robot_process import RobotProcess
 from estimator.storage.posteriors import SURE, StoredPosterior
 from estimator.storage.run_config import MethodName, RunConfig
 from estimator.storage.store import RunStore
+from estimator.workplaces import IN_THIS_PROCESS
 from protocol.errors import BodyschemaError
 from protocol.system.files import replace_text
 

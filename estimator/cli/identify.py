@@ -35,13 +35,13 @@ from estimator.cli.options import (
 )
 from estimator.identification import run
 from estimator.identification.method import Listener
-from estimator.physics.backends import Executors
 from estimator.problem.values import complaint
 from estimator.report.outcome import print_result
 from estimator.report.result import Result
 from estimator.report.run_files import write_report
 from estimator.storage.run_config import RunConfig
 from estimator.storage.store import RunStore
+from estimator.workplaces import Executors
 
 _NUMBER_TYPES: Final = (bool, int, float)
 

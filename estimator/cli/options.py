@@ -11,7 +11,7 @@ from typing import Annotated, Final, TypeAlias
 import typer
 
 from estimator.cluster import Cluster
-from estimator.physics.backends import Executors, on_cluster, on_this_computer
+from estimator.workplaces import Executors, on_this_computer, on_workers
 
 CORES: Final = len(os.sched_getaffinity(0))
 """Processor cores that this process may use: the default of ``--jobs``."""
@@ -64,4 +64,4 @@ def executors(jobs: int, dask: str | None) -> Iterator[Executors]:
             yield opened
     else:
         with Cluster(dask) as cluster:
-            yield on_cluster(cluster)
+            yield on_workers(cluster)

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from typing import ClassVar, Protocol
 
-from estimator.physics.backends import Executors
 from estimator.physics.base import ArrayPhysics
 from estimator.posterior.fitted import FittedPosterior
 from estimator.readings.observation import Observation
 from estimator.storage.run_config import RunConfig
 from estimator.storage.store import RunStore
+from estimator.workplaces import Executors
 from protocol.errors import RobotError
 
 

@@ -15,13 +15,7 @@ from estimator.errors import EstimatorError
 from estimator.identification.method import Listener
 from estimator.identification.next_program import next_program
 from estimator.parameters.table import prior_probabilities
-from estimator.physics.backends import (
-    REFERENCE,
-    Executors,
-    in_workers,
-    open_arrays,
-    physics_class,
-)
+from estimator.physics.backends import REFERENCE, in_workers, open_arrays, physics_class
 from estimator.physics.base import ArrayPhysics, WorldSettings
 from estimator.physics.equivalence import PROGRAMS
 from estimator.posterior.checks.simulator import (
@@ -46,6 +40,7 @@ from estimator.storage.posteriors import RIVAL, SURE, NextMovement, StoredPoster
 from estimator.storage.records import Counters
 from estimator.storage.run_config import RunConfig
 from estimator.storage.store import RunStore
+from estimator.workplaces import Executors
 
 _NAMED: Final = 0.5  # probability of all causes, above which they explain the readings
 

@@ -24,7 +24,7 @@ from estimator.identification.paper.search import SEARCHES
 from estimator.identification.posterior_method import PosteriorMethod
 from estimator.identification.robot_link import RobotLink, lasting_properties, open_robot
 from estimator.parameters.rows import packages
-from estimator.physics.backends import BACKENDS, REFERENCE, Executors
+from estimator.physics.backends import BACKENDS, REFERENCE
 from estimator.plugins import packages_named_when_failing
 from estimator.problem.problem import Problem
 from estimator.problem.values import complaint
@@ -32,6 +32,7 @@ from estimator.readings.modalities import MODALITIES, check_modalities
 from estimator.storage.records import first_id
 from estimator.storage.run_config import MethodName, RunConfig, RunSettings
 from estimator.storage.store import RunStore
+from estimator.workplaces import Executors
 from protocol.wire.capabilities import Capabilities
 
 Summary = TypeVar("Summary")

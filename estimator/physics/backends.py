@@ -1,4 +1,4 @@
-"""Physics back-ends by name, and where each of them runs.
+"""Physics back-ends by name, opened in the calling process or in workers.
 
 Another package adds a back-end by an entry point in the group ``bodyschema.physics``: a class that
 derives from ``Physics``, or from ``ArrayPhysics``.
@@ -8,40 +8,18 @@ from __future__ import annotations
 
 import pickle
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
 from types import MappingProxyType
 from typing import Any, Final, TypeAlias, cast
 
 from estimator.errors import EstimatorError
-from estimator.executors import ThisProcess, WorkerProcesses
 from estimator.physics.base import ArrayPhysics, Pair, Physics, WorldSettings, sensor_count
 from estimator.physics.statics import StaticsPhysics
 from estimator.plugins import Registry
 from estimator.readings.observation import PredictedReadings
-
-OpenPhysics: TypeAlias = Callable[[str, WorldSettings], Physics]
-"""Makes the back-end of a given name for a given world."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Executors:
-    """Where a run's work is done; its result does not depend on it.
-
-    Attributes:
-        open_physics: Makes back-ends that run there.
-        workers: Executor that does all other work.
-        threads: Number of threads that this process may use.
-    """
-
-    open_physics: OpenPhysics
-    workers: Executor
-    threads: int = 1
-
 
 REFERENCE: Final = "mujoco" if find_spec("pybullet") is None else "pybullet"
 """The back-end that has the last word on models, whatever searched for them: PyBullet where it is
@@ -116,33 +94,6 @@ def approximation_of(name: str, settings: WorldSettings) -> ArrayPhysics | None:
     return None if issubclass(physics_class(name), ArrayPhysics) else StaticsPhysics(settings)
 
 
-@contextmanager
-def on_this_computer(jobs: int) -> Iterator[Executors]:
-    """Works on ``jobs`` cores: array back-ends in threads, all else in worker processes.
-
-    On one core all is done in this process.
-
-    Raises:
-        WorkerError: ``jobs`` is less than 1.
-    """
-    if jobs == 1:
-        yield IN_THIS_PROCESS
-        return
-    with WorkerProcesses(jobs) as workers:
-
-        def opened(name: str, settings: WorldSettings) -> Physics:
-            if issubclass(physics_class(name), ArrayPhysics):
-                return open_arrays(name, settings, jobs=jobs)
-            return in_workers(name, settings, workers)
-
-        yield Executors(open_physics=opened, workers=workers, threads=jobs)
-
-
-def on_cluster(cluster: Executor) -> Executors:
-    """Works on the workers of a cluster, which stays open."""
-    return Executors(open_physics=partial(in_workers, workers=cluster), workers=cluster)
-
-
 def in_workers(name: str, settings: WorldSettings, workers: Executor) -> Physics:
     """Opens a back-end in workers, which may have other work, too."""
     return PhysicsPool(maker(name, settings), workers)
@@ -151,10 +102,6 @@ def in_workers(name: str, settings: WorldSettings, workers: Executor) -> Physics
 def in_this_process(name: str, settings: WorldSettings) -> Physics:
     """Opens a back-end in the calling process."""
     return maker(name, settings)()
-
-
-IN_THIS_PROCESS: Final = Executors(open_physics=in_this_process, workers=ThisProcess())
-"""Executors for callers that are themselves one of many processes."""
 
 
 class PhysicsPool(Physics):

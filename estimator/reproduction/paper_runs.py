@@ -22,7 +22,7 @@ from estimator.evaluation.score import Score, score
 from estimator.evaluation.validate import Validation, validate
 from estimator.identification.method import Listener
 from estimator.identification.run import identify, reconnect, resume
-from estimator.physics.backends import IN_THIS_PROCESS, REFERENCE, in_this_process
+from estimator.physics.backends import REFERENCE, in_this_process
 from estimator.physics.statics import StaticsPhysics
 from estimator.problem.problem import Problem
 from estimator.report.evaluations import (
@@ -41,6 +41,7 @@ from estimator.reproduction.robot_process import RobotProcess, catch_up
 from estimator.storage.database import holds_run
 from estimator.storage.run_config import RunConfig
 from estimator.storage.store import RunStore
+from estimator.workplaces import IN_THIS_PROCESS
 from protocol.errors import RobotUnreachableError
 from protocol.system.files import replace_text
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from bench.daemons import simulator
 from tests.docs.pages import ROOT, blocks, section
 
-LIKELIHOOD, PROGRAM, _ = blocks(section("extending", "From your own program"), "python")
+LIKELIHOOD, PROGRAM, ELSEWHERE, _ = blocks(section("extending", "From your own program"), "python")
 (ASKED,) = blocks((ROOT / "README.md").read_text(encoding="utf-8"), "python")
 QUESTIONS = ASKED.partition("\nwith RobotClient")[0] + LIKELIHOOD
 
@@ -74,6 +74,21 @@ def test_its_physics_serves_the_method_posterior_too(tmp_path: Path) -> None:
     assert ended.returncode == 0, ended.stderr
     result = json.loads((tmp_path / "runs" / "mine" / "result.json").read_text())
     assert (result["method"], result["physics"]) == ("posterior", "__main__:WeakServos")
+
+
+def test_its_work_is_done_by_the_workers_that_it_gives(tmp_path: Path) -> None:
+    program = tmp_path / "elsewhere.py"
+    with simulator("--seed", "1") as robot:
+        program.write_text(
+            ELSEWHERE.replace("tcp://127.0.0.1:5750", robot.uri)
+            .replace("topological", "parametric")
+            .replace("seed=1", "seed=1, interactions=1"),
+            encoding="utf-8",
+        )
+        ended = run(program)
+    assert ended.returncode == 0, ended.stderr
+    result = json.loads((tmp_path / "runs" / "elsewhere" / "result.json").read_text())
+    assert (result["method"], result["complete"]) == ("posterior", True)
 
 
 def test_the_program_has_no_more_than_25_lines() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Future
 from pathlib import Path
 from typing import Any, cast
 
@@ -20,12 +21,14 @@ from estimator import (
     StaticsPhysics,
     identify,
     load,
+    on_workers,
     resume,
 )
 from estimator.body.morphology import Array
+from estimator.executors import ThisProcess
 from estimator.readings.observation import Program
 from estimator.storage.store import RunStore
-from tests.estimator.model_robot import JOINTS, PROBLEM, ModelRobot, serving
+from tests.estimator.model_robot import JOINTS, PROBLEM, ModelRobot, make_order, serving
 from tests.estimator.outside_parts import WrongTouches
 
 
@@ -167,6 +170,44 @@ def test_a_rule_may_give_an_array_and_numbers_of_numpy(
     assert result.complete
     with RunStore.open(run, to_write=False) as store:
         assert [item.bits for item in store.interactions()] == [1.5, 1.5]
+
+
+class Counting(ThisProcess):
+    """An executor of this program."""
+
+    tasks = 0
+
+    def submit(self, *task: Any, **named: Any) -> Future[Any]:
+        self.tasks += 1
+        return super().submit(*task, **named)
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        raise AssertionError("it is the program that closes what it opened")
+
+
+def test_the_work_is_done_by_an_executor_of_the_program(tmp_path: Path) -> None:
+    workers = Counting()
+    executors = on_workers(workers)
+    with serving(ModelRobot()) as uri:
+        order = make_order(tmp_path, uri)
+        here = identify(tmp_path / "here", order)
+        with pytest.raises(KeyboardInterrupt):
+            identify(tmp_path / "there", order, executors=executors, listener=Impatient())
+        begun = workers.tasks
+        there = resume(tmp_path / "there", executors=executors)
+    assert 0 < begun < workers.tasks
+    assert there.complete
+    assert (there.legs, there.simulations_run) == (here.legs, here.simulations_run)
+
+
+def test_where_the_work_is_done_is_said_once_and_by_executors(tmp_path: Path) -> None:
+    config = RunConfig(robot="tcp://127.0.0.1:1", problem="parametric")
+    for jobs in (1, 2):
+        with pytest.raises(EstimatorError, match="give jobs or executors, not both"):
+            identify(tmp_path / "run", config, jobs=jobs, executors=on_workers(Counting()))
+    with pytest.raises(EstimatorError, match=r"must be estimator\.Executors, not <.*Counting"):
+        identify(tmp_path / "run", config, executors=cast(Any, Counting()))
+    assert not (tmp_path / "run").exists()
 
 
 def test_a_senseless_number_of_jobs_leaves_no_run_behind(tmp_path: Path) -> None:

@@ -21,12 +21,12 @@ from estimator.cli.command_line import app
 from estimator.errors import EstimatorError, RunDirectoryError, TruthError
 from estimator.identification.paper.search import SEARCHES
 from estimator.identification.run import identify, resume
-from estimator.physics.backends import IN_THIS_PROCESS
 from estimator.report.formats import Format
 from estimator.storage.database import reading
 from estimator.storage.records import Generation
 from estimator.storage.run_config import RunConfig
 from estimator.storage.store import RunStore
+from estimator.workplaces import IN_THIS_PROCESS
 from tests.estimator import outside_parts
 from tests.estimator.identification.test_run import Witness, outcome
 from tests.estimator.model_robot import ModelRobot, make_order, serving, without_plots

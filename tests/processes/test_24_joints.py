@@ -10,8 +10,8 @@ import pytest
 from bench.daemons import simulator
 from estimator.identification.method import Listener
 from estimator.identification.run import identify
-from estimator.physics.backends import IN_THIS_PROCESS
 from estimator.storage.run_config import RunConfig
+from estimator.workplaces import IN_THIS_PROCESS
 from tests.estimator.model_robot import without_plots
 
 LEGS = 8

@@ -13,11 +13,11 @@ from estimator.evaluation.score import Score, score
 from estimator.evaluation.validate import validate
 from estimator.identification.method import Listener
 from estimator.identification.run import identify, reconnect
-from estimator.physics.backends import IN_THIS_PROCESS
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import StaticsPhysics
 from estimator.storage.run_config import RunConfig
 from estimator.storage.store import RunStore
+from estimator.workplaces import IN_THIS_PROCESS
 from sim_robot.world.body import body_path
 from tests.estimator.model_robot import without_plots
 

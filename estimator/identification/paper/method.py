@@ -17,7 +17,7 @@ from estimator.identification.paper.fit import Modeller
 from estimator.identification.paper.objectives import OBJECTIVES
 from estimator.identification.paper.reference_check import finish
 from estimator.identification.paper.search import SEARCHES, Search
-from estimator.physics.backends import REFERENCE, Executors, approximation_of, physics_class
+from estimator.physics.backends import REFERENCE, approximation_of, physics_class
 from estimator.physics.base import ArrayPhysics
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.checks.verdict import judge_body
@@ -28,6 +28,7 @@ from estimator.readings.observation import Observation
 from estimator.storage.records import BestFit, Counters, Generation
 from estimator.storage.run_config import RunConfig
 from estimator.storage.store import RunStore
+from estimator.workplaces import Executors
 
 
 class PaperMethod:

@@ -15,7 +15,6 @@ from estimator.errors import EstimatorError
 from estimator.identification import posterior_method
 from estimator.identification.method import Listener
 from estimator.identification.run import identify, resume
-from estimator.physics.backends import IN_THIS_PROCESS
 from estimator.posterior.model.sensor_data import MODEL_TILT
 from estimator.posterior.sampling.sampler import Effort
 from estimator.report.result import Result
@@ -23,6 +22,7 @@ from estimator.report.run_files import write_report
 from estimator.storage.posteriors import NotKnown, StoredPosterior
 from estimator.storage.run_config import RunConfig
 from estimator.storage.store import RunStore
+from estimator.workplaces import IN_THIS_PROCESS
 from tests.estimator.little_effort import little_effort, usual_weighing
 from tests.estimator.model_robot import (
     PROBLEM,

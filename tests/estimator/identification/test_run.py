@@ -18,14 +18,15 @@ from estimator.executors import ThisProcess
 from estimator.identification.method import Listener
 from estimator.identification.robot_link import open_robot
 from estimator.identification.run import identify, resume
-from estimator.physics.backends import IN_THIS_PROCESS as HERE
-from estimator.physics.backends import REFERENCE, Executors, in_this_process, on_this_computer
+from estimator.physics.backends import REFERENCE, in_this_process
 from estimator.physics.base import Physics, WorldSettings
 from estimator.report.outcome import print_result
 from estimator.report.result import Result
 from estimator.report.run_files import write_report
 from estimator.storage.records import Generation
 from estimator.storage.store import RunStore
+from estimator.workplaces import IN_THIS_PROCESS as HERE
+from estimator.workplaces import Executors, on_this_computer
 from protocol.errors import RobotError, RobotUnreachableError
 from tests.estimator.model_robot import ModelRobot, changed, make_order, serving, without_plots
 

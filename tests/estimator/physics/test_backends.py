@@ -16,11 +16,9 @@ from estimator.identification.method import Listener
 from estimator.identification.run import resume
 from estimator.physics.backends import (
     BACKENDS,
-    IN_THIS_PROCESS,
     PhysicsPool,
     approximation_of,
     in_this_process,
-    on_this_computer,
     physics_class,
 )
 from estimator.physics.base import ArrayPhysics, WorldSettings
@@ -28,6 +26,7 @@ from estimator.physics.mujoco import MuJoCoPhysics
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import StaticsPhysics
 from estimator.storage.store import RunStore
+from estimator.workplaces import IN_THIS_PROCESS, on_this_computer
 from tests.estimator.model_robot import make_capabilities, make_order, without_plots
 from tests.estimator.outside_package import PHYSICS, THUMB, install, put_on_path
 

@@ -15,13 +15,13 @@ from estimator.body.morphology import BASE
 from estimator.errors import ProblemError
 from estimator.identification.method import Listener
 from estimator.identification.run import identify
-from estimator.physics.backends import IN_THIS_PROCESS
 from estimator.physics.base import Physics, WorldSettings
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.problem.template import Inventory
 from estimator.storage.run_config import RunConfig
+from estimator.workplaces import IN_THIS_PROCESS
 from protocol.wire.capabilities import Capabilities
 from tests.estimator.model_robot import make_capabilities, without_plots
 

@@ -9,9 +9,9 @@ import pytest
 
 from estimator.identification.method import Listener
 from estimator.identification.run import identify
-from estimator.physics.backends import IN_THIS_PROCESS
 from estimator.storage.run_config import RunConfig
 from estimator.storage.store import RunStore
+from estimator.workplaces import IN_THIS_PROCESS
 
 # Two movements of the default robot, seed 1000.
 READINGS = """\

@@ -9,11 +9,11 @@ import pytest
 
 from estimator.identification.method import Listener
 from estimator.identification.run import identify
-from estimator.physics.backends import IN_THIS_PROCESS
 from estimator.readings.observation import Observation
 from estimator.report.live import run_view
 from estimator.report.live.run_view import RunFollower, RunView
 from estimator.storage.run_config import MethodName
+from estimator.workplaces import IN_THIS_PROCESS
 from tests.estimator.little_effort import little_effort
 from tests.estimator.model_robot import ModelRobot, changed, make_order, serving, without_plots
 
