@@ -28,7 +28,7 @@ from estimator.cli.screen import Screen
 from estimator.errors import EstimatorError
 from estimator.identification.robot_link import RobotLink
 from estimator.identification.run import reconnect
-from estimator.physics.backends import open_arrays
+from estimator.physics.backends import open_predicting
 from estimator.posterior.fitted import FittedPosterior
 from estimator.readings.observation import Observation, Program
 from estimator.report.run_files import write_report
@@ -320,7 +320,7 @@ def identified(directory: Path, jobs: int) -> Iterator[tuple[RunStore, FittedPos
                 f"{directory} has no model yet: go on with "
                 f"`{command_line('estimator', 'resume', directory)}` first"
             )
-        opened = open_arrays(store.settings.predicting, store.world, jobs=jobs)
+        opened = open_predicting(store.settings.physics, store.world, jobs=jobs)
         with closing(opened) as physics:
             yield store, known.computed_by(physics)
 

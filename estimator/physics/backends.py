@@ -85,6 +85,16 @@ def open_arrays(name: str, settings: WorldSettings, *, jobs: int = 1) -> ArrayPh
     return make() if jobs == 1 else make(jobs=jobs)
 
 
+def open_predicting(name: str, settings: WorldSettings, *, jobs: int = 1) -> ArrayPhysics:
+    """Opens the back-end that predicts for a run: its own if that takes arrays, else statics.
+
+    Raises:
+        EstimatorError: There is no such back-end, or it cannot be used.
+    """
+    takes_arrays = issubclass(physics_class(name), ArrayPhysics)
+    return open_arrays(name if takes_arrays else "statics", settings, jobs=jobs)
+
+
 def approximation_of(name: str, settings: WorldSettings) -> ArrayPhysics | None:
     """Returns a fast approximation of a back-end; ``None`` if the back-end is as fast itself.
 

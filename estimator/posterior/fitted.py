@@ -20,7 +20,7 @@ from estimator.body.morphology import Array, Morphology
 from estimator.errors import EstimatorError
 from estimator.parameters.changes import changes_of
 from estimator.parameters.table import Parameter
-from estimator.physics.backends import open_arrays
+from estimator.physics.backends import open_predicting
 from estimator.physics.base import ArrayPhysics
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.noise import Noise
@@ -162,7 +162,7 @@ class FittedPosterior:
     def in_run(
         cls, store: RunStore, posterior: Posterior, observations: Sequence[Observation]
     ) -> FittedPosterior:
-        """Samples of a run; readings are computed by its physics or, of a population, by statics.
+        """Samples of a run; readings are computed by its physics or, if that is slow, by statics.
 
         Args:
             store: The run.
@@ -176,7 +176,7 @@ class FittedPosterior:
             modalities=settings.modalities,
             observations=tuple(observations),
             posterior=posterior,
-            open_physics=partial(open_arrays, settings.predicting, store.world),
+            open_physics=partial(open_predicting, settings.physics, store.world),
         )
 
     def computed_by(self, physics: ArrayPhysics) -> FittedPosterior:

@@ -109,8 +109,3 @@ class RunSettings(RunConfig):
     def keeps_samples(self) -> bool:
         """Whether the method keeps samples of a posterior, not a population."""
         return self.method == "posterior"
-
-    @property
-    def predicting(self) -> str:
-        """Name of the physics that predicts the samples' readings; a population's is statics."""
-        return self.physics if self.keeps_samples else "statics"

@@ -52,7 +52,9 @@ def test_the_program_identifies_a_robot_with_parts_of_its_own(tmp_path: Path) ->
     for part in ("physics", "objective", "explore"):
         assert result["versions"][result[part]] == "of the calling program"
     questions = tmp_path / "questions.py"
-    questions.write_text(QUESTIONS.replace("runs/first", "runs/mine"), encoding="utf-8")
+    parts = PROGRAM.partition("\nconfig = ")[0]
+    asked = QUESTIONS.replace("runs/first", "runs/mine")
+    questions.write_text(f"{parts}\nBACKENDS.add(WeakServos)\n{asked}", encoding="utf-8")
     answered = run(questions)
     assert answered.returncode == 0, answered.stderr
     assert re.search(r"^legs: \[.*\] mm$", answered.stdout, re.MULTILINE)

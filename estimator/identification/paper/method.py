@@ -17,9 +17,13 @@ from estimator.identification.paper.fit import Modeller
 from estimator.identification.paper.objectives import OBJECTIVES
 from estimator.identification.paper.reference_check import finish
 from estimator.identification.paper.search import SEARCHES, Search
-from estimator.physics.backends import REFERENCE, approximation_of, physics_class
+from estimator.physics.backends import (
+    REFERENCE,
+    approximation_of,
+    open_predicting,
+    physics_class,
+)
 from estimator.physics.base import ArrayPhysics
-from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.checks.verdict import judge_body
 from estimator.posterior.fitted import FittedPosterior
 from estimator.posterior.posterior import Posterior
@@ -67,7 +71,8 @@ class PaperMethod:
         self._store = store
         self._executors = executors
         self._listener = listener
-        self.choosing: ArrayPhysics = stack.enter_context(closing(StaticsPhysics(world)))
+        choosing = open_predicting(settings.physics, world)
+        self.choosing: ArrayPhysics = stack.enter_context(closing(choosing))
         physics = stack.enter_context(closing(executors.open_physics(settings.physics, world)))
         self._objective = OBJECTIVES.load(settings.objective)(store.capabilities)
         checkpoint = store.checkpoint()

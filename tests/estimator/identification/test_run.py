@@ -401,7 +401,7 @@ def test_a_table_answers_for_the_programs_that_it_states_rounded(
     with RunStore.open(directory, to_write=False) as store:
         planned = [item.program for item in store.interactions()]
     table = f"file:{directory}/readings.csv"
-    link = open_robot(table, driven=lambda _: (0,), client_id="me", first_id=1)
+    link = open_robot(table, driven=lambda _: range(4), client_id="me", first_id=1)
     for number, program in enumerate(planned):
         assert program not in (link.recorded or ())
         felt = link.perform(number, program, None, lambda *_: None)

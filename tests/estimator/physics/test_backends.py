@@ -19,6 +19,7 @@ from estimator.physics.backends import (
     PhysicsPool,
     approximation_of,
     in_this_process,
+    open_predicting,
     physics_class,
 )
 from estimator.physics.base import ArrayPhysics, WorldSettings
@@ -54,6 +55,16 @@ def test_where_a_back_end_runs_follows_from_what_it_declares() -> None:
         assert type(engine) is MuJoCoPhysics
     assert approximation_of("statics", WORLD) is None
     assert isinstance(approximation_of("pybullet", WORLD), StaticsPhysics)
+
+
+class OtherStatics(StaticsPhysics):
+    """A fast back-end of a program's own."""
+
+
+def test_a_fast_physics_predicts_and_statics_does_for_a_slow_one() -> None:
+    for name, kind in ((BACKENDS.add(OtherStatics), OtherStatics), ("pybullet", StaticsPhysics)):
+        with closing(open_predicting(name, WORLD)) as physics:
+            assert type(physics) is kind
 
 
 def test_a_run_with_the_physics_of_another_package(
