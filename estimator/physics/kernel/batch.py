@@ -190,7 +190,8 @@ def _start(work: Work, lane: int, row: int, gravity_tilts: Array, slew: Slew) ->
 def _come_to_rest(work: Work, lane: int, least_cosine: float, refinements: int) -> None:
     """Brings a body to rest that does not rest as before.
 
-    A rim's points are placed up to ``refinements`` times, until where it bears hardly moves.
+    A rim's points are placed up to ``refinements`` times, until where it bears hardly moves: once
+    on the way, where each pose but begins the next.
     """
     bodies = work.bodies
     bodies[LIES, lane] = 0.0
@@ -260,6 +261,7 @@ def _upright(work: Work, lane: int, plumb: bool) -> bool:
     inclined = bodies[GRAVITY, lane] != 0 or bodies[GRAVITY + 1, lane] != 0
     if bodies[ROUND, lane] > 0 and bodies[LIES, lane] == 0:
         # Under inclined gravity a rim rolls on, which is no other place to land: so it rolls back.
+        # Here its points are placed until they stand where it bears.
         for axis in range(3):
             bodies[MIDDLE + axis, lane] = centre[axis]
         _come_to_rest(work, lane, 0.0, _MOST_REFINEMENTS)
@@ -334,8 +336,7 @@ def _make_rest(sources: int) -> Any:
                     if step > known + 1:
                         _turn_to(work, lane, known + 1, slew)
                         continue
-                    refinements = _MOST_REFINEMENTS if step == last else 1
-                    _come_to_rest(work, lane, least_cosine, refinements)
+                    _come_to_rest(work, lane, least_cosine, 1)
                 if step < last:
                     counts[AT, lane] = step
                     _turn_to(work, lane, min(step + counts[STRIDE, lane], last), slew)
