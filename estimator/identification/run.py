@@ -13,7 +13,7 @@ from typing import Final, TypeAlias, TypeVar
 
 from pydantic import ValidationError
 
-from estimator.errors import EstimatorError, InteractionError
+from estimator.errors import EstimatorError, InteractionError, RunDirectoryError
 from estimator.exploration.rules import RULES
 from estimator.identification.loop import go_through
 from estimator.identification.method import Listener, Method
@@ -22,6 +22,7 @@ from estimator.identification.paper.method import PaperMethod
 from estimator.identification.paper.objectives import OBJECTIVES
 from estimator.identification.paper.search import SEARCHES
 from estimator.identification.posterior_method import PosteriorMethod
+from estimator.identification.record_link import is_record
 from estimator.identification.robot_link import RobotLink, lasting_properties, open_robot
 from estimator.parameters.rows import packages
 from estimator.physics.backends import BACKENDS, REFERENCE
@@ -143,9 +144,16 @@ def reconnect(
 
     Raises:
         InteractionError: Another robot answers there.
+        RunDirectoryError: There is no such record.
         BodyschemaError: The robot cannot be reached.
     """
     was = store.capabilities
+    kind, _, place = uri.partition(":")
+    if is_record(uri) and not Path(place).exists():
+        raise RunDirectoryError(
+            f"{place}, where the readings of {store.directory} come from, is not there: add "
+            f"--robot {kind}: and the place where it lies now."
+        )
     link = open_robot(
         uri,
         driven=_driven(store.problem),

@@ -201,6 +201,23 @@ def test_the_sensors_that_count_are_those_that_the_robot_has(
     assert result.modalities == ("touch", "tilt")
 
 
+def test_a_run_whose_record_was_moved_goes_on_where_it_lies_now(
+    tmp_path: Path, uninterrupted: tuple[Result, Path]
+) -> None:
+    result, directory = uninterrupted
+    shutil.copytree(directory, tmp_path / "record")
+    order = make_order(tmp_path, f"replay:{tmp_path}/record")
+    with pytest.raises(KeyboardInterrupt):
+        identify(tmp_path / "run", order, HERE, Witness(1), report=without_plots)
+    (tmp_path / "record").rename(tmp_path / "moved")
+    asked = r"record, where the readings of .*run come from, is not there: add --robot replay: and"
+    with pytest.raises(RunDirectoryError, match=asked):
+        resume(tmp_path / "run", HERE, Witness(), report=without_plots)
+    moved = f"replay:{tmp_path}/moved"
+    again = resume(tmp_path / "run", HERE, Witness(), robot=moved, report=without_plots)
+    assert again.legs == result.legs
+
+
 def test_the_number_of_processes_does_not_show(
     tmp_path: Path, uninterrupted: tuple[Result, Path]
 ) -> None:
