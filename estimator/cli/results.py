@@ -119,7 +119,9 @@ def _summary(run: ComparedRun) -> dict[str, str]:
         "readings explained": _DASH if explained is None else "yes" if explained else "NO",
         "probability of attachments": _DASH if probability is None else percent(probability),
         "subjective error": number(result.sensor_error, 3),
-        "mean leg error (mm)": _DASH if score is None else number(1000 * score.mean_leg_error_m, 1),
+        "best body's mean leg error (mm)": _DASH
+        if score is None
+        else number(1000 * score.mean_leg_error_m, 1),
         "configurations right": _DASH
         if score is None
         else f"{score.configurations_right} of {score.configurations_total}",
@@ -129,7 +131,7 @@ def _summary(run: ComparedRun) -> dict[str, str]:
 
 
 def _print_lengths(runs: list[ComparedRun]) -> None:
-    """Prints the leg lengths of the runs' best bodies."""
+    """Prints the leg lengths of the runs, over all their samples."""
     joints = joints_of(runs)
     if not joints:
         return
