@@ -80,6 +80,11 @@ class Access:
         self.refresh()
         return key in self._peers
 
+    def name_of(self, user: str) -> str:
+        """The name of whoever has this key; of a stranger the key itself."""
+        peer = self._peers.get(user)
+        return user if peer is None else peer.name
+
     def role_of(self, user: str | None) -> Role | None:
         """The role of whoever has this key; while the list cannot be read, at most viewer."""
         peer = self._peers.get(user or "")

@@ -37,7 +37,7 @@ from protocol.sockets.zmq_sockets import DEFAULT_BIND, Waker, permitted
 from protocol.system.process import Closable
 from protocol.transport.telemetry import Publisher
 from protocol.wire.codec import MAX_MESSAGE
-from protocol.wire.messages import ErrorReply, Request
+from protocol.wire.messages import ErrorReply, Request, Stop
 
 _BUDGET: Final = 0.002  # s for frames before the robot and the clock have their turn
 _LOOK_INTERVAL: Final = 0.5  # s between two looks at the list of clients
@@ -130,6 +130,7 @@ class Server(Closable):
             robot.capabilities, telemetry=self.telemetry_endpoint, telemetry_rate=telemetry_rate
         )
         self._refusals = LogLimiter()
+        self._user: str | None = None  # who sent the frame that is being handled, where known
         self._core = ServerCore(
             capabilities,
             view=robot.snapshot,
@@ -226,9 +227,9 @@ class Server(Closable):
                 self._report_garbage()
 
     def _taken(self, arrival: Arrival) -> Iterable[Action]:
-        peer, user, parts = arrival
+        peer, self._user, parts = arrival
         if len(parts) == 1:
-            return self._core.receive(peer, parts[0], self._clock(), user)
+            return self._core.receive(peer, parts[0], self._clock(), self._user)
         error = RemoteProtocolError(f"A message is one frame, not {len(parts)}.")
         return [self._core.complain(peer, error)]
 
@@ -242,13 +243,20 @@ class Server(Closable):
         if kept_back is None:
             return
         self._log.info(
-            "refused: %s of client %s: %s: %s%s",
+            "refused: %s of %s: %s: %s%s",
             request.TYPE,
-            request.client,
+            self._asking(request),
             error.code,
             error.message,
             f" ({kept_back} such refusals before this one are not shown)" if kept_back else "",
         )
+
+    def _asking(self, request: Request) -> str:
+        """Who sent the request that is being handled: the key's owner, whatever client it names."""
+        client = f"client {request.client}"
+        if self._access is None or self._user is None:
+            return client
+        return f"{self._access.name_of(self._user)} as {client}"
 
     def _take_events(self) -> None:
         for event in self._robot.events():
@@ -277,6 +285,8 @@ class Server(Closable):
 
     def _submit(self, action: Submit) -> None:
         request = action.request
+        if isinstance(request, Stop) and self._user is not None:
+            self._log.info("stop of %s", self._asking(request))
         try:
             self._robot.submit(action.ticket, request)
         except RobotError as error:

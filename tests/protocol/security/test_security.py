@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import threading
 from collections.abc import Callable
@@ -152,6 +153,22 @@ def test_a_viewer_looks_and_stops_and_nothing_else(
         refusal(viewer.clear)
         controller.clear()
     assert len(slow_robot.motions) == 1
+
+
+def test_the_log_says_whose_key_it_was_whatever_client_is_named(
+    serve: Serve, robot: FakeRobot, keyring: Keyring, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO)
+    ann, bob = keyring.client("ann", "controller"), keyring.client("bob", "viewer")
+    server = serve(robot, keys=keyring.robot)
+    with RobotClient(server.endpoint, keys=ann, client_id="legs-lab") as controller:
+        controller.acquire()
+        with pytest.raises(RobotError, match="belongs to another user"):
+            RobotClient(server.endpoint, keys=bob, client_id="legs-lab", timeout=SHORT)
+        with RobotClient(server.endpoint, keys=bob) as viewer:
+            viewer.stop()
+    assert "refused: hello of bob as client legs-lab: unauthorised" in caplog.text
+    assert f"stop of bob as client {viewer.client_id}" in caplog.text
 
 
 def test_a_client_id_belongs_to_the_key_that_used_it_first(
