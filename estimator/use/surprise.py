@@ -7,8 +7,9 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Array
+from estimator.posterior.fitted import FittedPosterior
 from estimator.posterior.model.likelihood import GRAVITY_TILTS, LIKELY
-from estimator.posterior.model.noise import Noise
+from estimator.posterior.model.noise import drawn as noise_drawn
 from estimator.posterior.model.special import logsumexp
 from estimator.readings.observation import Observation, PredictedReadings
 from estimator.use.causes import Weigher
@@ -31,7 +32,7 @@ def surprise(weigher: Weigher, own: Hypotheses, observation: Observation) -> tup
         of the observation; the density is that of all bodies together, each of which may fall to
         any of its sides.
     """
-    known, noise = weigher.known, weigher.known.noise
+    known = weigher.known
     body_rows = np.repeat(np.arange(len(own)), len(LIKELY))
     shares = np.tile(LIKELY / LIKELY.sum(), len(own)) / len(own)
     predicted = known.predictor.read(
@@ -42,7 +43,7 @@ def surprise(weigher: Weigher, own: Hypotheses, observation: Observation) -> tup
     )
     scales = own.scales[body_rows]
     chosen = weigher.rng.choice(len(body_rows), size=_REPLICATES, p=shares)
-    drawn = _replicates(predicted[chosen], scales[chosen], noise, observation, weigher.rng)
+    drawn = replicates(known, predicted[chosen], scales[chosen], observation, weigher.rng)
     likelihood = known.likelihood_of([*drawn, observation])
     data = likelihood.data
     rows = np.repeat(np.arange(len(body_rows)), len(data))
@@ -52,22 +53,31 @@ def surprise(weigher: Weigher, own: Hypotheses, observation: Observation) -> tup
     return odd[:-1], float(odd[-1])
 
 
-def _replicates(
+def replicates(
+    known: FittedPosterior,
     predicted: PredictedReadings,
     scales: Array,
-    noise: Noise,
     like: Observation,
     rng: np.random.Generator,
 ) -> list[Observation]:
-    """What bodies would read, with noise and outliers; ``None`` where ``like`` has no reading."""
-    count = len(predicted)
-    tilt = predicted.tilt + np.exp(scales[:, :1]) * noise.tilt * rng.normal(size=(count, 2))
-    height = predicted.clearance + np.exp(scales[:, 1]) * noise.clearance * rng.normal(size=count)
+    """What n bodies would read, with noise and outliers; nothing where ``like`` has no reading.
+
+    Args:
+        known: What is known of the robot.
+        predicted: Predicted readings of the bodies.
+        scales: Logarithms of the factors on tilt's and clearance's noise, shape (n, 2).
+        like: An observation.
+        rng: Random generator.
+    """
+    count, noise, cap = len(predicted), known.noise, known.clearance_cap
+    tilt = predicted.tilt + np.exp(scales[:, :1]) * noise.tilt * noise_drawn((count, 2), rng)
+    height = predicted.clearance + np.exp(scales[:, 1]) * noise.clearance * noise_drawn(count, rng)
     wrong = np.where(predicted.touch_doubtful, 0.5, noise.touch)
     touch = predicted.touch != (rng.random(predicted.touch.shape) < wrong)
     outlier = rng.random(count) < _OUTLIERS
     tilt[outlier] = rng.uniform(-0.5, 0.5, (int(outlier.sum()), 2))
-    beyond = predicted.saturated
+    beyond = predicted.saturated | (height >= cap)
+    height[beyond] = cap
     return [
         like.model_copy(
             update={

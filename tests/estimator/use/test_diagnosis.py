@@ -6,6 +6,7 @@ import json
 import math
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from shutil import copytree
@@ -297,6 +298,21 @@ def test_a_robot_that_fell_to_its_other_side_is_no_surprise() -> None:
         )
         drawn, observed = surprise.surprise(weigher(), own, seen)
         assert (np.mean(drawn >= observed) > 0.02) == likely
+
+
+def test_what_is_drawn_beyond_the_distance_sensors_range_reads_as_out_of_range() -> None:
+    known, rng = weigher().known, np.random.default_rng(7)
+    standing = known.predict((0.3,) * 4)[:1]
+    high = replace(standing, clearance=np.array([known.clearance_cap]))
+    like = Observation(angles=(0.3,) * 4, touch=(True,) * 4, tilt=(0.0, 0.0), clearance=0.1)
+    drawn = surprise.replicates(
+        known, high[np.zeros(400, dtype=int)], np.zeros((400, 2)), like, rng
+    )
+    beyond = np.array([one.clearance_saturated for one in drawn])
+    assert 150 < beyond.sum() < 250
+    heights = np.array([one.clearance for one in drawn])
+    assert (heights[beyond] == known.clearance_cap).all()
+    assert (heights[~beyond] < known.clearance_cap).all()
 
 
 # --- the commands ---------------------------------------------------------------------------------
