@@ -27,7 +27,7 @@ DAMAGES: Final[dict[str, str]] = {
     "body.twisted=2:40": "hinge of",
     "body.aside=3:30": "direction of",
 }
-"""Faults, each with a pattern of the names of its cause."""
+"""Faults, each with a pattern of the names of its change."""
 
 TOGETHER: Final = (
     "body.length=2:70,servos.slipped=1:8",
@@ -35,7 +35,7 @@ TOGETHER: Final = (
     "body.bent=2:25",
     "servos.travel=2:60,sensors.tilt_left=4",
 )
-"""Two faults at once, and one that the table lacks, of which no cause may be named."""
+"""Two faults at once, and one that the table lacks, of which no change may be named."""
 
 
 class Damaged(BaseModel):
@@ -44,13 +44,13 @@ class Damaged(BaseModel):
     Attributes:
         fault: Fault as it was injected; empty: none.
         noticed: Number of movements after which it was noticed; ``None``: not within the most.
-        suspected: Whether the right cause is among the suspects of the watch.
+        suspected: Whether the right change is among the suspects of the watch.
         verdict: Verdict of the diagnosis.
-        named: Names of the diagnosis's causes.
-        probability: Probability of these causes together.
+        named: Names of the diagnosis's changes.
+        probability: Probability of these changes together.
         share: 90 % interval of the leg's new length as a share of the old one, (0, 0) where the
-            right cause is not named; ``None``: the damage is no other length.
-        as_if: Whether the first of these causes, right or wrong, predicts other movements.
+            right change is not named; ``None``: the damage is no other length.
+        as_if: Whether the first of these changes, right or wrong, predicts other movements.
         movements: Number of movements of the diagnosis.
         cpu_seconds: CPU time of the diagnosis, s.
     """
@@ -71,7 +71,7 @@ class Damaged(BaseModel):
     @computed_field  # type: ignore[prop-decorator]  # mypy knows no decorated properties
     @property
     def right(self) -> bool:
-        """Whether the verdict is right: the cause of a known fault is one of at most two named."""
+        """Whether the verdict is right: the change of a known fault is one of at most two named."""
         if not self.fault:
             return self.verdict == Verdict.UNCHANGED.value
         if self.fault in TOGETHER:
@@ -82,7 +82,7 @@ class Damaged(BaseModel):
     @computed_field  # type: ignore[prop-decorator]
     @property
     def wrong(self) -> bool:
-        """Whether another cause is named."""
+        """Whether another change is named."""
         return self.verdict == Verdict.CHANGED.value and not self.right
 
     @property
@@ -94,7 +94,7 @@ class Damaged(BaseModel):
 
 
 def right_of(fault: str) -> Callable[[str], bool]:
-    """Returns a test of whether a name is that of a fault's cause, on whatever leg."""
+    """Returns a test of whether a name is that of a fault's change, on whatever leg."""
     pattern = re.compile(DAMAGES.get(fault, "(?!)"))
     return lambda name: pattern.search(name) is not None
 

@@ -25,19 +25,19 @@ from estimator.readings.observation import Observation, Program, by_joint_name
 from estimator.report.run_files import write_report
 from estimator.reproduction.harness import BriefRun
 from estimator.storage.run_config import RunConfig
-from estimator.use.causes import Particles, Weigher
-from estimator.use.changes import causes_of
+from estimator.use.detectable_changes import detectable_changes_of
 from estimator.use.diagnosis import diagnose
 from estimator.use.movements import near_forks, readings_in
 from estimator.use.pose import Goal, Pose, find_pose
 from estimator.use.watch import Watch
+from estimator.use.weighing_changes import ChangeParticles, ChangeWeigher
 from estimator.workplaces import IN_THIS_PROCESS
 from protocol.system.files import replace_text
 from protocol.transport.client import RobotClient
 from sim_robot.faults.control_socket import FaultClient
 
 _MOST_MOVEMENTS: Final = 15  # movements in which a change may be noticed
-_HELD_OUT: Final = 8  # movements by which a cause that is named is judged
+_HELD_OUT: Final = 8  # movements by which a change that is named is judged
 _SIGMAS: Final = 4.0  # standard deviations of noise, by which a prediction may be off
 _ELSEWHERE: Final = (np.radians(3.0), 0.01)  # rad and m from what was predicted: it fell elsewhere
 
@@ -87,17 +87,17 @@ class AfterRun(BriefRun):
         rng = np.random.default_rng(self.seed)
         with simulator(*options, "--noise", "none") as judge:
             poses = tuple(_poses(known, judge.uri, self.goals, rng))
-        causes = causes_of(known, rng)
+        changes = detectable_changes_of(known, rng)
         faults = FaultClient(robot.control)
         with RobotClient(robot.uri) as client:
             client.acquire()
-            watch, alarms = Watch(Weigher(known, causes, rng)), 0
+            watch, alarms = Watch(ChangeWeigher(known, changes, rng)), 0
             for _ in range(self.quiet):
                 watch.take(_perform(client, tuple(watch.next_movement().tolist())))
                 if watch.alarm:
-                    watch, alarms = Watch(Weigher(known, causes, rng)), alarms + 1
+                    watch, alarms = Watch(ChangeWeigher(known, changes, rng)), alarms + 1
             damaged = tuple(
-                _damaged(Weigher(known, causes, rng), client, faults, fault)
+                _damaged(ChangeWeigher(known, changes, rng), client, faults, fault)
                 for fault in ("", *self.faults)
             )
         return Figures(poses=poses, quiet=self.quiet, alarms=alarms, damaged=damaged)
@@ -167,7 +167,9 @@ def _errors(observed: Observation, tilt: ArrayLike, clearance: float) -> tuple[f
     return float(np.abs(felt_tilt - tilt).max()), abs(felt_clearance - clearance)
 
 
-def _damaged(weigher: Weigher, client: RobotClient, faults: FaultClient, fault: str) -> Damaged:
+def _damaged(
+    weigher: ChangeWeigher, client: RobotClient, faults: FaultClient, fault: str
+) -> Damaged:
     """Injects a fault, watches the robot, diagnoses it, and mends it."""
     low, high = weigher.known.program_range.T
     _perform(client, tuple(weigher.rng.uniform(low, high).tolist()))
@@ -175,8 +177,8 @@ def _damaged(weigher: Weigher, client: RobotClient, faults: FaultClient, fault: 
         faults.inject(one)
     is_named = right_of(fault)
 
-    def is_right(one: Particles) -> bool:
-        return one.cause is not None and is_named(one.cause.name)
+    def is_right(one: ChangeParticles) -> bool:
+        return one.change is not None and is_named(one.change.name)
 
     watch = Watch(weigher)
     while fault and not watch.alarm and watch.movements < _MOST_MOVEMENTS:
@@ -185,17 +187,17 @@ def _damaged(weigher: Weigher, client: RobotClient, faults: FaultClient, fault: 
     start = time.process_time()
     diagnosis = diagnose(weigher, lambda program, _: _perform(client, program))
     seconds = time.process_time() - start
-    as_if = _as_if(weigher, diagnosis.causes[0], client)
+    as_if = _as_if(weigher, diagnosis.changes[0], client)
     faults.mend()
     share = None
     if fault.startswith(("body.length", "body.cut")) and fault in DAMAGES:
-        share = next((one.amount()[1:] for one in diagnosis.causes if is_right(one)), (0.0, 0.0))
+        share = next((one.amount()[1:] for one in diagnosis.changes if is_right(one)), (0.0, 0.0))
     return Damaged(
         fault=fault,
         noticed=watch.movements if watch.alarm else None,
         suspected=any(is_right(one) for one, _ in suspects),
         verdict=diagnosis.verdict.value,
-        named=tuple(one.cause.name for one in diagnosis.causes if one.cause is not None),
+        named=tuple(one.change.name for one in diagnosis.changes if one.change is not None),
         probability=diagnosis.probability,
         share=share,
         as_if=as_if,
@@ -204,8 +206,8 @@ def _damaged(weigher: Weigher, client: RobotClient, faults: FaultClient, fault: 
     )
 
 
-def _as_if(weigher: Weigher, named: Particles, client: RobotClient) -> bool:
-    """Whether a cause predicts some movements that it has not seen, but for one at most."""
+def _as_if(weigher: ChangeWeigher, named: ChangeParticles, client: RobotClient) -> bool:
+    """Whether a change predicts some movements that it has not seen, but for one at most."""
     known = weigher.known
     low, high = known.program_range.T
     programs = weigher.rng.uniform(low, high, (10 * _HELD_OUT, len(low)))

@@ -35,13 +35,13 @@ from estimator.report.run_files import write_report
 from estimator.report.summarise import summarise
 from estimator.report.tables import plain_table
 from estimator.storage.store import RunStore
-from estimator.use.causes import Particles, Weigher
-from estimator.use.changes import causes_of
+from estimator.use.detectable_changes import detectable_changes_of
 from estimator.use.diagnosis import MOVEMENTS, Verdict, said
-from estimator.use.diagnosis import diagnose as find_cause
+from estimator.use.diagnosis import diagnose as find_change
 from estimator.use.pose import SAFE, Goal, Pose, feet, find_pose, perform, standing_on
 from estimator.use.record import write_run
 from estimator.use.watch import FALSE_ALARMS, Watch
+from estimator.use.weighing_changes import ChangeParticles, ChangeWeigher
 from protocol.text import command_line
 
 CHANGED: Final = 3
@@ -59,7 +59,7 @@ LOG: Final = "monitor.jsonl"
 Robot = Annotated[str, typer.Option(help="tcp://HOST:PORT; a record cannot move.")]
 Yes = Annotated[bool, typer.Option("--yes", help="Move the robot without asking first.")]
 Seed = Annotated[int, typer.Option(help="Of what is drawn.")]
-_MAX_CAUSES: Final = 4
+_MAX_CHANGES: Final = 4
 _NONE_OF_THESE: Final = (
     "None of the changes that are known explains the readings, nor does any body of this run: see "
     "whether the robot stands free on the ground, and whether its servos turn."
@@ -199,7 +199,8 @@ def monitor(
     with errors_as_sentences(None), identified(directory, jobs) as (store, known):
         may_move(yes, f"Move the robot at {robot} now and then, also while nobody looks?")
         rng = np.random.default_rng(seed)
-        watch = Watch(Weigher(known, causes_of(known, rng), rng), rate=false_alarms)
+        weigher = ChangeWeigher(known, detectable_changes_of(known, rng), rng)
+        watch = Watch(weigher, rate=false_alarms)
         programs = watch.patrol(patrol) if patrol else []
         with Screen(err) as screen:
             while movements is None or watch.movements < movements:
@@ -237,7 +238,7 @@ def monitor(
 def _log(
     directory: Path,
     watch: Watch,
-    suspects: Sequence[tuple[Particles, float]],
+    suspects: Sequence[tuple[ChangeParticles, float]],
     observation: Observation,
 ) -> None:
     """Adds a line of JSON about a movement to the log, for other programs."""
@@ -247,7 +248,7 @@ def _log(
         "odds": watch.odds,
         "threshold": watch.threshold,
         "alarm": watch.alarm,
-        "suspects": {one.cause.name: share for one, share in suspects if one.cause is not None},
+        "suspects": {one.change.name: share for one, share in suspects if one.change is not None},
         "none_of_these": watch.none_of_these,
         "observation": observation.model_dump(mode="json"),
     }
@@ -286,7 +287,7 @@ def diagnose(
         RunStore.check_free(out_directory)
         may_move(yes, f"Move the robot at {robot}, up to {movements} times?")
         rng = np.random.default_rng(seed)
-        weigher = Weigher(known, causes_of(known, rng), rng)
+        weigher = ChangeWeigher(known, detectable_changes_of(known, rng), rng)
         with Screen(err) as screen, closing(same_robot(store, robot, screen, keys)) as link:
             numbers = itertools.count()
 
@@ -297,12 +298,12 @@ def diagnose(
                 screen.observed(number, observation)
                 return observation
 
-            diagnosis = find_cause(weigher, act, movements=movements)
+            diagnosis = find_change(weigher, act, movements=movements)
         out.print(diagnosis.in_words(known), style="bold", soft_wrap=True)
         weighed = diagnosis.weighed
-        causes = zip(weighed.particles, weighed.probabilities, strict=True)
-        count = 0 if diagnosis.verdict is Verdict.NONE_OF_THESE else _MAX_CAUSES
-        for suspect, share in itertools.islice(causes, count):
+        changes = zip(weighed.particles, weighed.probabilities, strict=True)
+        count = 0 if diagnosis.verdict is Verdict.NONE_OF_THESE else _MAX_CHANGES
+        for suspect, share in itertools.islice(changes, count):
             out.print(f"{share:8.3f}  {said(suspect, known)}", soft_wrap=True)
         write_run(out_directory, store, weigher, diagnosis, robot)
         with RunStore.open(out_directory, to_write=False) as new_store:

@@ -153,6 +153,11 @@ class Parameter:
         return self.wide > 0 or self.switch
 
     @property
+    def is_centred(self) -> bool:
+        """Whether amounts lie around what is stated, the farther off the less probable."""
+        return not self.switch
+
+    @property
     def by_care(self) -> bool:
         """Whether its narrow component is the wider the less carefully a robot is built."""
         return self.narrow > 0 and self.group not in _STATED
@@ -166,6 +171,10 @@ class Parameter:
             return np.ones_like(theta)
         off = np.minimum(np.maximum(spread * theta, -self.limit), self.limit)  # clip takes longer
         return np.exp(off) if self.factor else off
+
+    def as_told(self, amounts: Array) -> Array:
+        """The amounts as people are told of them, shape (n,)."""
+        return amounts
 
     def applied(self, bodies: Bodies, amounts: Array | float = 1.0) -> Bodies:
         """The bodies, each changed by its own amount, shape (n,), or all by one."""

@@ -18,7 +18,7 @@ from estimator.body.arrays import Bodies
 from estimator.body.limbs import leg_lengths
 from estimator.body.morphology import Array, Morphology
 from estimator.errors import EstimatorError
-from estimator.parameters.changes import changes_of
+from estimator.parameters.changeable_rows import changeable_rows_of
 from estimator.parameters.table import Parameter
 from estimator.physics.backends import open_predicting
 from estimator.physics.base import ArrayPhysics
@@ -325,7 +325,7 @@ class FittedPosterior:
         if body is None:
             return ()
         joints = [joint.name for joint in self.capabilities.joints]
-        return changes_of(body, joints, [part.name for part in self.problem.parts])
+        return changeable_rows_of(body, joints, [part.name for part in self.problem.parts])
 
     @cached_property
     def noise(self) -> Noise:

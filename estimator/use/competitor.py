@@ -1,4 +1,4 @@
-"""Bodies that may have all changes at once: a cause that explains much less is not named."""
+"""Bodies that may have all changes at once: a change that explains much less is not named."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from estimator.body.morphology import Array
 from estimator.posterior.model.special import logsumexp, softmax
 from estimator.posterior.posterior import systematic
 from estimator.readings.observation import Observation
-from estimator.use.causes import Particles, Rows, Weigher
+from estimator.use.weighing_changes import ChangeParticles, ChangeWeigher, Rows
 
 _CHAINS: Final = 64
 _TEMPERATURES: Final = np.concatenate([[0.0], np.geomspace(2e-3, 1.0, 32)])
@@ -23,9 +23,9 @@ _MOVES: Final = 2  # of each chain at each temperature
 _EXPECTED: Final = 1.5  # changes, expected before any reading
 
 
-def chances_of(weigher: Weigher) -> Array:
-    """Probability that each change is on, before any reading, shape (causes,)."""
-    return np.minimum(_EXPECTED * np.exp([cause.log_prior for cause in weigher.causes]), 0.5)
+def chances_of(weigher: ChangeWeigher) -> Array:
+    """Probability that each change is on, before any reading, shape (changes,)."""
+    return np.minimum(_EXPECTED * np.exp([change.log_prior for change in weigher.changes]), 0.5)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -34,8 +34,8 @@ class Competitor:
 
     Attributes:
         rows: Numbers of bodies of the posterior as it was identified, shape (n,).
-        on: Which changes each body has, shape (n, causes).
-        theta: Amounts of all changes, shape (n, causes).
+        on: Which changes each body has, shape (n, changes).
+        theta: Amounts of all changes, shape (n, changes).
         weights: Weights, adding up to 1, shape (n,).
         log_evidence: Logarithm of the density of all observations.
     """
@@ -47,14 +47,14 @@ class Competitor:
     log_evidence: float = 0.0
 
     @classmethod
-    def fitted(cls, weigher: Weigher, observations: Sequence[Observation]) -> Competitor:
+    def fitted(cls, weigher: ChangeWeigher, observations: Sequence[Observation]) -> Competitor:
         """Samples bodies by annealed importance sampling from the prior (Neal 2001)."""
-        rng, causes = weigher.rng, weigher.causes
+        rng, changes = weigher.rng, weigher.changes
         chances, count = chances_of(weigher), _CHAINS
-        theta = np.column_stack([cause.drawn(rng.random(count)) for cause in causes])
+        theta = np.column_stack([change.drawn(rng.random(count)) for change in changes])
         state = cls(
             rows=systematic(weigher.known.weights, count, 0.5)[rng.permutation(count)],
-            on=rng.random((count, len(causes))) < chances,
+            on=rng.random((count, len(changes))) < chances,
             theta=theta,
             weights=np.full(count, 1 / count),
         )
@@ -78,37 +78,37 @@ class Competitor:
             log_evidence=float(logsumexp(logs)) - math.log(count),
         )
 
-    def _fits(self, weigher: Weigher, observations: Sequence[Observation]) -> Array:
+    def _fits(self, weigher: ChangeWeigher, observations: Sequence[Observation]) -> Array:
         if not observations:
             return np.zeros(len(self.rows))
         bodies, scales = self.bodies(weigher), self.scales(weigher)
         fits: Array = weigher.fits_of(bodies, scales, observations, surely=True).sum(axis=1)
         return fits
 
-    def _moved(self, weigher: Weigher, chances: Array) -> tuple[Competitor, Array]:
+    def _moved(self, weigher: ChangeWeigher, chances: Array) -> tuple[Competitor, Array]:
         """Proposes a move of each chain; the log-odds of the new state, but for its likelihood.
 
         A move switches a change, puts it in the place of another, or changes an amount or the body.
         """
-        rng, causes = weigher.rng, weigher.causes
+        rng, changes = weigher.rng, weigher.changes
         rows, on, theta = self.rows.copy(), self.on.copy(), self.theta.copy()
         odds = np.zeros(len(rows))
         kinds = rng.integers(4, size=len(rows))
-        shares = np.exp([cause.log_prior for cause in causes])
-        chosen = rng.choice(len(causes), size=(len(rows), 2), p=shares / shares.sum())
+        shares = np.exp([change.log_prior for change in changes])
+        chosen = rng.choice(len(changes), size=(len(rows), 2), p=shares / shares.sum())
         for chain in range(len(rows)):
-            change, another = chosen[chain].tolist()
+            number, another = chosen[chain].tolist()
             present = np.flatnonzero(on[chain])
             if kinds[chain] == 0:
-                on[chain, change] = not on[chain, change]
-                sign = 1 if on[chain, change] else -1
-                odds[chain] = sign * math.log(chances[change] / (1 - chances[change]))
-                if on[chain, change]:
-                    theta[chain, change] = causes[change].drawn(rng.random(1))[0]
-            elif kinds[chain] == 1 and on[chain, change] != on[chain, another]:
-                on[chain, [change, another]] = on[chain, [another, change]]
-                new, old = (change, another) if on[chain, change] else (another, change)
-                theta[chain, new] = causes[new].drawn(rng.random(1))[0]
+                on[chain, number] = not on[chain, number]
+                sign = 1 if on[chain, number] else -1
+                odds[chain] = sign * math.log(chances[number] / (1 - chances[number]))
+                if on[chain, number]:
+                    theta[chain, number] = changes[number].drawn(rng.random(1))[0]
+            elif kinds[chain] == 1 and on[chain, number] != on[chain, another]:
+                on[chain, [number, another]] = on[chain, [another, number]]
+                new, old = (number, another) if on[chain, number] else (another, number)
+                theta[chain, new] = changes[new].drawn(rng.random(1))[0]
                 odds[chain] = math.log(chances[new] / (1 - chances[new])) - math.log(
                     chances[old] / (1 - chances[old])
                 )
@@ -116,14 +116,14 @@ class Competitor:
                 at = int(rng.choice(present))
                 old_amount = theta[chain, at]
                 theta[chain, at] = old_amount + rng.normal(0, rng.choice([0.3, 0.1, 0.03]))
-                densities = causes[at].log_density(np.array([theta[chain, at], old_amount]))
+                densities = changes[at].log_density(np.array([theta[chain, at], old_amount]))
                 odds[chain] = densities[0] - densities[1]
             else:
                 rows[chain] = systematic(weigher.known.weights, 1, float(rng.random()))[0]
         theta = np.clip(theta, -6, 6)
         return replace(self, rows=rows, on=on, theta=theta), odds
 
-    def bodies(self, weigher: Weigher) -> Bodies:
+    def bodies(self, weigher: ChangeWeigher) -> Bodies:
         """The n bodies, with their changes."""
         bodies = weigher.bodies_of(self.rows)
         order, pieces = [], []
@@ -131,12 +131,12 @@ class Competitor:
             rows = np.flatnonzero((self.on == mask).all(axis=1))
             built = bodies[rows]
             for number in np.flatnonzero(mask).tolist():
-                built = weigher.causes[number].changed(built, self.theta[rows, number])
+                built = weigher.changes[number].changed(built, self.theta[rows, number])
             order.append(rows)
             pieces.append(built)
         return Bodies.joined(pieces)[np.argsort(np.concatenate(order))]
 
-    def scales(self, weigher: Weigher) -> Array:
+    def scales(self, weigher: ChangeWeigher) -> Array:
         """Logarithms of the bodies' noise factors, shape (n, 2)."""
         scales: Array = weigher.known.scales[self.rows]
         return scales
@@ -152,22 +152,22 @@ class Competitor:
             weights=np.full(count, 1 / count),
         )
 
-    def suspects(self, weigher: Weigher) -> tuple[tuple[str, float], ...]:
+    def suspects(self, weigher: ChangeWeigher) -> tuple[tuple[str, float], ...]:
         """The up to three changes that most bodies have, with the shares of bodies."""
         shares = self.weights @ self.on
         order = np.argsort(-shares)[:3]
         return tuple(
-            (weigher.causes[index].name, float(shares[index]))
+            (weigher.changes[index].name, float(shares[index]))
             for index in order.tolist()
             if shares[index] >= 0.3
         )
 
 
-def log_alone(weigher: Weigher, one: Particles) -> float:
-    """Logarithm of the competitor's prior probability that a cause is on alone."""
+def log_alone(weigher: ChangeWeigher, one: ChangeParticles) -> float:
+    """Logarithm of the competitor's prior probability that a change is on alone."""
     chances = chances_of(weigher)
     alone = float(np.sum(np.log1p(-chances)))
-    if one.cause is None:
+    if one.change is None:
         return alone
-    chance = chances[weigher.causes.index(one.cause)]
+    chance = chances[weigher.changes.index(one.change)]
     return alone + math.log(chance) - math.log1p(-chance)

@@ -1,8 +1,8 @@
 """What has changed on a robot since it was identified, found out by a few movements.
 
-Movements are chosen to tell causes apart. Once one is probable, others put it to the test: they
+Movements are chosen to tell changes apart. Once one is probable, others put it to the test: they
 tell it from a *competitor* to which all changes at once are open, and what they read is held
-against what the cause's own bodies predict. A cause that fails is not named: then it is none of
+against what the change's own bodies predict. A change that fails is not named: then it is none of
 these.
 """
 
@@ -19,23 +19,23 @@ import numpy as np
 from estimator.body.arrays import Bodies
 from estimator.body.limbs import driven_limbs
 from estimator.identification.method import information_in_words
-from estimator.parameters.changes import Within
+from estimator.parameters.changeable_rows import LegLength
 from estimator.posterior.fitted import FittedPosterior
 from estimator.posterior.model.special import logsumexp
 from estimator.readings.observation import Observation, Program
-from estimator.use.causes import Particles, Weighed, Weigher
 from estimator.use.competitor import Competitor, log_alone
 from estimator.use.movements import Hypotheses, best_of, telling
 from estimator.use.surprise import surprise
+from estimator.use.weighing_changes import ChangeParticles, ChangeWeigher, WeighedChanges
 
 SURE: Final = 0.95
-"""Probability from which on a cause is put to the test."""
+"""Probability from which on a change is put to the test."""
 
 MOVEMENTS: Final = 12
 """Largest number of movements, those of the test included."""
 
 CONFIRMING: Final = 3
-"""Number of movements that put a cause to the test."""
+"""Number of movements that put a change to the test."""
 
 _INDISTINGUISHABLE: Final = 0.15  # bits: a movement that tells no more tells nothing
 _RIVAL: Final = 0.05  # what is less probable is not named beside others
@@ -63,23 +63,23 @@ class Diagnosis:
     """What has changed.
 
     Attributes:
-        verdict: Whether a cause is named.
-        causes: Causes that are named, the most probable first; several where no movement could tell
-            them apart. If none is named, the most probable causes.
-        probability: Probability of these causes together.
-        weighed: All causes after the last movement.
+        verdict: Whether a change is named.
+        changes: Changes that are named, the most probable first; several where no movement could
+            tell them apart. If none is named, the most probable changes.
+        probability: Probability of these changes together.
+        weighed: All changes after the last movement.
         observations: Observations of the movements.
         reasons: Why each movement was made.
-        better: By how many nats the competitor explains all readings better than the named causes;
+        better: By how many nats the competitor explains all readings better than the named changes;
             ``None``: they were not put to the test.
-        suspects: Causes that the competitor has on, with their shares: where it explains the
+        suspects: Changes that the competitor has on, with their shares: where it explains the
             readings better, two things may have failed at once.
     """
 
     verdict: Verdict
-    causes: tuple[Particles, ...]
+    changes: tuple[ChangeParticles, ...]
     probability: float
-    weighed: Weighed
+    weighed: WeighedChanges
     observations: tuple[Observation, ...]
     reasons: tuple[str, ...]
     better: float | None = None
@@ -91,7 +91,7 @@ class Diagnosis:
         Args:
             known: The body as it was identified.
         """
-        named = [said(particles, known) for particles in self.causes]
+        named = [said(particles, known) for particles in self.changes]
         match self.verdict:
             case Verdict.UNCHANGED:
                 return f"Nothing has changed that could be felt ({self.probability:.2f})."
@@ -113,12 +113,12 @@ class Diagnosis:
         return f"Not decided: {'; '.join(named)} ({self.probability:.2f} together)."
 
 
-def said(particles: Particles, known: FittedPosterior) -> str:
-    """A cause with its amount, in words."""
-    if particles.cause is None:
+def said(particles: ChangeParticles, known: FittedPosterior) -> str:
+    """A change with its amount, in words."""
+    if particles.change is None:
         return "nothing has changed"
-    row = particles.cause.row
-    if not isinstance(row, Within):
+    row = particles.change.row
+    if not isinstance(row, LegLength):
         middle, low, high = particles.amount()
         return row.said(middle, (low, high))
     assert known.best_body is not None
@@ -129,11 +129,11 @@ def said(particles: Particles, known: FittedPosterior) -> str:
     return f"{row.name} from {old_length:.0f} to {middle:.0f} mm [{low:.0f}–{high:.0f}]"
 
 
-def diagnose(weigher: Weigher, act: Act, *, movements: int = MOVEMENTS) -> Diagnosis:
+def diagnose(weigher: ChangeWeigher, act: Act, *, movements: int = MOVEMENTS) -> Diagnosis:
     """Finds out what has changed.
 
     Args:
-        weigher: Weighs causes.
+        weigher: Weighs changes.
         act: Moves the robot.
         movements: Largest number of movements.
     """
@@ -142,12 +142,12 @@ def diagnose(weigher: Weigher, act: Act, *, movements: int = MOVEMENTS) -> Diagn
     while True:
         weighed = weigher.weigh(observations)
         named, probability = _named(weighed)
-        if tested is not None and _names(tested.causes) == _names(named):
-            return replace(tested, causes=named, probability=probability, weighed=weighed)
+        if tested is not None and _names(tested.changes) == _names(named):
+            return replace(tested, changes=named, probability=probability, weighed=weighed)
         movements_left = movements - len(observations)
         program, bits = telling(weigher, weighed)
         is_settled = len(named) == 1 or bits < _INDISTINGUISHABLE or weighed.none_of_these > SURE
-        felt_enough = named[0].cause is not None or len(observations) >= _FEWEST_MOVEMENTS
+        felt_enough = named[0].change is not None or len(observations) >= _FEWEST_MOVEMENTS
         if is_settled and felt_enough and movements_left >= CONFIRMING:
             tested = _tested(
                 weigher, weighed, named, act, observations=observations, reasons=reasons
@@ -160,7 +160,7 @@ def diagnose(weigher: Weigher, act: Act, *, movements: int = MOVEMENTS) -> Diagn
             is_listed = weighed.none_of_these < 0.5
             return Diagnosis(
                 verdict=Verdict.UNDECIDED if is_listed else Verdict.NONE_OF_THESE,
-                causes=named,
+                changes=named,
                 probability=probability,
                 weighed=weighed,
                 observations=tuple(observations),
@@ -171,18 +171,18 @@ def diagnose(weigher: Weigher, act: Act, *, movements: int = MOVEMENTS) -> Diagn
         reasons.append(reason)
 
 
-def _named(weighed: Weighed) -> tuple[tuple[Particles, ...], float]:
-    """The fewest causes that are sure together, but for improbable ones; and their probability."""
+def _named(weighed: WeighedChanges) -> tuple[tuple[ChangeParticles, ...], float]:
+    """The fewest changes that are sure together, but for improbable ones; and their probability."""
     count = int(np.searchsorted(np.cumsum(weighed.probabilities), SURE)) + 1
     probable = max(1, int(np.sum(weighed.probabilities[:count] >= _RIVAL)))
     return weighed.particles[:probable], float(weighed.probabilities[:probable].sum())
 
 
-def _names(causes: Sequence[Particles]) -> set[str | None]:
-    return {one.name for one in causes}
+def _names(changes: Sequence[ChangeParticles]) -> set[str | None]:
+    return {one.name for one in changes}
 
 
-def _reason(weighed: Weighed, bits: float) -> str:
+def _reason(weighed: WeighedChanges, bits: float) -> str:
     if weighed.probabilities[0] < 0.02 or len(weighed.particles) < 2:
         return "tells most of all changes apart"
     first, second = (one.name or "no change" for one in weighed.particles[:2])
@@ -193,9 +193,9 @@ def _reason(weighed: Weighed, bits: float) -> str:
 
 
 def _tested(
-    weigher: Weigher,
-    weighed: Weighed,
-    named: tuple[Particles, ...],
+    weigher: ChangeWeigher,
+    weighed: WeighedChanges,
+    named: tuple[ChangeParticles, ...],
     act: Act,
     *,
     observations: Sequence[Observation],
@@ -231,10 +231,10 @@ def _tested(
     better = max(rival.log_evidence - _evidence(weigher, named, reweighed), _log_odds(with_second))
     is_odd = overall <= _SURPRISE or odd >= 2 or reweighed.none_of_these > 0.5
     is_refuted = better > _BETTER_NATS or is_odd
-    verdict = Verdict.CHANGED if named[0].cause is not None else Verdict.UNCHANGED
+    verdict = Verdict.CHANGED if named[0].change is not None else Verdict.UNCHANGED
     return Diagnosis(
         verdict=Verdict.NONE_OF_THESE if is_refuted else verdict,
-        causes=named,
+        changes=named,
         probability=float(weighed.probabilities[: len(named)].sum()),
         weighed=reweighed,
         observations=tuple(all_observations),
@@ -247,9 +247,9 @@ def _tested(
 
 
 def _suspects(
-    weigher: Weigher,
-    named: Sequence[Particles],
-    last: Weighed,
+    weigher: ChangeWeigher,
+    named: Sequence[ChangeParticles],
+    last: WeighedChanges,
     rival: Competitor,
     observations: Sequence[Observation],
 ) -> tuple[tuple[str, float], ...]:
@@ -262,24 +262,26 @@ def _suspects(
         return rival.suspects(weigher) if rival.log_evidence > anywhere else ()
     if last.none_of_these > 0.5:
         return ()
-    second = next((one.cause.name, share) for one, share in last.shares if one.cause is not None)
-    return (*((one.cause.name, 1.0) for one in named if one.cause is not None), second)
+    second = next((one.change.name, share) for one, share in last.shares if one.change is not None)
+    return (*((one.change.name, 1.0) for one in named if one.change is not None), second)
 
 
-def _second(further: Weigher, weighed: Weighed) -> Hypotheses:
+def _second(further: ChangeWeigher, weighed: WeighedChanges) -> Hypotheses:
     """Bodies with one change more than those that are named."""
     groups = weighed.shares_of(_names(weighed.particles) - {None})
     return Hypotheses.of(further, groups, _BODIES // 2)
 
 
-def _log_odds(further: Weighed) -> float:
+def _log_odds(further: WeighedChanges) -> float:
     """Log-odds of one change more, nats, its improbability before any reading included."""
     unchanged = max(further.unchanged, 1e-300)
     return math.log(max(1 - unchanged, 1e-300)) - math.log(unchanged) + math.log(_SECOND_PRIOR)
 
 
-def _evidence(weigher: Weigher, named: Sequence[Particles], weighed: Weighed) -> float:
-    """Logarithm of the density of all observations under the named causes, as if no other existed.
+def _evidence(
+    weigher: ChangeWeigher, named: Sequence[ChangeParticles], weighed: WeighedChanges
+) -> float:
+    """Logarithm of the density of all observations under the named changes, as if no other existed.
 
     Each has the prior that the competitor gives to its being on alone.
     """

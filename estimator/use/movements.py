@@ -1,4 +1,4 @@
-"""Movements that tell causes apart, chosen by the information that they are expected to give."""
+"""Movements that tell changes apart, chosen by the information that they are expected to give."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from estimator.exploration.information_gain import InformationGain
 from estimator.posterior.fitted import FittedPosterior, each_with_each
 from estimator.posterior.posterior import systematic
 from estimator.readings.observation import PredictedReadings
-from estimator.use.causes import Particles, Weighed, Weigher
 from estimator.use.pose import SAFE, attainable
+from estimator.use.weighing_changes import ChangeParticles, ChangeWeigher, WeighedChanges
 
 HYPOTHESES: Final = 160
 """Default number of bodies among which a movement is to tell."""
@@ -46,11 +46,11 @@ class Hypotheses:
     @classmethod
     def of(
         cls,
-        weigher: Weigher,
-        groups: Sequence[tuple[Particles, float]],
+        weigher: ChangeWeigher,
+        groups: Sequence[tuple[ChangeParticles, float]],
         count: int | None = None,
     ) -> Hypotheses:
-        """Draws bodies from particles of causes by the causes' shares, in random order.
+        """Draws bodies from particles of changes by the changes' shares, in random order.
 
         Args:
             weigher: Builds the bodies of particles.
@@ -77,13 +77,13 @@ class Hypotheses:
         return len(self.groups)
 
 
-def telling(weigher: Weigher, weighed: Weighed) -> tuple[Array, float]:
+def telling(weigher: ChangeWeigher, weighed: WeighedChanges) -> tuple[Array, float]:
     """The movement, rad, that is expected to tell most of what has changed, and how much, bits."""
     return best_of(weigher, Hypotheses.of(weigher, weighed.shares))
 
 
 def best_of(
-    weigher: Weigher, hypotheses: Hypotheses, safe_for: Bodies | None = None
+    weigher: ChangeWeigher, hypotheses: Hypotheses, safe_for: Bodies | None = None
 ) -> tuple[Array, float]:
     """The movement that tells groups of bodies apart best, rad, and its information, bits.
 

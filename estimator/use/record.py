@@ -36,8 +36,8 @@ from estimator.storage.posteriors import (
 )
 from estimator.storage.records import Counters
 from estimator.storage.store import RunStore
-from estimator.use.causes import Particles, Weigher
 from estimator.use.diagnosis import Diagnosis, Verdict, said
+from estimator.use.weighing_changes import ChangeParticles, ChangeWeigher
 
 _SAMPLES: Final = 256
 _UNEXPLAINED: Final = 0.5  # probability of an outlier
@@ -46,7 +46,7 @@ _LEAST_POWER: Final = 0.3  # to which the readings' likelihood is taken, so that
 
 
 def write_run(
-    directory: Path, store: RunStore, weigher: Weigher, diagnosis: Diagnosis, robot: str
+    directory: Path, store: RunStore, weigher: ChangeWeigher, diagnosis: Diagnosis, robot: str
 ) -> None:
     """Makes a run directory of what a diagnosis found: it holds all of that, or no run.
 
@@ -54,7 +54,7 @@ def write_run(
         directory: The directory that is made.
         store: The run that identified the robot.
         weigher: Weigher that the diagnosis used.
-        diagnosis: The diagnosis; it must name a cause, or that nothing has changed.
+        diagnosis: The diagnosis; it must name a change, or that nothing has changed.
         robot: Where the robot is.
 
     Raises:
@@ -77,7 +77,7 @@ def write_run(
         seen = observations[:count]
         is_last = count == len(observations)
         weighed = diagnosis.weighed if is_last else weigher.weigh(seen)
-        particles = diagnosis.causes[0] if is_last else weighed.particles[0]
+        particles = diagnosis.changes[0] if is_last else weighed.particles[0]
         share = diagnosis.probability if is_last else float(weighed.probabilities[0])
         posteriors.append(_stored(weigher, particles, share, seen, attached))
 
@@ -94,7 +94,7 @@ def write_run(
 
 
 def _attached(
-    identified: FittedPosterior, indistinguishable: Indistinguishable, drawn: Particles
+    identified: FittedPosterior, indistinguishable: Indistinguishable, drawn: ChangeParticles
 ) -> AttachmentsStated:
     """What bodies that were drawn say of attachments; lengths are as they were identified."""
     old, summary = identified.posterior, identified.summary
@@ -134,13 +134,13 @@ def _attached(
 
 
 def _stored(
-    weigher: Weigher,
-    one: Particles,
+    weigher: ChangeWeigher,
+    one: ChangeParticles,
     probability: float,
     seen: tuple[Observation, ...],
-    attached: Callable[[Particles], AttachmentsStated],
+    attached: Callable[[ChangeParticles], AttachmentsStated],
 ) -> StoredPosterior:
-    """A cause's bodies as the posterior after some movements."""
+    """A change's bodies as the posterior after some movements."""
     known, old = weigher.known, weigher.known.summary
     assert old is not None
     spread = _spread(one)
@@ -150,10 +150,10 @@ def _stored(
         change.model_copy(update={"amounts": tuple(np.array(change.amounts)[drawn.rows].tolist())})
         for change in old.changes
     )
-    if one.cause is not None:
+    if one.change is not None:
         changes += (
             StoredChange(
-                name=one.cause.name,
+                name=one.change.name,
                 sentence=said(one, known),
                 probability=probability,
                 amounts=tuple(drawn.theta.tolist()),
@@ -182,7 +182,7 @@ def _stored(
     )
 
 
-def _spread(one: Particles) -> Particles:
+def _spread(one: ChangeParticles) -> ChangeParticles:
     """Particles of which enough bodies are left, as far as their weights can be evened out."""
     logs = np.log(np.maximum(one.weights, 1e-300))
     for power in np.linspace(1.0, _LEAST_POWER, 15):
@@ -193,7 +193,7 @@ def _spread(one: Particles) -> Particles:
 
 
 def _predicted(
-    weigher: Weigher, drawn: Particles, seen: tuple[Observation, ...]
+    weigher: ChangeWeigher, drawn: ChangeParticles, seen: tuple[Observation, ...]
 ) -> tuple[tuple[PredictedInteraction, ...], tuple[UnexplainedInteraction, ...]]:
     """Each movement as the body of median amount predicts it, and movements left unexplained."""
     known = weigher.known

@@ -12,14 +12,16 @@ from estimator.posterior.model.likelihood import GRAVITY_TILTS, LIKELY
 from estimator.posterior.model.noise import drawn as noise_drawn
 from estimator.posterior.model.special import logsumexp
 from estimator.readings.observation import Observation, PredictedReadings
-from estimator.use.causes import Weigher
 from estimator.use.movements import Hypotheses
+from estimator.use.weighing_changes import ChangeWeigher
 
 _REPLICATES: Final = 600
 _OUTLIERS: Final = 0.005  # share of outliers among replicates; in recorded runs 2 of 615 were
 
 
-def surprise(weigher: Weigher, own: Hypotheses, observation: Observation) -> tuple[Array, float]:
+def surprise(
+    weigher: ChangeWeigher, own: Hypotheses, observation: Observation
+) -> tuple[Array, float]:
     """How odd an observation is under some bodies, and how odd what they would have read is.
 
     Args:

@@ -1,7 +1,7 @@
 """Whether a robot is still the one that was identified: a watch that moves it now and then.
 
-Against "nothing has changed" stands the table of causes. With an unknown time of change the odds of
-each particle of a cause follow Shiryaev's recursion (1963)::
+Against "nothing has changed" stands the table of changes. As it is not known when something
+changed, the odds of each particle of a change follow Shiryaev's recursion (1963)::
 
     R <- (R + hazard · prior) · p(observation | changed) / p(observation | unchanged)
 
@@ -13,8 +13,8 @@ a robot of which that has been learnt: else particles whose bodies are right wou
 over all bodies in each movement, until there is an alarm. Few bodies stand for a posterior, and
 none is the robot's exactly, so that what was learnt is forgotten by and by.
 
-One more cause is in no row of the table: under it any reading is as probable as another. Without it
-readings that nothing explains would tell nothing, since they are outliers whatever has changed.
+One more change is in no row of the table: under it any reading is as probable as another. Without
+it readings that nothing explains would tell nothing, since they are outliers whatever has changed.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from estimator.body.arrays import Bodies
 from estimator.body.morphology import Array
 from estimator.posterior.model.special import logsumexp, softmax
 from estimator.readings.observation import Observation
-from estimator.use.causes import UNLISTED, Particles, Weigher
 from estimator.use.movements import Hypotheses, best_of, near_forks, readings_in
 from estimator.use.pose import attainable
+from estimator.use.weighing_changes import UNLISTED, ChangeParticles, ChangeWeigher
 
 HAZARD: Final = 1e-3
 """Probability that something changes between two movements."""
@@ -43,12 +43,12 @@ FALSE_ALARMS: Final = 1e-5
 PATROL: Final = 6
 """Default number of movements of a patrol."""
 
-_PARTICLES: Final = 64  # of a cause
+_PARTICLES: Final = 64  # of a change
 _KEPT_ESS: Final = 0.05  # effective number of bodies that may be left, as a share of that at first
 _FORGETTING: Final = 0.9  # factor on what was learnt of bodies, until so many are left
 _RECENT: Final = 30  # last movements, in one of which a change that is noticed must have happened
 _CANDIDATES: Final = 400  # programs, among which a patrol chooses
-_WATCHED: Final = 8  # particles of a cause, by which a patrol chooses
+_WATCHED: Final = 8  # particles of a change, by which a patrol chooses
 _SIGMAS: Final = 4.0  # standard deviations, beyond which a difference shows
 _RISKY: Final = 0.1  # share of bodies, old and damaged, that may be near falling elsewhere
 
@@ -57,7 +57,7 @@ class Watch:
     """Takes in observations, and says how probably something has changed.
 
     Args:
-        weigher: Knows the body as it was identified, and the causes.
+        weigher: Knows the body as it was identified, and the changes.
         rate: False alarms per movement.
 
     Attributes:
@@ -66,24 +66,24 @@ class Watch:
         movements: Number of movements so far.
     """
 
-    def __init__(self, weigher: Weigher, *, rate: float = FALSE_ALARMS) -> None:
+    def __init__(self, weigher: ChangeWeigher, *, rate: float = FALSE_ALARMS) -> None:
         self.weigher = weigher
         self.odds = 0.0
         self.threshold = HAZARD / rate
         self.movements = 0
-        self._particles = [weigher.prior(cause, _PARTICLES) for cause in weigher.causes]
+        self._particles = [weigher.prior(change, _PARTICLES) for change in weigher.changes]
         self._bodies = Bodies.joined([weigher.bodies(particles) for particles in self._particles])
         self._rows = np.concatenate([particles.rows for particles in self._particles])
         self._scales = np.concatenate([weigher.scales(particles) for particles in self._particles])
         share = math.log(1 - UNLISTED) - math.log(_PARTICLES)
-        listed = np.repeat([cause.log_prior + share for cause in weigher.causes], _PARTICLES)
+        listed = np.repeat([change.log_prior + share for change in weigher.changes], _PARTICLES)
         # The last entry of these is that of what is in no row of the table.
         self._log_prior = np.append(listed, math.log(UNLISTED))
         self._logs = np.full(len(self._log_prior), -np.inf)  # logarithms of R
         self._learning = weigher  # knows what unchanged bodies have told so far
         self._log_fits = np.zeros(len(weigher.known))  # the same, in nats
         # Each movement with its log-likelihood ratios, and what was learnt before it.
-        self._recent = deque[tuple[Observation, Array, Weigher]](maxlen=_RECENT)
+        self._recent = deque[tuple[Observation, Array, ChangeWeigher]](maxlen=_RECENT)
 
     @property
     def alarm(self) -> bool:
@@ -119,8 +119,8 @@ class Watch:
         """How probable it is, if anything has changed, that it is in no row of the table."""
         return float(softmax(self._logs)[-1]) if self.movements else UNLISTED
 
-    def suspects(self, count: int = 3) -> tuple[tuple[Particles, float], ...]:
-        """The most probable causes, with how probable each is if anything has changed.
+    def suspects(self, count: int = 3) -> tuple[tuple[ChangeParticles, float], ...]:
+        """The most probable changes, with how probable each is if anything has changed.
 
         Weighed as in a diagnosis, by the movements since the one from which on a change explains
         most. There are none where it is more probably none of these.
@@ -133,18 +133,20 @@ class Watch:
         weighed = learning[first].weigh(observed[first:])
         changed = max(1.0 - weighed.unchanged, 1e-300) / (1.0 - self.none_of_these)
         suspects = [
-            (one, share / changed) for one, share in weighed.shares if one.cause is not None
+            (one, share / changed) for one, share in weighed.shares if one.change is not None
         ]
         return tuple(suspects[:count])
 
-    def _likely(self) -> list[tuple[Particles, float]]:
-        """The table's causes weighed by the recursion, each with its share of these."""
+    def _likely(self) -> list[tuple[ChangeParticles, float]]:
+        """The table's changes weighed by the recursion, each with its share of these."""
         logs = (self._logs if self.movements else self._log_prior)[:-1]
-        by_cause = logs.reshape(len(self._particles), -1)
-        shares = softmax(logsumexp(by_cause, axis=1)).tolist()
+        by_change = logs.reshape(len(self._particles), -1)
+        shares = softmax(logsumexp(by_change, axis=1)).tolist()
         return [
-            (replace(particles, weights=softmax(cause_logs)), share)
-            for particles, cause_logs, share in zip(self._particles, by_cause, shares, strict=True)
+            (replace(particles, weights=softmax(change_logs)), share)
+            for particles, change_logs, share in zip(
+                self._particles, by_change, shares, strict=True
+            )
         ]
 
     def next_movement(self) -> Array:
@@ -170,7 +172,7 @@ class Watch:
         safe = (risky[:, :_WATCHED].mean(axis=1) <= _RISKY) & (risky.mean(axis=1) <= 3 * _RISKY)
         programs = programs[safe] if safe.any() else programs
         shows = self._shown(bodies, programs)
-        priors = np.exp([cause.log_prior for cause in weigher.causes])
+        priors = np.exp([change.log_prior for change in weigher.changes])
         missed, chosen = np.ones(shows.shape[1]), list[Array]()
         for _ in range(count):
             gains = (missed * shows * np.repeat(priors, _WATCHED)).sum(axis=1)

@@ -21,11 +21,11 @@ from estimator.storage.records import Counters
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fit:
-    """How badly bodies fit observations.
+class ModelErrors:
+    """How badly models fit observations.
 
     Attributes:
-        errors: Error of each body over all observations, by the objective, shape (n,).
+        errors: Error of each model over all observations, by the objective, shape (n,).
         invalid: Number of invalid simulations.
         undecided: Number of the other simulations that are undecided.
     """
@@ -41,7 +41,7 @@ def fit_bodies(
     modalities: Sequence[str],
     physics: Physics,
     objective: Objective,
-) -> Fit:
+) -> ModelErrors:
     """Returns how badly bodies fit, each simulated in all interactions."""
     targets = _Targets.of(observations, modalities, objective)
     read = _body_by_body(bodies, physics, targets.programs)
@@ -58,7 +58,7 @@ def fit_genes(
     objective: Objective,
     limits: Array,
     approximation: ArrayPhysics | None = None,
-) -> Fit:
+) -> ModelErrors:
     """Returns how badly models fit; an error that reaches the model's limit need not be exact.
 
     A model that the problem forbids is as bad as can be, and is not simulated.
@@ -89,9 +89,9 @@ def fit_genes(
         read = _as_arrays(genome.bodies(genes), physics, targets.programs)
     else:
         read = _body_by_body(genome.decode_all(genes), physics, targets.programs)
-    fit = targets.compare(read, limits, order)
-    errors[allowed] = fit.errors
-    return replace(fit, errors=errors)
+    compared = targets.compare(read, limits, order)
+    errors[allowed] = compared.errors
+    return replace(compared, errors=errors)
 
 
 def _body_by_body(bodies: Sequence[Morphology], physics: Physics, programs: Array) -> Read:
@@ -136,7 +136,7 @@ class _Targets:
         errors = self._errors(read(models, interactions), interactions).reshape(count, -1)
         return np.argsort(-errors, axis=1, kind="stable")
 
-    def compare(self, read: Read, limits: Array, order: Indices | None = None) -> Fit:
+    def compare(self, read: Read, limits: Array, order: Indices | None = None) -> ModelErrors:
         """Tries models in one interaction after the other, in some order, until they have lost."""
         count, models = len(self.observed), len(limits)
         if order is None:
@@ -162,7 +162,7 @@ class _Targets:
                 f"the objective {type(self.objective).__name__} gave {total!r} in total of "
                 f"{models} models: it must give each a number, infinite where nothing is left"
             )
-        return Fit(errors=total, invalid=invalid, undecided=counted)
+        return ModelErrors(errors=total, invalid=invalid, undecided=counted)
 
     def _errors(self, readings: PredictedReadings, interactions: Indices) -> Array:
         errors = np.zeros(len(interactions))

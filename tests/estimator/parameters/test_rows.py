@@ -13,7 +13,7 @@ import pytest
 from estimator.body.arrays import ACCELEROMETER, Bodies
 from estimator.body.morphology import BASE, Array, Base, Morphology, Part
 from estimator.errors import EstimatorError
-from estimator.parameters.changes import changes_of
+from estimator.parameters.changeable_rows import changeable_rows_of
 from estimator.parameters.instruments import as_sensed
 from estimator.parameters.rows import packages, table_of
 from estimator.parameters.table import (
@@ -300,7 +300,7 @@ def test_a_leg_that_breaks_off_takes_what_it_carries_along() -> None:
     body = Morphology(
         base=Base(size=(0.14, 0.14, 0.06), mass=0.6), parts=(hip, knee, other), density=1000.0
     )
-    rows = changes_of(body, ["hip", "knee", "other"], ["thigh", "shin", "leg"])
+    rows = changeable_rows_of(body, ["hip", "knee", "other"], ["thigh", "shin", "leg"])
     (broken,) = (row for row in rows if row.name == "the leg of hip broken off")
     gone = broken.applied(Bodies.of([body]), np.array([0.5]))
     assert gone.length[0].tolist() == pytest.approx([0.06, 0.002, 0.12])

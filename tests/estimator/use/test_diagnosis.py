@@ -28,12 +28,12 @@ from estimator.storage.posteriors import LOW_ESS, StoredMode, StoredPosterior
 from estimator.storage.records import Counters
 from estimator.storage.store import RunStore
 from estimator.use import competitor, movements, surprise
-from estimator.use.causes import Weigher
-from estimator.use.changes import Cause, causes_of
+from estimator.use.detectable_changes import DetectableChange, detectable_changes_of
 from estimator.use.diagnosis import Diagnosis, Verdict, diagnose
 from estimator.use.movements import Hypotheses
 from estimator.use.record import write_run
 from estimator.use.watch import HAZARD, Watch
+from estimator.use.weighing_changes import ChangeWeigher
 from tests.estimator.evaluation.test_score import make_ended_run
 from tests.estimator.model_robot import (
     TRUE_LENGTHS,
@@ -67,14 +67,14 @@ TILT, CLEARANCE = math.radians(0.2), 0.8e-3
 
 
 @cache
-def weigher() -> Weigher:
+def weigher() -> ChangeWeigher:
     rng = np.random.default_rng(11)
     known = sampled(64)
-    return Weigher(known, causes_of(known, rng), rng)
+    return ChangeWeigher(known, detectable_changes_of(known, rng), rng)
 
 
-def cause(name: str) -> Cause:
-    (one,) = (one for one in weigher().causes if one.name == name)
+def change(name: str) -> DetectableChange:
+    (one,) = (one for one in weigher().changes if one.name == name)
     return one
 
 
@@ -82,7 +82,7 @@ def damaged(*changes: tuple[str, float]) -> Bodies:
     """The true body with some changes, by name and amount."""
     body = weigher().known.unknowns.bodies(TRUTH[None])
     for name, amount in changes:
-        body = cause(name).row.applied(body, amount)
+        body = change(name).row.applied(body, amount)
     return body
 
 
@@ -105,7 +105,7 @@ def robot(body: Bodies, seed: int = 1) -> Callable[[Program, str], Observation]:
 
 
 def named(found: Diagnosis) -> list[str]:
-    return [one.cause.name for one in found.causes if one.cause is not None]
+    return [one.change.name for one in found.changes if one.change is not None]
 
 
 FRONT = "the leg of front shortened"
@@ -126,14 +126,14 @@ def test_one_change_is_noticed_and_named(name: str, amount: float, within: float
         watch.take(act(tuple(watch.next_movement().tolist()), ""))
         assert watch.movements <= 5
     assert watch.none_of_these < 0.05
-    suspects = {one.cause.name: share for one, share in watch.suspects() if one.cause is not None}
+    suspects = {one.change.name: share for one, share in watch.suspects() if one.change is not None}
     assert suspects[name] > 0.1
     assert suspects[name] > max(suspects.values()) - 0.1  # what feels the same is as probable
     found = diagnose(weigher(), act)
     assert found.verdict is Verdict.CHANGED
     assert named(found) == [name]
     assert found.probability > 0.95
-    middle, low, high = found.causes[0].amount()
+    middle, low, high = found.changes[0].amount()
     assert middle == pytest.approx(abs(amount), abs=max(within, 1e-9))
     assert low <= middle <= high
 
@@ -180,7 +180,7 @@ def test_what_somebody_else_moves_is_none_of_these_and_nothing_is_suspected() ->
         seen = undamaged(tuple(rng.uniform(low, high).tolist()), reason)
         return seen.model_copy(update={"angles": program})
 
-    mine = Weigher(weigher().known, weigher().causes, rng)
+    mine = ChangeWeigher(weigher().known, weigher().changes, rng)
     found = diagnose(mine, act)
     assert found.verdict is Verdict.NONE_OF_THESE
     assert len(found.observations) <= 8
@@ -208,7 +208,8 @@ def test_an_identification_that_left_bodies_open_gives_no_alarm() -> None:
     genes = rng.normal(TRUTH, SPREAD / 0.2, (64, 4))
     genes[3:, 1] += 0.02 / 0.2
     known = make_posterior(make_problem(), make_capabilities(), np.clip(genes, 0, 1), best=TRUTH)
-    watch, act = Watch(Weigher(known, causes_of(known, rng), rng)), robot(damaged(), seed=2)
+    watch = Watch(ChangeWeigher(known, detectable_changes_of(known, rng), rng))
+    act = robot(damaged(), seed=2)
     low, high = known.program_range.T
     for program in np.random.default_rng(3).uniform(low, high, (20, 4)):
         watch.take(act(tuple(program.tolist()), ""))
@@ -224,13 +225,13 @@ def test_two_things_at_once_are_none_of_these() -> None:
 
 def test_changes_that_cannot_be_told_from_model_error_are_left_out() -> None:
     """Nor is anything drawn that is smaller."""
-    own_tilt = cause("accelerometer's own tilt, left/right")
+    own_tilt = change("accelerometer's own tilt, left/right")
     drawn = own_tilt.amounts(own_tilt.drawn(np.linspace(0, 1, 50)))
     assert np.min(np.abs(drawn)) >= math.radians(1.0)
     assert np.exp(own_tilt.log_density(own_tilt.drawn(np.array([0.2, 0.8])))).min() > 0
     total = np.exp(own_tilt.log_density(np.linspace(-8, 8, 4001))).sum() * 16 / 4000
     assert total == pytest.approx(1.0, abs=0.01)
-    assert sum(math.exp(one.log_prior) for one in weigher().causes) == pytest.approx(1.0)
+    assert sum(math.exp(one.log_prior) for one in weigher().changes) == pytest.approx(1.0)
 
 
 def test_an_edge_reaches_less_far_than_a_round_end_that_lifts_as_high() -> None:
@@ -252,8 +253,8 @@ def test_an_edge_reaches_less_far_than_a_round_end_that_lifts_as_high() -> None:
         act, rng = robot(damaged((FRONT, -0.6)), seed=seed), np.random.default_rng(seed)
         seen = [act(tuple(rng.uniform(low, high).tolist()), "") for _ in range(6)]
         first = weigher().weigh(seen).particles[0]
-        assert first.cause is not None
-        assert first.cause.name == FRONT
+        assert first.change is not None
+        assert first.change.name == FRONT
         shares.append(first.amount()[0])
     assert np.mean(shares) == pytest.approx(0.6, abs=0.75 * ends)  # not as if it ended round
     again = weigher().weigh(seen).particles[0]
@@ -264,7 +265,7 @@ def test_an_edge_reaches_less_far_than_a_round_end_that_lifts_as_high() -> None:
 def test_an_interval_does_not_hang_on_the_draw_where_few_bodies_are_left() -> None:
     rng = np.random.default_rng(11)
     known = sampled(64, 0.02)
-    vague = Weigher(known, [cause(FRONT)], rng)
+    vague = ChangeWeigher(known, [change(FRONT)], rng)
     act, ends = robot(damaged((FRONT, -0.6)), seed=4), []
     low, high = known.program_range.T
     seen = [act(tuple(rng.uniform(low, high).tolist()), "") for _ in range(4)]
@@ -450,7 +451,7 @@ def test_lengths_are_not_known_where_next_to_no_body_is_left(
     with make_posterior_run(tmp_path, list(map(tuple, lengths.tolist())), askew=ASKEW) as store:
         run = store.directory
     with use.identified(run, 1) as (store, known):
-        diagnosing = Weigher(known, causes_of(known, rng)[:1], rng)
+        diagnosing = ChangeWeigher(known, detectable_changes_of(known, rng)[:1], rng)
         felt = known.predict((0.0,) * 4)
         seen = Observation(
             angles=(0.0,) * 4,
@@ -460,7 +461,7 @@ def test_lengths_are_not_known_where_next_to_no_body_is_left(
         )
         found = Diagnosis(
             verdict=Verdict.UNCHANGED,
-            causes=(
+            changes=(
                 diagnosing.learning(-nats * np.arange(len(known), dtype=float)).as_identified(),
             ),
             probability=1.0,
@@ -486,14 +487,14 @@ def test_a_movement_in_which_a_trifle_decides_is_not_called_unexplained(
         run = store.directory
     rng = np.random.default_rng(1)
     with use.identified(run, 1) as (store, known):
-        diagnosing = Weigher(known, causes_of(known, rng)[:1], rng)
+        diagnosing = ChangeWeigher(known, detectable_changes_of(known, rng)[:1], rng)
         monkeypatch.setattr(
             type(known.predictor), "margins", lambda self, bodies, rows, *_: rows * 0.0 + margin
         )
         seen = Observation(angles=(0.0,) * 4, touch=(False,) * 4, tilt=(0.6, 0.6), clearance=0.1)
         found = Diagnosis(
             verdict=Verdict.UNCHANGED,
-            causes=(diagnosing.as_identified(),),
+            changes=(diagnosing.as_identified(),),
             probability=1.0,
             weighed=diagnosing.weigh([seen]),
             observations=(seen,),

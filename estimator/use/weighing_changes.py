@@ -1,9 +1,9 @@
-"""Probability of each cause given what was observed, and the bodies that the cause leaves.
+"""Probability of each change given what was observed, and the bodies that the change leaves.
 
-A cause holds *particles*: a body of the posterior as it was identified, and an amount of the
+Each change has *particles*: a body of the posterior as it was identified, and an amount of the
 change. Its evidence is integrated by adaptive importance sampling: bodies and amounts are drawn by
 their prior, then those that explain what was observed. It is always computed from scratch from
-all observations: a sampler that takes in one after the other discards the true cause after one
+all observations: a sampler that takes in one after the other discards the true change after one
 surprise.
 """
 
@@ -24,7 +24,7 @@ from estimator.posterior.model.special import logsumexp, softmax
 from estimator.posterior.posterior import systematic
 from estimator.readings.observation import Observation
 from estimator.storage.posteriors import LOW_ESS
-from estimator.use.changes import Cause
+from estimator.use.detectable_changes import DetectableChange
 
 Rows = NDArray[np.intp]
 
@@ -34,30 +34,30 @@ UNCHANGED: Final = 0.5
 UNLISTED: Final = 0.05
 """Share of changes that are in no row of the table; under them any reading is as probable."""
 
-_PARTICLES: Final = 64  # particles of a cause in the first round
-_ROUNDS: Final = (64, 128, 256, 256)  # particles of a cause in the further rounds
-_MORE_ROUNDS: Final = (512,) * 4  # further ones, of a probable cause that few bodies stand for
+_PARTICLES: Final = 64  # particles of a change in the first round
+_ROUNDS: Final = (64, 128, 256, 256)  # particles of a change in the further rounds
+_MORE_ROUNDS: Final = (512,) * 4  # further ones, of a probable change that few bodies stand for
 _SPREADS: Final = (0.01, 0.15)  # of amounts around good ones, in units of their priors
 _PRIOR: Final = 0.3  # share of bodies that are drawn by their prior in each round
 _CENTRES: Final = 16  # good amounts of either sign, around which others are drawn
-_HOPELESS: Final = 30.0  # nats below the best cause: no rounds for a cause that is farther off,
+_HOPELESS: Final = 30.0  # nats below the best change: no rounds for a change that is farther off,
 _UNLIKELY: Final = 15.0  # and no further round,
 _PROBABLE: Final = 3.0  # and none of those that are made where few bodies are left
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Particles:
-    """Weighted bodies of one cause.
+class ChangeParticles:
+    """Weighted bodies of one change.
 
     Attributes:
-        cause: The cause; ``None``: nothing has changed.
+        change: The change; ``None``: nothing has changed.
         rows: Numbers of bodies of the posterior as it was identified, shape (n,).
         theta: Amounts of the change, standard normal before any reading, shape (n,).
         weights: Weights, adding up to 1, shape (n,).
-        log_evidence: Logarithm of the density of all observations, given the cause.
+        log_evidence: Logarithm of the density of all observations, given the change.
     """
 
-    cause: Cause | None
+    change: DetectableChange | None
     rows: Rows
     theta: Array
     weights: Array
@@ -68,15 +68,15 @@ class Particles:
 
     @property
     def name(self) -> str | None:
-        """Name of the cause; ``None``: nothing has changed."""
-        return None if self.cause is None else self.cause.name
+        """Name of the change; ``None``: nothing has changed."""
+        return None if self.change is None else self.change.name
 
     @property
     def effective_bodies(self) -> float:
         """Effective number of bodies of the identification that the particles are made of."""
         return float(1 / np.sum(np.bincount(self.rows, self.weights) ** 2))
 
-    def drawn(self, count: int, start: float) -> Particles:
+    def drawn(self, count: int, start: float) -> ChangeParticles:
         """Draws ``count`` equally likely particles."""
         chosen = systematic(self.weights, count, start)
         return replace(
@@ -92,9 +92,9 @@ class Particles:
         Args:
             times: Factors on the amounts, shape (n,), or one for all.
         """
-        assert self.cause is not None
+        assert self.change is not None
         low, middle, high = np.quantile(
-            self.cause.amounts(self.theta) * times,
+            self.change.amounts(self.theta) * times,
             (0.05, 0.5, 0.95),
             weights=self.weights,
             method="inverted_cdf",
@@ -103,33 +103,33 @@ class Particles:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Weighed:
-    """All causes, the most probable first.
+class WeighedChanges:
+    """All changes, the most probable first.
 
     Attributes:
-        particles: Particles of each cause, and of no change.
+        particles: Particles of each change, and of no change.
         probabilities: Probability of each, adding up to 1.
         none_of_these: Probability of what is in no row of the table, where any reading is as
-            probable as another, against all of these causes.
+            probable as another, against all of these changes.
     """
 
-    particles: tuple[Particles, ...]
+    particles: tuple[ChangeParticles, ...]
     probabilities: Array
     none_of_these: float
 
     @property
     def unchanged(self) -> float:
         """Probability that nothing has changed."""
-        unchanged = [particles.cause is None for particles in self.particles]
+        unchanged = [particles.change is None for particles in self.particles]
         return float(self.probabilities[unchanged].sum())
 
     @property
-    def shares(self) -> list[tuple[Particles, float]]:
-        """Each cause with its probability."""
+    def shares(self) -> list[tuple[ChangeParticles, float]]:
+        """Each change with its probability."""
         return list(zip(self.particles, self.probabilities.tolist(), strict=True))
 
-    def shares_of(self, names: Collection[str | None]) -> list[tuple[Particles, float]]:
-        """The causes of these names, ``None`` for no change, with shares that add up to 1."""
+    def shares_of(self, names: Collection[str | None]) -> list[tuple[ChangeParticles, float]]:
+        """The changes of these names, ``None`` for no change, with shares that add up to 1."""
         groups = [(one, share) for one, share in self.shares if one.name in names]
         total = max(sum(share for _, share in groups), 1e-300)
         return [(one, share / total) for one, share in groups]
@@ -161,100 +161,100 @@ class _Round:
         return density
 
 
-class Weigher:
-    """Weighs causes by observations.
+class ChangeWeigher:
+    """Weighs changes by observations.
 
     Args:
         known: The body as it was identified.
-        causes: What may have changed.
+        changes: What may have changed.
         rng: Draws particles.
 
     Attributes:
         known: The body as it was identified.
-        causes: What may have changed.
+        changes: What may have changed.
         rng: Draws particles.
     """
 
     def __init__(
-        self, known: FittedPosterior, causes: Sequence[Cause], rng: np.random.Generator
+        self, known: FittedPosterior, changes: Sequence[DetectableChange], rng: np.random.Generator
     ) -> None:
         self.known = known
-        self.causes = tuple(causes)
+        self.changes = tuple(changes)
         self.rng = rng
         self._bodies = known.body_arrays
         self._scales = known.scales
         self._weights = np.maximum(known.weights, 1e-300)  # their logarithms are taken
 
-    def on_top_of(self, named: Sequence[tuple[Particles, float]]) -> Weigher:
-        """Weigher of what may have changed as well, where some causes are taken to be known.
+    def on_top_of(self, named: Sequence[tuple[ChangeParticles, float]]) -> ChangeWeigher:
+        """Weigher of what may have changed as well, where some changes are taken to be known.
 
         Args:
-            named: Particles of these causes, each with its share.
+            named: Particles of these changes, each with its share.
         """
         drawn = [
             particles.drawn(max(1, round(share * len(self.known))), float(self.rng.random()))
             for particles, share in named
         ]
-        weigher = Weigher(self.known, self.causes, self.rng)
+        weigher = ChangeWeigher(self.known, self.changes, self.rng)
         weigher._bodies = Bodies.joined([self.bodies(particles) for particles in drawn])
         weigher._scales = np.concatenate([self.scales(particles) for particles in drawn])
         weigher._weights = np.full(len(weigher._scales), 1 / len(weigher._scales))
         return weigher
 
-    def learning(self, log_fits: Array) -> Weigher:
+    def learning(self, log_fits: Array) -> ChangeWeigher:
         """Weigher that has learnt from unchanged bodies, with their log-likelihoods, shape (n,)."""
-        weigher = Weigher(self.known, self.causes, self.rng)
+        weigher = ChangeWeigher(self.known, self.changes, self.rng)
         log_ratios = np.maximum(log_fits - np.max(log_fits), -_HOPELESS)
         weigher._weights = softmax(np.log(self._weights) + log_ratios)
         return weigher
 
-    def bodies(self, particles: Particles) -> Bodies:
+    def bodies(self, particles: ChangeParticles) -> Bodies:
         """The bodies of particles."""
         bodies = self.bodies_of(particles.rows)
-        if particles.cause is None:
+        if particles.change is None:
             return bodies
-        return particles.cause.changed(bodies, particles.theta)
+        return particles.change.changed(bodies, particles.theta)
 
     def bodies_of(self, rows: Rows) -> Bodies:
         """Bodies of the posterior as it was identified, by number."""
         return self._bodies[rows]
 
-    def scales(self, particles: Particles) -> Array:
+    def scales(self, particles: ChangeParticles) -> Array:
         """Logarithms of the particles' noise factors, shape (n, 2)."""
         scales: Array = self._scales[particles.rows]
         return scales
 
-    def prior(self, cause: Cause | None, count: int) -> Particles:
-        """Draws ``count`` equally likely particles of a cause before any reading."""
+    def prior(self, change: DetectableChange | None, count: int) -> ChangeParticles:
+        """Draws ``count`` equally likely particles of a change before any reading."""
         rows = systematic(self._weights, count, float(self.rng.random()))
         places = (self.rng.permutation(count) + self.rng.random(count)) / count
-        theta = np.zeros(count) if cause is None else cause.drawn(places)
-        return Particles(
-            cause=cause,
+        theta = np.zeros(count) if change is None else change.drawn(places)
+        return ChangeParticles(
+            change=change,
             rows=self.rng.permutation(rows),
             theta=theta,
             weights=np.full(count, 1 / count),
             log_evidence=0.0,
         )
 
-    def as_identified(self) -> Particles:
+    def as_identified(self) -> ChangeParticles:
         """All bodies with their weights: nothing has changed."""
         rows = np.arange(len(self._weights))
-        return Particles(
-            cause=None,
+        return ChangeParticles(
+            change=None,
             rows=rows,
             theta=np.zeros(len(rows)),
             weights=self._weights,
             log_evidence=0.0,
         )
 
-    def log_prior(self, cause: Cause | None) -> float:
-        """Logarithm of the probability of a cause before any reading."""
-        if cause is None:
+    def log_prior(self, change: DetectableChange | None) -> float:
+        """Logarithm of the probability of a change before any reading."""
+        if change is None:
             return math.log(UNCHANGED)
-        return math.log(1 - UNCHANGED) + cause.log_prior
+        return math.log(1 - UNCHANGED) + change.log_prior
 
-    def fits(self, particles: Particles, observations: Sequence[Observation]) -> Array:
+    def fits(self, particles: ChangeParticles, observations: Sequence[Observation]) -> Array:
         """Log-likelihoods of particles, shape (n, observations)."""
         return self.fits_of(self.bodies(particles), self.scales(particles), observations)
 
@@ -281,9 +281,9 @@ class Weigher:
         misfits = likelihood.misfits_of_bodies(known.predictor, bodies, branches=branches)
         return likelihood.of(misfits, scales=scales)
 
-    def weigh(self, observations: Sequence[Observation]) -> Weighed:
-        """Weighs all causes by all observations, from scratch."""
-        priors = [self.prior(cause, _PARTICLES) for cause in self.causes]
+    def weigh(self, observations: Sequence[Observation]) -> WeighedChanges:
+        """Weighs all changes by all observations, from scratch."""
+        priors = [self.prior(change, _PARTICLES) for change in self.changes]
         if not observations:
             all_particles = [self.prior(None, len(self._weights)), *priors]
             return self._sorted(all_particles)
@@ -302,27 +302,27 @@ class Weigher:
                 weighed.append(replace(particles, weights=softmax(fits), log_evidence=guess))
         return self._sorted(weighed, observations)
 
-    def _unchanged(self, observations: Sequence[Observation]) -> Particles:
+    def _unchanged(self, observations: Sequence[Observation]) -> ChangeParticles:
         particles = self.as_identified()
         logs = np.log(self._weights) + self.fits(particles, observations).sum(axis=1)
         return replace(particles, weights=softmax(logs), log_evidence=float(logsumexp(logs)))
 
     def _refined(
-        self, first: Particles, observations: Sequence[Observation], best_evidence: float
-    ) -> Particles:
-        """The particles of a cause after some rounds of those that explain most.
+        self, first: ChangeParticles, observations: Sequence[Observation], best_evidence: float
+    ) -> ChangeParticles:
+        """The particles of a change after some rounds of those that explain most.
 
         Args:
             first: Particles drawn by the prior.
             observations: All observations.
-            best_evidence: Log-evidence of the best cause, as far as it is known.
+            best_evidence: Log-evidence of the best change, as far as it is known.
         """
-        cause, rng = first.cause, self.rng
-        assert cause is not None
+        change, rng = first.change, self.rng
+        assert change is not None
         rows, theta = first.rows, first.theta
         fits = self.fits(first, observations).sum(axis=1)
         rounds = [_Round(len(rows), self._weights, None, 1.0)]
-        particles = self._weighted(cause, rows, theta, fits, rounds)
+        particles = self._weighted(change, rows, theta, fits, rounds)
         for count in (*_ROUNDS, *_MORE_ROUNDS):
             is_more = len(rounds) > len(_ROUNDS)
             behind = best_evidence - particles.log_evidence
@@ -336,7 +336,7 @@ class Weigher:
             centres = self._centres(theta, weights)
             spread = float(np.clip(np.std(np.abs(centres)), *_SPREADS))
             drawn = np.resize(centres, count)
-            if not cause.row.switch:
+            if not change.row.switch:
                 drawn = drawn + rng.normal(0, spread, count)
             proposed = replace(
                 first,
@@ -346,7 +346,7 @@ class Weigher:
             rounds.append(_Round(count, chances, centres, spread))
             rows, theta = np.append(rows, proposed.rows), np.append(theta, proposed.theta)
             fits = np.append(fits, self.fits(proposed, observations).sum(axis=1))
-            particles = self._weighted(cause, rows, theta, fits, rounds)
+            particles = self._weighted(change, rows, theta, fits, rounds)
         return particles
 
     def _centres(self, theta: Array, weights: Array) -> Array:
@@ -364,20 +364,25 @@ class Weigher:
         )
 
     def _weighted(
-        self, cause: Cause, rows: Rows, theta: Array, fits: Array, rounds: Sequence[_Round]
-    ) -> Particles:
+        self,
+        change: DetectableChange,
+        rows: Rows,
+        theta: Array,
+        fits: Array,
+        rounds: Sequence[_Round],
+    ) -> ChangeParticles:
         """Particles with their weights against the mixture of all rounds' distributions."""
-        prior = cause.log_density(theta)
+        prior = change.log_density(theta)
         total = sum(one.count for one in rounds)
         drawn = [
             math.log(one.count / total)
             + np.log(one.chances[rows])
-            + (prior if cause.row.switch else one.log_density(theta, prior))
+            + (prior if change.row.switch else one.log_density(theta, prior))
             for one in rounds
         ]
         logs = fits + prior + np.log(self._weights[rows]) - logsumexp(np.array(drawn), 0)
-        return Particles(
-            cause=cause,
+        return ChangeParticles(
+            change=change,
             rows=rows,
             theta=theta,
             weights=softmax(logs),
@@ -385,16 +390,16 @@ class Weigher:
         )
 
     def _sorted(
-        self, particles: Sequence[Particles], observations: Sequence[Observation] = ()
-    ) -> Weighed:
+        self, particles: Sequence[ChangeParticles], observations: Sequence[Observation] = ()
+    ) -> WeighedChanges:
         unlisted = math.log(UNLISTED)
         if observations:
             unlisted += self.known.likelihood_of(observations).log_anywhere.sum()
-        logs = [one.log_evidence + self.log_prior(one.cause) for one in particles]
+        logs = [one.log_evidence + self.log_prior(one.change) for one in particles]
         listed = np.array(logs) + math.log(1 - UNLISTED)
         probabilities = softmax(listed)
         order = np.argsort(-probabilities, kind="stable")
-        return Weighed(
+        return WeighedChanges(
             particles=tuple(particles[index] for index in order.tolist()),
             probabilities=probabilities[order],
             none_of_these=float(softmax(np.append(listed, unlisted))[-1]),

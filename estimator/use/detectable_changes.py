@@ -1,4 +1,4 @@
-"""What may have changed on a robot since it was identified, and how probably: its causes."""
+"""What may have changed on a robot since it was identified and would show, and how probably."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from scipy.special import ndtr, ndtri
 
 from estimator.body.arrays import Bodies
 from estimator.body.morphology import Array
-from estimator.parameters.changes import Within
 from estimator.parameters.table import Parameter
 from estimator.posterior.fitted import FittedPosterior
 from estimator.posterior.model.noise import Noise
@@ -27,8 +26,8 @@ _SIZES: Final = np.linspace(0.1, 3.0, 30)  # tried for other amounts, in their s
 
 
 @dataclass(frozen=True, kw_only=True)
-class Cause:
-    """One change, with how probable it is before any reading.
+class DetectableChange:
+    """One change that sensors can show, with how probable it is before any reading.
 
     Attributes:
         row: Row of the table of changes, which says what the change does.
@@ -47,13 +46,12 @@ class Cause:
         return self.row.name
 
     def amounts(self, theta: Array) -> Array:
-        """Amounts that standard normal numbers stand for, shape (n,)."""
-        amounts = self.row.amounts(self.row.wide or 1.0, theta)
-        return np.abs(amounts) if isinstance(self.row, Within) else amounts
+        """Amounts that standard normal numbers stand for, as people are told, shape (n,)."""
+        return self.row.as_told(self._signed_amounts(theta))
 
     def changed(self, bodies: Bodies, theta: Array) -> Bodies:
         """The n bodies, each changed by its own amount."""
-        return self.row.applied(bodies, self.row.amounts(self.row.wide or 1.0, theta))
+        return self.row.applied(bodies, self._signed_amounts(theta))
 
     def drawn(self, uniforms: Array) -> Array:
         """Standard normal numbers of at least the least size, from n numbers in [0, 1]."""
@@ -67,8 +65,13 @@ class Cause:
         normal = -0.5 * theta**2 - 0.5 * math.log(2 * math.pi) - math.log(2 * ndtr(-self.least))
         return np.where(np.abs(theta) >= self.least, normal, -np.inf)
 
+    def _signed_amounts(self, theta: Array) -> Array:
+        return self.row.amounts(self.row.wide or 1.0, theta)
 
-def causes_of(known: FittedPosterior, rng: np.random.Generator) -> tuple[Cause, ...]:
+
+def detectable_changes_of(
+    known: FittedPosterior, rng: np.random.Generator
+) -> tuple[DetectableChange, ...]:
     """All changes of the robot that its sensors could show, and no model error would.
 
     Args:
@@ -83,17 +86,17 @@ def causes_of(known: FittedPosterior, rng: np.random.Generator) -> tuple[Cause, 
     detectable = [(row, least) for row, least in leasts if least is not None]
     sizes = Counter(row.group for row, _ in detectable)
     return tuple(
-        Cause(row=row, log_prior=-math.log(len(sizes) * sizes[row.group]), least=least)
+        DetectableChange(row=row, log_prior=-math.log(len(sizes) * sizes[row.group]), least=least)
         for row, least in detectable
     )
 
 
 def _least(known: FittedPosterior, row: Parameter, bodies: Bodies, programs: Array) -> float | None:
     """Number of spreads from which on a change shows; ``None``: it never does."""
-    if row.switch or isinstance(row, Within):
-        thetas = np.array([_MIDDLE])
-    else:
+    if row.is_centred:
         thetas = np.concatenate([_SIZES, -_SIZES, np.zeros(1)])
+    else:
+        thetas = np.array([_MIDDLE])
     amounts = row.amounts(row.wide or 1.0, thetas)
     rows = np.repeat(np.arange(len(thetas)), len(programs))
     programs_tiled = np.tile(programs, (len(thetas), 1))

@@ -35,8 +35,11 @@ _THICKER: Final = 2.0  # thickness of a leg above its foot, as a factor on what 
 
 
 @dataclass(frozen=True, kw_only=True)
-class Within(Parameter):
-    """Share of its length that a leg has, uniformly distributed; negative: it ends in an edge.
+class LegLength(Parameter):
+    """The length of a leg that is shorter or longer than it was.
+
+    Amounts are shares of the length that the leg had, uniformly distributed between two ends;
+    negative: it ends in an edge.
 
     Attributes:
         low: Smallest share.
@@ -48,13 +51,22 @@ class Within(Parameter):
     high: float
     motor: int
 
+    @property
+    def is_centred(self) -> bool:
+        """It is not: all shares between the two ends are equally probable."""
+        return False
+
     def amounts(self, spread: float, theta: Array) -> Array:
         """Shares for n standard normal numbers; for negative ones the leg ends in an edge."""
         places = 2 * _normal(np.abs(theta)) - 1
         return np.copysign(self.low + (self.high - self.low) * places, theta)
 
+    def as_told(self, amounts: Array) -> Array:
+        """The shares, whatever the leg ends in."""
+        return np.abs(amounts)
 
-def changes_of(
+
+def changeable_rows_of(
     body: Morphology, joints: Sequence[str], parts: Sequence[str]
 ) -> tuple[Parameter, ...]:
     """All rows for a robot in use.
@@ -97,7 +109,7 @@ def _lengths(body: Morphology, joints: Sequence[str]) -> Iterator[Parameter]:
             ("broken off", "broken", 0.03, 0.9, partial(_broken, members, carried)),
         ):
             gauge = ", its gauge gone" if damage == "broken off" else ""
-            yield Within(
+            yield LegLength(
                 name=f"{leg} {damage}",
                 group=group,
                 change=change,
