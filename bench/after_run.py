@@ -91,13 +91,13 @@ class AfterRun(BriefRun):
         faults = FaultClient(robot.control)
         with RobotClient(robot.uri) as client:
             client.acquire()
-            watch, alarms = Watch(ChangeWeigher(known, changes, rng)), 0
+            watch, alarms = Watch(ChangeWeigher.of(known, changes, rng)), 0
             for _ in range(self.quiet):
                 watch.take(_perform(client, tuple(watch.next_movement().tolist())))
                 if watch.alarm:
-                    watch, alarms = Watch(ChangeWeigher(known, changes, rng)), alarms + 1
+                    watch, alarms = Watch(ChangeWeigher.of(known, changes, rng)), alarms + 1
             damaged = tuple(
-                _damaged(ChangeWeigher(known, changes, rng), client, faults, fault)
+                _damaged(ChangeWeigher.of(known, changes, rng), client, faults, fault)
                 for fault in ("", *self.faults)
             )
         return Figures(poses=poses, quiet=self.quiet, alarms=alarms, damaged=damaged)

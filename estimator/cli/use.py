@@ -199,7 +199,7 @@ def monitor(
     with errors_as_sentences(None), identified(directory, jobs) as (store, known):
         may_move(yes, f"Move the robot at {robot} now and then, also while nobody looks?")
         rng = np.random.default_rng(seed)
-        weigher = ChangeWeigher(known, detectable_changes_of(known, rng), rng)
+        weigher = ChangeWeigher.of(known, detectable_changes_of(known, rng), rng)
         watch = Watch(weigher, rate=false_alarms)
         programs = watch.patrol(patrol) if patrol else []
         with Screen(err) as screen:
@@ -287,7 +287,7 @@ def diagnose(
         RunStore.check_free(out_directory)
         may_move(yes, f"Move the robot at {robot}, up to {movements} times?")
         rng = np.random.default_rng(seed)
-        weigher = ChangeWeigher(known, detectable_changes_of(known, rng), rng)
+        weigher = ChangeWeigher.of(known, detectable_changes_of(known, rng), rng)
         with Screen(err) as screen, closing(same_robot(store, robot, screen, keys)) as link:
             numbers = itertools.count()
 

@@ -33,7 +33,7 @@ class Competitor:
     """Bodies with any number of changes at once: spike and slab, annealed.
 
     Attributes:
-        rows: Numbers of bodies of the posterior as it was identified, shape (n,).
+        rows: Numbers of the weigher's bodies, before any change, shape (n,).
         on: Which changes each body has, shape (n, changes).
         theta: Amounts of all changes, shape (n, changes).
         weights: Weights, adding up to 1, shape (n,).
@@ -53,7 +53,7 @@ class Competitor:
         chances, count = chances_of(weigher), _CHAINS
         theta = np.column_stack([change.drawn(rng.random(count)) for change in changes])
         state = cls(
-            rows=systematic(weigher.known.weights, count, 0.5)[rng.permutation(count)],
+            rows=weigher.rows_drawn(count, 0.5)[rng.permutation(count)],
             on=rng.random((count, len(changes))) < chances,
             theta=theta,
             weights=np.full(count, 1 / count),
@@ -119,7 +119,7 @@ class Competitor:
                 densities = changes[at].log_density(np.array([theta[chain, at], old_amount]))
                 odds[chain] = densities[0] - densities[1]
             else:
-                rows[chain] = systematic(weigher.known.weights, 1, float(rng.random()))[0]
+                rows[chain] = weigher.rows_drawn(1, float(rng.random()))[0]
         theta = np.clip(theta, -6, 6)
         return replace(self, rows=rows, on=on, theta=theta), odds
 
@@ -138,8 +138,7 @@ class Competitor:
 
     def scales(self, weigher: ChangeWeigher) -> Array:
         """Logarithms of the bodies' noise factors, shape (n, 2)."""
-        scales: Array = weigher.known.scales[self.rows]
-        return scales
+        return weigher.scales_of(self.rows)
 
     def drawn(self, count: int) -> Competitor:
         """Draws ``count`` equally likely bodies."""

@@ -92,12 +92,12 @@ class Watch:
 
     def take(self, observation: Observation) -> None:
         """Takes in what was observed in one more movement."""
-        weigher, old = self.weigher, self._learning.as_identified()
+        weigher, old = self.weigher, self._learning.as_before()
         listed = weigher.fits_of(self._bodies, self._scales, [observation])[:, 0]
         changed = np.append(listed, weigher.known.likelihood_of([observation]).log_anywhere)
         fits = weigher.fits(old, [observation])[:, 0]
         ratios = changed - logsumexp(np.log(old.weights) + fits)
-        learnt = np.log(old.weights / weigher.as_identified().weights)
+        learnt = np.log(old.weights / weigher.as_before().weights)
         log_prior = self._log_prior + np.append(learnt[self._rows], 0.0)
         self._logs = np.logaddexp(self._logs, math.log(HAZARD) + log_prior) + ratios
         self._recent.append((observation, ratios, self._learning))
@@ -107,10 +107,10 @@ class Watch:
 
     def _learn(self, fits: Array) -> None:
         """Takes in how well the posterior's bodies explain one more movement, shape (bodies,)."""
-        fewest = _KEPT_ESS * self.weigher.as_identified().effective_bodies
+        fewest = _KEPT_ESS * self.weigher.as_before().effective_bodies
         self._log_fits += fits
         self._learning = self.weigher.learning(self._log_fits)
-        while self._learning.as_identified().effective_bodies < fewest:
+        while self._learning.as_before().effective_bodies < fewest:
             self._log_fits *= _FORGETTING
             self._learning = self.weigher.learning(self._log_fits)
 

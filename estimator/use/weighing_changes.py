@@ -1,10 +1,10 @@
 """Probability of each change given what was observed, and the bodies that the change leaves.
 
-Each change has *particles*: a body of the posterior as it was identified, and an amount of the
-change. Its evidence is integrated by adaptive importance sampling: bodies and amounts are drawn by
-their prior, then those that explain what was observed. It is always computed from scratch from
-all observations: a sampler that takes in one after the other discards the true change after one
-surprise.
+Each change has *particles*: a body that may have changed, most often one of the posterior as it was
+identified, and an amount of the change. Its evidence is integrated by adaptive importance sampling:
+bodies and amounts are drawn by their prior, then those that explain what was observed. It is always
+computed from scratch from all observations: a sampler that takes in one after the other discards
+the true change after one surprise.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class ChangeParticles:
 
     Attributes:
         change: The change; ``None``: nothing has changed.
-        rows: Numbers of bodies of the posterior as it was identified, shape (n,).
+        rows: Numbers of the weigher's bodies, before the change, shape (n,).
         theta: Amounts of the change, standard normal before any reading, shape (n,).
         weights: Weights, adding up to 1, shape (n,).
         log_evidence: Logarithm of the density of all observations, given the change.
@@ -73,7 +73,7 @@ class ChangeParticles:
 
     @property
     def effective_bodies(self) -> float:
-        """Effective number of bodies of the identification that the particles are made of."""
+        """Effective number of the weigher's bodies that the particles are made of."""
         return float(1 / np.sum(np.bincount(self.rows, self.weights) ** 2))
 
     def drawn(self, count: int, start: float) -> ChangeParticles:
@@ -162,12 +162,15 @@ class _Round:
 
 
 class ChangeWeigher:
-    """Weighs changes by observations.
+    """Weighs changes by observations: each is a change of some weighted bodies.
 
     Args:
         known: The body as it was identified.
         changes: What may have changed.
         rng: Draws particles.
+        bodies: The n bodies that may have changed.
+        scales: Logarithms of their noise factors, shape (n, 2).
+        weights: Their weights, positive and adding up to 1, shape (n,).
 
     Attributes:
         known: The body as it was identified.
@@ -176,14 +179,41 @@ class ChangeWeigher:
     """
 
     def __init__(
-        self, known: FittedPosterior, changes: Sequence[DetectableChange], rng: np.random.Generator
+        self,
+        known: FittedPosterior,
+        changes: Sequence[DetectableChange],
+        rng: np.random.Generator,
+        *,
+        bodies: Bodies,
+        scales: Array,
+        weights: Array,
     ) -> None:
         self.known = known
         self.changes = tuple(changes)
         self.rng = rng
-        self._bodies = known.body_arrays
-        self._scales = known.scales
-        self._weights = np.maximum(known.weights, 1e-300)  # their logarithms are taken
+        self._bodies = bodies
+        self._scales = scales
+        self._weights = weights
+
+    @classmethod
+    def of(
+        cls, known: FittedPosterior, changes: Sequence[DetectableChange], rng: np.random.Generator
+    ) -> ChangeWeigher:
+        """Weigher of changes of the body as it was identified.
+
+        Args:
+            known: The body as it was identified.
+            changes: What may have changed.
+            rng: Draws particles.
+        """
+        return cls(
+            known,
+            changes,
+            rng,
+            bodies=known.body_arrays,
+            scales=known.scales,
+            weights=np.maximum(known.weights, 1e-300),  # their logarithms are taken
+        )
 
     def on_top_of(self, named: Sequence[tuple[ChangeParticles, float]]) -> ChangeWeigher:
         """Weigher of what may have changed as well, where some changes are taken to be known.
@@ -195,18 +225,27 @@ class ChangeWeigher:
             particles.drawn(max(1, round(share * len(self.known))), float(self.rng.random()))
             for particles, share in named
         ]
-        weigher = ChangeWeigher(self.known, self.changes, self.rng)
-        weigher._bodies = Bodies.joined([self.bodies(particles) for particles in drawn])
-        weigher._scales = np.concatenate([self.scales(particles) for particles in drawn])
-        weigher._weights = np.full(len(weigher._scales), 1 / len(weigher._scales))
-        return weigher
+        scales = np.concatenate([self.scales(particles) for particles in drawn])
+        return ChangeWeigher(
+            self.known,
+            self.changes,
+            self.rng,
+            bodies=Bodies.joined([self.bodies(particles) for particles in drawn]),
+            scales=scales,
+            weights=np.full(len(scales), 1 / len(scales)),
+        )
 
     def learning(self, log_fits: Array) -> ChangeWeigher:
         """Weigher that has learnt from unchanged bodies, with their log-likelihoods, shape (n,)."""
-        weigher = ChangeWeigher(self.known, self.changes, self.rng)
         log_ratios = np.maximum(log_fits - np.max(log_fits), -_HOPELESS)
-        weigher._weights = softmax(np.log(self._weights) + log_ratios)
-        return weigher
+        return ChangeWeigher(
+            self.known,
+            self.changes,
+            self.rng,
+            bodies=self._bodies,
+            scales=self._scales,
+            weights=softmax(np.log(self._weights) + log_ratios),
+        )
 
     def bodies(self, particles: ChangeParticles) -> Bodies:
         """The bodies of particles."""
@@ -216,17 +255,30 @@ class ChangeWeigher:
         return particles.change.changed(bodies, particles.theta)
 
     def bodies_of(self, rows: Rows) -> Bodies:
-        """Bodies of the posterior as it was identified, by number."""
+        """Bodies before any of the changes, by number."""
         return self._bodies[rows]
 
     def scales(self, particles: ChangeParticles) -> Array:
         """Logarithms of the particles' noise factors, shape (n, 2)."""
-        scales: Array = self._scales[particles.rows]
+        return self.scales_of(particles.rows)
+
+    def scales_of(self, rows: Rows) -> Array:
+        """Logarithms of bodies' noise factors, by number, shape (n, 2)."""
+        scales: Array = self._scales[rows]
         return scales
+
+    def rows_drawn(self, count: int, start: float) -> Rows:
+        """Numbers of ``count`` bodies, each as often as its weight says to within one.
+
+        Args:
+            count: Number of bodies.
+            start: Offset between 0 and 1; expected counts are exact if it is drawn uniformly.
+        """
+        return systematic(self._weights, count, start)
 
     def prior(self, change: DetectableChange | None, count: int) -> ChangeParticles:
         """Draws ``count`` equally likely particles of a change before any reading."""
-        rows = systematic(self._weights, count, float(self.rng.random()))
+        rows = self.rows_drawn(count, float(self.rng.random()))
         places = (self.rng.permutation(count) + self.rng.random(count)) / count
         theta = np.zeros(count) if change is None else change.drawn(places)
         return ChangeParticles(
@@ -237,8 +289,8 @@ class ChangeWeigher:
             log_evidence=0.0,
         )
 
-    def as_identified(self) -> ChangeParticles:
-        """All bodies with their weights: nothing has changed."""
+    def as_before(self) -> ChangeParticles:
+        """All bodies with their weights, as they are before any of the changes."""
         rows = np.arange(len(self._weights))
         return ChangeParticles(
             change=None,
@@ -303,7 +355,7 @@ class ChangeWeigher:
         return self._sorted(weighed, observations)
 
     def _unchanged(self, observations: Sequence[Observation]) -> ChangeParticles:
-        particles = self.as_identified()
+        particles = self.as_before()
         logs = np.log(self._weights) + self.fits(particles, observations).sum(axis=1)
         return replace(particles, weights=softmax(logs), log_evidence=float(logsumexp(logs)))
 

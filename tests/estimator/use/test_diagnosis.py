@@ -70,7 +70,7 @@ TILT, CLEARANCE = math.radians(0.2), 0.8e-3
 def weigher() -> ChangeWeigher:
     rng = np.random.default_rng(11)
     known = sampled(64)
-    return ChangeWeigher(known, detectable_changes_of(known, rng), rng)
+    return ChangeWeigher.of(known, detectable_changes_of(known, rng), rng)
 
 
 def change(name: str) -> DetectableChange:
@@ -180,7 +180,7 @@ def test_what_somebody_else_moves_is_none_of_these_and_nothing_is_suspected() ->
         seen = undamaged(tuple(rng.uniform(low, high).tolist()), reason)
         return seen.model_copy(update={"angles": program})
 
-    mine = ChangeWeigher(weigher().known, weigher().changes, rng)
+    mine = ChangeWeigher.of(weigher().known, weigher().changes, rng)
     found = diagnose(mine, act)
     assert found.verdict is Verdict.NONE_OF_THESE
     assert len(found.observations) <= 8
@@ -208,7 +208,7 @@ def test_an_identification_that_left_bodies_open_gives_no_alarm() -> None:
     genes = rng.normal(TRUTH, SPREAD / 0.2, (64, 4))
     genes[3:, 1] += 0.02 / 0.2
     known = make_posterior(make_problem(), make_capabilities(), np.clip(genes, 0, 1), best=TRUTH)
-    watch = Watch(ChangeWeigher(known, detectable_changes_of(known, rng), rng))
+    watch = Watch(ChangeWeigher.of(known, detectable_changes_of(known, rng), rng))
     act = robot(damaged(), seed=2)
     low, high = known.program_range.T
     for program in np.random.default_rng(3).uniform(low, high, (20, 4)):
@@ -265,7 +265,7 @@ def test_an_edge_reaches_less_far_than_a_round_end_that_lifts_as_high() -> None:
 def test_an_interval_does_not_hang_on_the_draw_where_few_bodies_are_left() -> None:
     rng = np.random.default_rng(11)
     known = sampled(64, 0.02)
-    vague = ChangeWeigher(known, [change(FRONT)], rng)
+    vague = ChangeWeigher.of(known, [change(FRONT)], rng)
     act, ends = robot(damaged((FRONT, -0.6)), seed=4), []
     low, high = known.program_range.T
     seen = [act(tuple(rng.uniform(low, high).tolist()), "") for _ in range(4)]
@@ -451,7 +451,7 @@ def test_lengths_are_not_known_where_next_to_no_body_is_left(
     with make_posterior_run(tmp_path, list(map(tuple, lengths.tolist())), askew=ASKEW) as store:
         run = store.directory
     with use.identified(run, 1) as (store, known):
-        diagnosing = ChangeWeigher(known, detectable_changes_of(known, rng)[:1], rng)
+        diagnosing = ChangeWeigher.of(known, detectable_changes_of(known, rng)[:1], rng)
         felt = known.predict((0.0,) * 4)
         seen = Observation(
             angles=(0.0,) * 4,
@@ -461,9 +461,7 @@ def test_lengths_are_not_known_where_next_to_no_body_is_left(
         )
         found = Diagnosis(
             verdict=Verdict.UNCHANGED,
-            changes=(
-                diagnosing.learning(-nats * np.arange(len(known), dtype=float)).as_identified(),
-            ),
+            changes=(diagnosing.learning(-nats * np.arange(len(known), dtype=float)).as_before(),),
             probability=1.0,
             weighed=diagnosing.weigh([seen]),
             observations=(seen,),
@@ -487,14 +485,14 @@ def test_a_movement_in_which_a_trifle_decides_is_not_called_unexplained(
         run = store.directory
     rng = np.random.default_rng(1)
     with use.identified(run, 1) as (store, known):
-        diagnosing = ChangeWeigher(known, detectable_changes_of(known, rng)[:1], rng)
+        diagnosing = ChangeWeigher.of(known, detectable_changes_of(known, rng)[:1], rng)
         monkeypatch.setattr(
             type(known.predictor), "margins", lambda self, bodies, rows, *_: rows * 0.0 + margin
         )
         seen = Observation(angles=(0.0,) * 4, touch=(False,) * 4, tilt=(0.6, 0.6), clearance=0.1)
         found = Diagnosis(
             verdict=Verdict.UNCHANGED,
-            changes=(diagnosing.as_identified(),),
+            changes=(diagnosing.as_before(),),
             probability=1.0,
             weighed=diagnosing.weigh([seen]),
             observations=(seen,),
