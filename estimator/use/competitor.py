@@ -20,12 +20,17 @@ from estimator.use.weighing_changes import ChangeParticles, ChangeWeigher, Rows
 _CHAINS: Final = 64
 _TEMPERATURES: Final = np.concatenate([[0.0], np.geomspace(2e-3, 1.0, 32)])
 _MOVES: Final = 2  # of each chain at each temperature
-_EXPECTED: Final = 1.5  # changes, expected before any reading
+
+# Number of changes at once that the competitor expects before any reading: chosen, not tuned. The
+# prior of one change more than those that are named is another (``diagnosis``).
+_EXPECTED_AT_ONCE: Final = 1.5
 
 
 def chances_of(weigher: ChangeWeigher) -> Array:
     """Probability that each change is on, before any reading, shape (changes,)."""
-    return np.minimum(_EXPECTED * np.exp([change.log_prior for change in weigher.changes]), 0.5)
+    return np.minimum(
+        _EXPECTED_AT_ONCE * np.exp([change.log_prior for change in weigher.changes]), 0.5
+    )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

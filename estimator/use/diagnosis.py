@@ -42,8 +42,11 @@ _RIVAL: Final = 0.05  # what is less probable is not named beside others
 _BETTER_NATS: Final = 3.0  # nats by which the competitor must explain the readings better
 _SURPRISE: Final = 0.02  # probability of readings as odd as those of the test
 _BODIES: Final = 64  # bodies of what is named, which predict readings
-_SECOND_PRIOR: Final = 0.1  # probability of a second change, before any reading
 _FEWEST_MOVEMENTS: Final = 3  # movements before "nothing has changed" may be the answer
+
+# Probability, before any reading, that one change more has happened than those that are named:
+# chosen, not tuned. The number of changes that the competitor expects is another (``competitor``).
+_ONE_MORE_PRIOR: Final = 0.1
 
 Act = Callable[[Program, str], Observation]
 """Has the robot perform a motor program, for a reason that is told to people."""
@@ -275,7 +278,7 @@ def _second(further: ChangeWeigher, weighed: WeighedChanges) -> Hypotheses:
 def _log_odds(further: WeighedChanges) -> float:
     """Log-odds of one change more, nats, its improbability before any reading included."""
     unchanged = max(further.unchanged, 1e-300)
-    return math.log(max(1 - unchanged, 1e-300)) - math.log(unchanged) + math.log(_SECOND_PRIOR)
+    return math.log(max(1 - unchanged, 1e-300)) - math.log(unchanged) + math.log(_ONE_MORE_PRIOR)
 
 
 def _evidence(

@@ -32,7 +32,7 @@ from estimator.posterior.model.special import logsumexp, softmax
 from estimator.readings.observation import Observation
 from estimator.use.movements import Hypotheses, best_of, near_forks, readings_in
 from estimator.use.pose import attainable
-from estimator.use.weighing_changes import UNLISTED, ChangeParticles, ChangeWeigher
+from estimator.use.weighing_changes import UNLISTED_CHANGES, ChangeParticles, ChangeWeigher
 
 HAZARD: Final = 1e-3
 """Probability that something changes between two movements."""
@@ -75,10 +75,10 @@ class Watch:
         self._bodies = Bodies.joined([weigher.bodies(particles) for particles in self._particles])
         self._rows = np.concatenate([particles.rows for particles in self._particles])
         self._scales = np.concatenate([weigher.scales(particles) for particles in self._particles])
-        share = math.log(1 - UNLISTED) - math.log(_PARTICLES)
+        share = math.log(1 - UNLISTED_CHANGES) - math.log(_PARTICLES)
         listed = np.repeat([change.log_prior + share for change in weigher.changes], _PARTICLES)
         # The last entry of these is that of what is in no row of the table.
-        self._log_prior = np.append(listed, math.log(UNLISTED))
+        self._log_prior = np.append(listed, math.log(UNLISTED_CHANGES))
         self._logs = np.full(len(self._log_prior), -np.inf)  # logarithms of R
         self._learning = weigher  # knows what unchanged bodies have told so far
         self._log_fits = np.zeros(len(weigher.known))  # the same, in nats
@@ -117,7 +117,7 @@ class Watch:
     @property
     def none_of_these(self) -> float:
         """How probable it is, if anything has changed, that it is in no row of the table."""
-        return float(softmax(self._logs)[-1]) if self.movements else UNLISTED
+        return float(softmax(self._logs)[-1]) if self.movements else UNLISTED_CHANGES
 
     def suspects(self, count: int = 3) -> tuple[tuple[ChangeParticles, float], ...]:
         """The most probable changes, with how probable each is if anything has changed.

@@ -28,12 +28,14 @@ from estimator.use.detectable_changes import DetectableChange
 
 Rows = NDArray[np.intp]
 
-UNCHANGED: Final = 0.5
-"""Probability, before a reading, that a robot that is diagnosed is as it was."""
+UNLISTED_CHANGES: Final = 0.05
+"""Share of changes that are in no row of the table; under them any reading is as probable.
 
-UNLISTED: Final = 0.05
-"""Share of changes that are in no row of the table; under them any reading is as probable."""
+Chosen, not tuned.
+"""
 
+# Probability, before a reading, that a robot that is diagnosed is as it was: chosen, not tuned.
+_UNCHANGED_PRIOR: Final = 0.5
 _PARTICLES: Final = 64  # particles of a change in the first round
 _ROUNDS: Final = (64, 128, 256, 256)  # particles of a change in the further rounds
 _MORE_ROUNDS: Final = (512,) * 4  # further ones, of a probable change that few bodies stand for
@@ -303,8 +305,8 @@ class ChangeWeigher:
     def log_prior(self, change: DetectableChange | None) -> float:
         """Logarithm of the probability of a change before any reading."""
         if change is None:
-            return math.log(UNCHANGED)
-        return math.log(1 - UNCHANGED) + change.log_prior
+            return math.log(_UNCHANGED_PRIOR)
+        return math.log(1 - _UNCHANGED_PRIOR) + change.log_prior
 
     def fits(self, particles: ChangeParticles, observations: Sequence[Observation]) -> Array:
         """Log-likelihoods of particles, shape (n, observations)."""
@@ -444,11 +446,11 @@ class ChangeWeigher:
     def _sorted(
         self, particles: Sequence[ChangeParticles], observations: Sequence[Observation] = ()
     ) -> WeighedChanges:
-        unlisted = math.log(UNLISTED)
+        unlisted = math.log(UNLISTED_CHANGES)
         if observations:
             unlisted += self.known.likelihood_of(observations).log_anywhere.sum()
         logs = [one.log_evidence + self.log_prior(one.change) for one in particles]
-        listed = np.array(logs) + math.log(1 - UNLISTED)
+        listed = np.array(logs) + math.log(1 - UNLISTED_CHANGES)
         probabilities = softmax(listed)
         order = np.argsort(-probabilities, kind="stable")
         return WeighedChanges(
