@@ -242,6 +242,8 @@ class ObservationReply(Reply):
             description for people; ``None`` where none does.
         touch: One bit per touch sensor, or ``None`` without touch sensors.
         tilt: Left/right and forward/back tilt, rad (left side up and nose up are positive).
+        zero_tilt: The same at rest in the zero pose from which a ``Perform`` moved on; ``None``
+            after a ``Read``, and where the robot did not come to rest there.
         clearance: Belly to ground along the belly's normal, m.
         clearance_saturated: Whether the ground lay beyond the sensor's range.
         settled: Whether the readings came to rest before they were averaged.
@@ -264,6 +266,9 @@ class ObservationReply(Reply):
         partial(field_checks.items, check=field_checks.boolean)
     )
     tilt: tuple[float, ...] | None = checked_optional(
+        partial(field_checks.items, check=field_checks.number, count=2)
+    )
+    zero_tilt: tuple[float, ...] | None = checked_optional(
         partial(field_checks.items, check=field_checks.number, count=2)
     )
     clearance: float | None = checked_optional(field_checks.number)

@@ -16,7 +16,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Final, Protocol
+from typing import Final, NamedTuple, Protocol
 
 from protocol.errors import RobotError
 from protocol.rules.transitions import Event
@@ -43,6 +43,14 @@ noise."""
 _SAMPLE_TIME: Final = 0.25  # s for one sample of all sensors, at the very most
 
 Report = Callable[[str, float], None]
+
+
+class _Rest(NamedTuple):
+    """Whether the robot came to rest, how long that took (s), and its tilt at rest (rad)."""
+
+    settled: bool
+    seconds: float
+    tilt: tuple[float, ...] | None
 
 
 class Operator(Protocol):
@@ -131,14 +139,14 @@ class MotorProgramRunner:
         self._slew(dict.fromkeys(targets, 0.0), "homing", report)
         if self._operator is not None:
             self._operator.attend()
-        settled, _ = self._settle(report)
+        zero = self._settle(report)
         if self._operator is None or not self._operator.lays_down:
             flat = self._average(lambda _: report("settling", 1.0))
-            self._check_flat(flat, settled=settled)
+            self._check_flat(flat, settled=zero.settled)
         if self._answering is not None:
             self._watch.begin(self._answering.read_states(self._outputs))
         self._slew(targets, "moving", report)
-        return self._observe(report)
+        return replace(self._observe(report), zero_tilt=zero.tilt)
 
     def read(self, report: Report) -> Reading:
         """Waits for rest in the present pose, and averages the sensors.
@@ -204,15 +212,15 @@ class MotorProgramRunner:
 
     def _observe(self, report: Report) -> Reading:
         """Waits for rest, averages, and makes sure that the board had its commands all along."""
-        settled, settle_time = self._settle(report)
+        rest = self._settle(report)
         self._verify(partial(report, "settling", 1.0))
         reading = self._measured(self._average(partial(report, "sampling")))
         self._verify(partial(report, "sampling", 1.0))
         return replace(
             reading,
             saturated_joints=self._saturated(),
-            settled=settled,
-            settle_time=settle_time,
+            settled=rest.settled,
+            settle_time=rest.seconds,
         )
 
     def _measured(self, reading: Reading) -> Reading:
@@ -296,7 +304,7 @@ class MotorProgramRunner:
         # A board that was reset meanwhile answers to no query.
         self._verify(partial(report, phase, 1.0), self._outputs[:1])
 
-    def _settle(self, report: Report) -> tuple[bool, float]:
+    def _settle(self, report: Report) -> _Rest:
         detector = RestDetector(self._rest)
         start = self._clock.now()
         while True:
@@ -305,9 +313,9 @@ class MotorProgramRunner:
             report("settling", min(1.0, (now - start) / self._rest.timeout))
             tilt = self._sensing.tilt()
             if tilt is not None and detector.feed(now, tilt):
-                return True, now - start
+                return _Rest(True, now - start, detector.mean())
             if now - start >= self._rest.timeout:
-                return False, now - start
+                return _Rest(False, now - start, None)
             self._clock.sleep(1.0 / self._rest.rate)
 
     def _check_flat(self, reading: Reading, *, settled: bool) -> None:

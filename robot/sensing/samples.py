@@ -70,6 +70,11 @@ class RestDetector:
                 return False
         return True
 
+    def mean(self) -> tuple[float, ...]:
+        """Mean of the samples in the window, rad."""
+        values = (values for _, values in self._samples)
+        return tuple(sum(axis) / len(axis) for axis in zip(*values, strict=True))
+
 
 @dataclass(frozen=True, kw_only=True)
 class Spread:

@@ -61,6 +61,7 @@ class Reading:
     """
 
     tilt: tuple[float, float] | None = None
+    zero_tilt: tuple[float, ...] | None = None
     touch: tuple[bool, ...] | None = None
     clearance: float | None = None
     clearance_saturated: bool = False

@@ -125,6 +125,13 @@ def measured_angles(robot: RobotUnderTest) -> None:
     expect(not stray and off != {}, f"off_target names {', '.join(stray) or 'nothing'} unmeasured.")
 
 
+@check("7.11")
+def no_zero_pose_in_a_read(robot: RobotUnderTest) -> None:
+    """A read, which moves nothing, has no tilt of the zero pose."""
+    _, (observation,) = _reads(robot)
+    expect("zero_tilt" not in observation, "A read has a zero_tilt.")
+
+
 @check("9.1")
 def tilt(robot: RobotUnderTest) -> None:
     """Tilt lies in ±π/2, and within what one body can have."""

@@ -250,6 +250,10 @@ FAULTS: dict[str, tuple[str, Fault]] = {
         "7.10",
         replies("observation", lambda f: f | {"off_target": {"hip_left": "jammed"}}),
     ),
+    "has a zero pose in a read": (
+        "7.11",
+        replies("observation", lambda f: f | {"zero_tilt": [0.0, 0.0]}),
+    ),
     "repeats a sequence": ("7.8", replies("observation", lambda f: f | {"sequence": 1})),
     "has errors that can be retried": ("8.1", replies("error", _turned)),
     "makes up codes": ("8.1", replies("error", lambda f: f | {"code": "oops"})),

@@ -217,6 +217,16 @@ def test_a_level_that_is_slightly_off_is_the_reference(bench: Bench) -> None:
     bench.perform()
 
 
+def test_the_tilt_in_the_zero_pose_comes_with_what_a_motion_observed(bench: Bench) -> None:
+    bench.robot.world.volts[0] += math.sin(math.radians(2))  # nose up by 2°, in every pose here
+    seen = bench.perform(hip_left=30.0)
+    assert seen.zero_tilt is not None
+    assert seen.zero_tilt == pytest.approx((0.0, math.radians(2)), abs=1e-3)
+    read = bench.end_of(bench.submit(Read(id=1, client="test", session="s")))
+    assert isinstance(read, ObservationReply)
+    assert read.zero_tilt is None
+
+
 def test_a_robot_that_stands_need_only_stand_as_it_did_first(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
