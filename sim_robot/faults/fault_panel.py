@@ -38,6 +38,7 @@ from sim_robot.electronics.sv203 import SV203Emulator
 from sim_robot.electronics.vl6180x import VL6180XEmulator
 from sim_robot.errors import FaultError
 from sim_robot.faults.damage import Damage
+from sim_robot.faults.ground import Ground
 
 DEVICES: Final[Mapping[str, type[FaultSwitch]]] = MappingProxyType(
     {
@@ -55,6 +56,7 @@ DEVICES: Final[Mapping[str, type[FaultSwitch]]] = MappingProxyType(
         "clock": HostClock,
         "sensors": Sensors,
         "body": Damage,
+        "ground": Ground,
     }
 )
 """What can fail, by its name in a fault."""

@@ -15,8 +15,10 @@ from robot.devices import Devices, open_devices
 from robot.drivers.buses import Buses
 from robot.service.daemon import HOUSEKEEPING, build_controller
 from sim_robot.electronics.clock import HostClock, RealTimeClock, VirtualClock
+from sim_robot.electronics.fault_switch import FaultSwitch
 from sim_robot.faults.damage import Damage
 from sim_robot.faults.fault_panel import FaultPanel
+from sim_robot.faults.ground import Ground
 from sim_robot.simulator.electronics_sets import DEFAULT_SET, SETS
 from sim_robot.simulator.emulated_electronics import EmulatedElectronics
 from sim_robot.simulator.fitted_body import fitted
@@ -134,12 +136,13 @@ def emulation(
             config = apply_calibration(config, calibrated, file=str(calibration))
         wiring = Wiring(truth, world, noise)
 
-        damage = Damage(body, damaged)
+        damage, ground = Damage(body, damaged), Ground()
 
         def advance(time: float) -> None:
             panel.advance()
             if (new_body := damage.new_body()) is not None:
                 world.become(new_body)
+            world.incline(ground.up)
             wiring.drive(boards.pulses())
             world.advance_to(time)
             boards.feel(lambda: wiring.servos.feel(boards.pulses(), wiring.felt()))
@@ -147,8 +150,14 @@ def emulation(
         clock = RealTimeClock(advance) if real_time else VirtualClock(advance)
         host_clock = HostClock(clock)
         boards.connect(wiring, clock)
-        switches = {"servos": wiring.servos, "sensors": wiring.sensors, "body": damage}
-        panel = FaultPanel({**boards.switches, **switches, "clock": host_clock}, host_clock.now)
+        switches: dict[str, FaultSwitch] = {
+            "servos": wiring.servos,
+            "sensors": wiring.sensors,
+            "body": damage,
+            "ground": ground,
+            "clock": host_clock,
+        }
+        panel = FaultPanel({**boards.switches, **switches}, host_clock.now)
         stack.callback(panel.close)
         buses = boards.buses(host_clock)
         devices = open_devices(config, buses)

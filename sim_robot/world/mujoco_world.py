@@ -102,6 +102,9 @@ class MuJoCoWorld(World):
             depth = abs(z) * size[1] + math.hypot(x, y) * size[0]
         return float(self._data.geom_xpos[geom][2] - depth)
 
+    def _pull(self) -> None:
+        self._model.opt.gravity = [-GRAVITY * value for value in self._up]
+
     def _build(self) -> None:
         body, held = self._body, self._held
         self._model = _model(body, held)
@@ -112,6 +115,7 @@ class MuJoCoWorld(World):
         self._sensor_of = {
             self._model.body(link).id: name for name, group in body.touch.items() for link in group
         }
+        self._pull()
         self._command()
         self._setpoints[:] = self._data.qpos[self._qpos_indices] = self._goals
         if held is None:
@@ -124,7 +128,6 @@ def _model(body: Body, held: Pose | None) -> Any:
     """The body over a plane, fixed where it is held, as a compiled model."""
     spec = mujoco.MjSpec()
     spec.option.timestep = _STEP
-    spec.option.gravity = (0, 0, -GRAVITY)
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET

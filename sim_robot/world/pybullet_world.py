@@ -74,10 +74,13 @@ class PyBulletWorld(World):
         pose = self._bullet.getBasePositionAndOrientation(self._robot)
         return Pose(*pybullet.multiplyTransforms(*pose, *self._inertial_to_link))
 
+    def _pull(self) -> None:
+        self._bullet.setGravity(*(-GRAVITY * value for value in self._up))
+
     def _build(self) -> None:
         bullet = self._bullet
         bullet.resetSimulation()
-        bullet.setGravity(0, 0, -GRAVITY)
+        self._pull()
         bullet.setTimeStep(STEP)
         plane = bullet.createCollisionShape(pybullet.GEOM_PLANE)
         self._ground: int = bullet.createMultiBody(0, plane)

@@ -61,6 +61,11 @@ Position: TypeAlias = tuple[float, float, float]
 Quaternion: TypeAlias = tuple[float, float, float, float]  # x, y, z, w
 
 
+Direction: TypeAlias = tuple[float, float, float]
+
+_LEVEL: Final[Direction] = (0.0, 0.0, 1.0)
+
+
 class Pose(NamedTuple):
     """Where the root link's frame is in the world."""
 
@@ -84,6 +89,7 @@ class World(Closable):
         self._time = 0.0
         self._due_time = 0.0
         self._held: Pose | None = None
+        self._up: Direction = _LEVEL
         self._pressed: dict[str, float] = {}
         self._rest_pose: tuple[float, ...]  # the pose since which looks are counted
         self._calm_looks, self._rest_pose = 0, ()
@@ -118,6 +124,17 @@ class World(Closable):
         self._calm_looks, self._rest_pose = 0, ()
         self._build()
 
+    def incline(self, up: Direction) -> None:
+        """Lets the ground slope from now on.
+
+        Args:
+            up: The direction against gravity, of length 1; the ground's own normal is the z axis.
+        """
+        if up != self._up:
+            self._up = up
+            self._calm_looks, self._rest_pose = 0, ()
+            self._pull()
+
     def press(self, sensor: str, force: float) -> None:
         """Loads a touch sensor with a force (N), as a weight does, until the body is put anew."""
         self._pressed[sensor] = force
@@ -144,9 +161,9 @@ class World(Closable):
         """Number of steps done so far."""
         return self._steps
 
-    def up(self) -> tuple[float, float, float]:
-        """The world's up direction in the body frame."""
-        return up_in_body(self._pose().orientation)
+    def up(self) -> Direction:
+        """The direction against gravity in the body frame."""
+        return _in_body(self._up, self._pose().orientation)
 
     def belly_ray(self) -> float:
         """Distance from the belly's middle along its normal to the ground, m; infinite for none."""
@@ -195,6 +212,10 @@ class World(Closable):
         """Builds the world, the body held or lying upright, its joints at their targets."""
 
     @abstractmethod
+    def _pull(self) -> None:
+        """Passes the direction of gravity on."""
+
+    @abstractmethod
     def _command(self) -> None:
         """Passes the targets on to the servos."""
 
@@ -236,6 +257,17 @@ class World(Closable):
                 "(torques are the <limit effort> of the URDF)",
                 math.degrees(miss),
             )
+
+
+def _in_body(direction: Direction, orientation: Quaternion) -> Direction:
+    """A direction of the world in the frame of a body."""
+    (x, y, z, w), (a, b, c) = orientation, direction
+    up = up_in_body(orientation)
+    return (
+        a * (1 - 2 * (y * y + z * z)) + b * 2 * (x * y + w * z) + c * up[0],
+        a * 2 * (x * y - w * z) + b * (1 - 2 * (x * x + z * z)) + c * up[1],
+        a * 2 * (x * z + w * y) + b * 2 * (y * z - w * x) + c * up[2],
+    )
 
 
 def _turn_up(up: Sequence[float]) -> Quaternion:

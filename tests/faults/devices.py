@@ -234,6 +234,18 @@ DEVICES: Final = {
             )
         ),
     ),
+    "Ground": (
+        *(
+            unnoticed(
+                f"the ground rises {way}",
+                f"ground.rises_{name}=2",
+                "moves (beyond 3° it refuses with `not_planar`, unless somebody lays it down)",
+                "(an observation, whose `zero_tilt` shows it)",
+                "Level the ground.",
+            )
+            for way, name in (("to the left", "left"), ("forward", "forward"))
+        ),
+    ),
     "Analogue inputs (DMM-32)": (
         device("board gone", "daq.absent", NO_READING, "everything there reads 0xFF", after=0.9),
         device("stuck WAIT", "daq.stuck_wait", NO_READING, "settling its input (WAIT)"),

@@ -195,7 +195,7 @@ def test_what_is_not_noticed_is_answered_with_what_was_felt(
     assert patient.client.status().state == row.state
     # A fault that changes what is measured shows in the reading, which is not smoothed over.
     assert same(observation, patient.reference) == (
-        not row.injected.startswith(("servos.", "daq.", "gpio.", "body.", "sensors."))
+        not row.injected.startswith(("servos.", "daq.", "gpio.", "body.", "sensors.", "ground."))
     )
     patient.faults.mend()
     check_health(patient, after=observation.sequence)

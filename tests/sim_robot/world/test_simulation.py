@@ -15,7 +15,8 @@ import numpy as np
 import psutil
 import pytest
 
-from protocol.wire.readings import touches
+from protocol.wire.readings import tilt_of, touches
+from sim_robot.faults.ground import Ground
 from sim_robot.world.body import default_body_path, load_body
 from sim_robot.world.simulation import ENGINES, STEP, Pose, World, open_world
 
@@ -51,6 +52,22 @@ def test_the_default_body_holds_every_pose(world: World) -> None:
     for degrees in corners + inside:
         rest(world, degrees)
         assert math.degrees(world.largest_miss()) < 0.1, degrees
+
+
+@pytest.mark.every_python
+def test_ground_that_rises_forward_tilts_the_body_and_loads_its_back_leg(world: World) -> None:
+    ground = Ground()
+    ground.inject("rises_forward", 8)
+    world.incline(ground.up)
+    rest(world, [-30.0] * 4 + [0.0] * 4)
+    left_right, forward_back = map(math.degrees, tilt_of(world.up()))
+    assert left_right == pytest.approx(0.0, abs=0.2)
+    assert forward_back == pytest.approx(8.0, abs=0.2)
+    loads = dict(zip(world._body.touch, world.loads(), strict=True))
+    assert loads["lower_back"] > 1.2 * loads["lower_front"]
+    world.incline(Ground().up)
+    rest(world, [-30.0] * 4 + [0.0] * 4)
+    assert world.up() == pytest.approx((0, 0, 1), abs=2e-3)
 
 
 def enlarged(path: Path, scale: float, folder: Path) -> Path:
@@ -174,6 +191,8 @@ class TippingWorld(World):
     def close(self) -> None: ...
 
     def _build(self) -> None: ...
+
+    def _pull(self) -> None: ...
 
     def _command(self) -> None: ...
 
