@@ -13,7 +13,7 @@ from dataclasses import replace
 from functools import cached_property
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Final, Literal, Self
 
 import numpy as np
 from pydantic import Field, PrivateAttr, ValidationError, model_validator
@@ -42,9 +42,8 @@ from estimator.readings.modalities import MODALITIES
 from protocol.text import TomlError, parse_toml
 from protocol.wire.capabilities import Capabilities
 
-_UNCERTAIN_TILT = (
-    1.0  # degrees of uncertainty, from which the accelerometer's own tilt is read first
-)
+UNCERTAIN_TILT: Final = 1.0
+"""Accelerometer's own tilt, degrees, that is worth an interaction that moves nothing."""
 
 
 class Problem(Strict):
@@ -226,7 +225,7 @@ class Problem(Strict):
 
         While the body lies flat the accelerometer reads its own tilt alone.
         """
-        return self.uncertain.spreads.get("accelerometer_deg", 0.0) >= _UNCERTAIN_TILT
+        return self.uncertain.spreads.get("accelerometer_deg", 0.0) >= UNCERTAIN_TILT
 
     @property
     def outlines(self) -> list[PartOutline]:

@@ -30,6 +30,7 @@ class Observation(BaseModel):
         angles: Angles actually commanded, rad, one per joint in motor order.
         touch: One value per touch sensor.
         tilt: Left/right and forward/back, rad; left side up and nose up are positive.
+        zero_tilt: The same in the zero pose before the robot moved; ``None`` where nobody told.
         clearance: Belly to ground along the belly's normal, m.
         clearance_saturated: Whether the ground lay beyond the sensor's range.
         settled: Whether the robot came to rest before it was read.
@@ -45,6 +46,7 @@ class Observation(BaseModel):
     angles: Program
     touch: tuple[bool | None, ...] = ()
     tilt: tuple[Reading | None, Reading | None] = (None, None)
+    zero_tilt: tuple[Reading, Reading] | None = None
     clearance: Reading | None = None
     clearance_saturated: bool = False
     settled: bool = True
@@ -72,6 +74,7 @@ class Observation(BaseModel):
             angles=in_motor_order(reply.angles, capabilities),
             touch=absent if reply.touch is None else reply.touch,
             tilt=tilt,
+            zero_tilt=None if reply.zero_tilt is None else (reply.zero_tilt[0], reply.zero_tilt[1]),
             clearance=reply.clearance,
             clearance_saturated=reply.clearance_saturated,
             settled=reply.settled,

@@ -207,6 +207,7 @@ class ModelRobot:
             tilt=tuple(
                 (readings.tilt[0] + self._askew + self._rng.normal(0, self._noise, 2)).tolist()
             ),
+            zero_tilt=tuple(self._askew.tolist()),
             clearance=float(readings.clearance[0]),
             clearance_saturated=bool(readings.saturated[0]),
             settled=True,

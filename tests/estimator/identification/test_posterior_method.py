@@ -189,6 +189,33 @@ def test_what_is_only_roughly_known_is_found_along(tmp_path: Path) -> None:
     assert len(result.posterior.as_stated_m) == len(TRUE_LENGTHS)
 
 
+def test_a_robot_that_leans_in_its_zero_pose_is_read_there_once(tmp_path: Path) -> None:
+    listener = Interrupting()
+    with serving(ModelRobot(askew=np.radians(2.7))) as uri:
+        asked = changed(order(tmp_path, uri), learn="lengths")
+        identify(tmp_path / "run", asked, IN_THIS_PROCESS, listener, report=without_plots)
+    with RunStore.open(tmp_path / "run") as store:
+        moved = [any(item.program) for item in store.interactions()]
+    assert moved == [True, False, *[True] * (len(moved) - 2)]
+    assert listener.reasons[1].startswith(
+        "moves nothing, since the robot leans by 2.7° in its zero pose: the ground slopes"
+    )
+
+
+@pytest.mark.parametrize(
+    ("askew", "uncertain"), [(0.9, ""), (2.7, "exact = true"), (2.7, "accelerometer_deg = 0")]
+)
+def test_a_robot_that_hardly_leans_or_is_as_stated_is_not_read_in_its_zero_pose(
+    tmp_path: Path, askew: float, uncertain: str
+) -> None:
+    with serving(ModelRobot(askew=np.radians(askew))) as uri:
+        asked = changed(order(tmp_path, uri), learn="lengths", interactions=2)
+        (tmp_path / "legs.toml").write_text(PROBLEM + f"[uncertain]\n{uncertain}\n")
+        identify(tmp_path / "run", asked, IN_THIS_PROCESS, Interrupting(), report=without_plots)
+    with RunStore.open(tmp_path / "run") as store:
+        assert all(any(item.program) for item in store.interactions())
+
+
 def test_a_robot_that_is_exactly_as_stated_has_nothing_else_open(tmp_path: Path) -> None:
     with serving(ModelRobot()) as uri:
         asked = changed(order(tmp_path, uri), interactions=1)
