@@ -143,7 +143,7 @@ def reconnect(
         outside_run: Whether to connect as a new client, so that what is done belongs to no run.
 
     Raises:
-        InteractionError: Another robot answers there.
+        InteractionError: Another robot answers there, or a record has changed.
         RunDirectoryError: There is no such record.
         BodyschemaError: The robot cannot be reached.
     """
@@ -170,7 +170,21 @@ def reconnect(
         )
     if was.config_hash != now.config_hash:
         listener.say("Note: the robot's configuration has changed since the run was started.")
+    if is_record(uri) and kind == store.settings.robot.partition(":")[0]:
+        _check_unchanged(uri, store, link)
     return link
+
+
+def _check_unchanged(uri: str, store: RunStore, record: RobotLink) -> None:
+    """Refuses a record that no longer says what the run has read there."""
+    for number, item in enumerate(store.interactions()):
+        if item.observation is not None and item.observation != record.perform(
+            number, item.program, None, lambda phase, fraction: None
+        ):
+            raise InteractionError(
+                f"{uri}, interaction {number + 1}: is no longer what this run has read there: "
+                "start a new run with the record as it is now."
+            )
 
 
 def _driven(problem: Problem) -> Callable[[Capabilities], Collection[int]]:

@@ -218,6 +218,25 @@ def test_a_run_whose_record_was_moved_goes_on_where_it_lies_now(
     assert again.legs == result.legs
 
 
+def test_a_record_that_was_changed_meanwhile_is_refused(
+    tmp_path: Path, uninterrupted: tuple[Result, Path]
+) -> None:
+    _, directory = uninterrupted
+    for name in ("readings.csv", "robot.json"):
+        shutil.copy(directory / name, tmp_path)
+    table = tmp_path / "readings.csv"
+    order = make_order(tmp_path, f"file:{table}")
+    with pytest.raises(KeyboardInterrupt):
+        identify(tmp_path / "run", order, HERE, Witness(1), report=without_plots)
+    head, first, *rest = table.read_text().splitlines()
+    column = head.split(",").index("clearance_mm")
+    cells = first.split(",")
+    cells[column] = f"{float(cells[column]) + 10:.1f}"
+    table.write_text("\n".join([head, ",".join(cells), *rest]))
+    with pytest.raises(InteractionError, match="interaction 1: is no longer what this run has"):
+        resume(tmp_path / "run", HERE, Witness(), report=without_plots)
+
+
 def test_the_number_of_processes_does_not_show(
     tmp_path: Path, uninterrupted: tuple[Result, Path]
 ) -> None:
