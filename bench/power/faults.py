@@ -184,6 +184,10 @@ FAULTS: Final = {
     "distance sensor that reads 7 mm too much": miscalibrated(
         distance=DistanceCalibration(zero=RECESS - 0.007, scale=1.0)
     ),
+    "ground that rises by 3° forward": _failing("ground.rises_forward=3"),
+    "ground that rises by 2° forward and to the left": Robot(
+        options=("--fault", "ground.rises_forward=2", "--fault", "ground.rises_left=2")
+    ),
     "servos too weak": Robot(body=partial(with_leg_mass, 0.2 / 0.09)),
     "noise three times as announced": noisier(3.0),
 }
