@@ -6,21 +6,15 @@ import math
 from collections.abc import Callable
 from contextlib import ExitStack, closing
 from functools import cache, partial
-from typing import Final
-
-import numpy as np
 
 from estimator.errors import InteractionError
 from estimator.exploration.rules import Choice
 from estimator.identification.method import Listener, Method
 from estimator.identification.robot_link import RobotLink
-from estimator.problem.problem import UNCERTAIN_TILT
 from estimator.readings.observation import Observation
 from estimator.storage.records import InteractionRecord, Ticket
 from estimator.storage.store import RunStore
 from protocol.errors import RobotError, RobotRestartedError, RobotUnreachableError
-
-_CHANCE: Final = 4.0  # standard deviations; one run in 10,000 has more by chance
 
 Connect = Callable[[], RobotLink]
 """Reaches the robot when it is first needed."""
@@ -91,7 +85,7 @@ def _act(
 
 def _choice(store: RunStore, number: int, link: RobotLink, choose: Callable[[], Choice]) -> Choice:
     if link.recorded is None:
-        if reason := _why_in_the_zero_pose(store):
+        if reason := _why_in_the_zero_pose(store, number):
             return Choice(program=(0.0,) * len(store.capabilities.joints), reason=reason)
         return choose()
     if number >= len(link.recorded):
@@ -102,29 +96,21 @@ def _choice(store: RunStore, number: int, link: RobotLink, choose: Callable[[], 
     return Choice(program=link.recorded[number])
 
 
-def _why_in_the_zero_pose(store: RunStore) -> str:
-    """Why the next interaction is one that moves nothing; empty: it is not.
+def _why_in_the_zero_pose(store: RunStore, number: int) -> str:
+    """Why an interaction is one that moves nothing; empty: it is not.
 
-    Before each motion the robot is in its zero pose. Where it leans there by more than its noise
-    explains, an interaction in that pose tells how the accelerometer is turned or the ground
-    slopes. On ground that slopes by 2.7° lengths were up to 99 mm off without one.
+    Before each motion the robot is in its zero pose. Where it leans there, an interaction in that
+    pose tells how the accelerometer is turned, or the ground slopes.
     """
-    problem, interactions = store.problem, store.interactions()
-    if not interactions:
-        lies_flat = "reads the accelerometer's own tilt while the robot lies flat"
-        return lies_flat if problem.reads_flat_first else ""
-    tilt = store.capabilities.sensor("tilt")
-    leans = [item.zero_tilt for item in store.observations() if item.zero_tilt is not None]
-    weighed = any(row.group == "accelerometer_deg" for row in problem.table)
-    if not (tilt and leans and weighed) or not all(any(item.program) for item in interactions):
-        return ""
-    lean = float(np.abs(np.mean(leans, axis=0)).max())
-    if lean <= max(math.radians(UNCERTAIN_TILT), _CHANCE * tilt.noise / math.sqrt(len(leans))):
-        return ""
-    return (
-        f"moves nothing, since the robot leans by {math.degrees(lean):.1f}° in its zero pose: the "
-        "ground slopes, or the accelerometer is turned"
-    )
+    if number == 0 and store.problem.reads_flat_first:
+        return "reads the accelerometer's own tilt while the robot lies flat"
+    if number == 1 and store.problem.reads_zero_pose and any(store.interactions()[0].program):
+        lean = math.degrees(store.problem.supposed.lean)
+        return (
+            f"moves nothing, since the robot leans by {lean:.1f}° in its zero pose: the ground "
+            "slopes, or the accelerometer is turned"
+        )
+    return ""
 
 
 Commit = Callable[[Ticket | None], None]

@@ -98,25 +98,30 @@ class PosteriorMethod:
         self._listener = listener
         self._make_physics = partial(open_arrays, settings.physics, world)
         self._reference = in_workers(settings.reference, fine(world), workers)
-        effort = Effort()
-        self._sampler = Sampler(
-            Unknowns(store.genome, store.problem.table),
-            self._make_physics,
-            effort,
-            seeds(settings.seed, Stream.SEARCH, effort.populations + 1),
-            workers=workers,
-            physics=physics,
-        )
+        self._workers, self._physics = workers, physics
         stored = store.posteriors()
         self._summaries = [summary for summary, _ in stored]
         self._counters = stored[-1][1] if stored else Counters()
         self._started = time.monotonic()
-        self._posterior = self._sampler.prior()
-        self._indistinguishable = indistinguishable_in(store, self._predictor)
+        self._begin()
         checkpoint = store.checkpoint()
         if checkpoint is not None:
             self._sampler.restore(checkpoint.state)
             self._posterior = load_posterior(stored[-1][0], self._predictor.unknowns)
+
+    def _begin(self) -> None:
+        """Starts from the prior, by what is known of the robot."""
+        store, effort = self._store, Effort()
+        self._sampler = Sampler(
+            Unknowns(store.genome, store.problem.table),
+            self._make_physics,
+            effort,
+            seeds(store.settings.seed, Stream.SEARCH, effort.populations + 1),
+            workers=self._workers,
+            physics=self._physics,
+        )
+        self._posterior = self._sampler.prior()
+        self._indistinguishable = indistinguishable_in(store, self._predictor)
 
     @property
     def _predictor(self) -> Predictor:
@@ -134,6 +139,8 @@ class PosteriorMethod:
         """Samples the posterior after an interaction."""
         if number < len(self._summaries):
             return
+        if self._predictor.unknowns.table is not self._store.problem.table:
+            self._begin()  # the first observation has told that the robot leans in its zero pose
         before, fitted = self._posterior, self._fitted(self._posterior, observations)
         self._posterior = self._sampler.learn(fitted.likelihood)
         fitted = replace(fitted, posterior=self._posterior)

@@ -1,6 +1,7 @@
-"""How well a robot says that it was calibrated, and which rows of the table that tightens.
+"""What a robot says of itself, and which rows of the table that tightens or widens.
 
-It tightens narrow spreads only: that a calibration is wrong altogether stays as possible as it was.
+How well it was calibrated tightens narrow spreads only: that a calibration is wrong altogether
+stays as possible as it was.
 """
 
 from __future__ import annotations
@@ -40,6 +41,15 @@ def announced(capabilities: Capabilities) -> Announced:
 def tightened(row: Parameter, stated: Announced) -> Parameter:
     """The row with a narrow spread that is no larger than announced."""
     return replace(row, narrow=min(row.narrow, stated.get((row.group, row.motor), math.inf)))
+
+
+def widened(row: Parameter, lean: float) -> Parameter:
+    """The row with a narrow spread that is no smaller than a robot leans in its zero pose, rad.
+
+    Ground that slopes, or an accelerometer that is turned, is then as probable as it is there.
+    """
+    is_tilt = row.group == "accelerometer_deg"
+    return replace(row, narrow=max(row.narrow, lean)) if is_tilt else row
 
 
 def tightens(table: Iterable[Parameter], stated: Announced) -> str:

@@ -20,7 +20,7 @@ from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
 from estimator.body.morphology import Array, Base
 from estimator.errors import ProblemError
-from estimator.parameters.announced import announced, tightened
+from estimator.parameters.announced import announced, tightened, widened
 from estimator.parameters.rows import PartOutline, table_of
 from estimator.parameters.table import Parameter
 from estimator.physics.base import WorldSettings
@@ -42,8 +42,8 @@ from estimator.readings.modalities import MODALITIES
 from protocol.text import TomlError, parse_toml
 from protocol.wire.capabilities import Capabilities
 
-UNCERTAIN_TILT: Final = 1.0
-"""Accelerometer's own tilt, degrees, that is worth an interaction that moves nothing."""
+_UNCERTAIN_TILT: Final = 1.0  # degrees of own tilt that are worth an interaction without motion
+_BY_CHANCE: Final = 4.0  # standard deviations; one tilt of 16,000 is larger
 
 
 class Problem(Strict):
@@ -151,8 +151,14 @@ class Problem(Strict):
         except ValueError as error:
             raise ProblemError(f"{origin}: {error}") from error
 
-    def for_robot(self, capabilities: Capabilities) -> Problem:
+    def for_robot(
+        self, capabilities: Capabilities, zero_tilt: Sequence[float] | None = None
+    ) -> Problem:
         """Returns the problem written out for a particular robot.
+
+        Args:
+            capabilities: The robot.
+            zero_tilt: Its tilt in the zero pose, rad, where that is known.
 
         Raises:
             ProblemError: The file does not describe robots of this kind.
@@ -163,6 +169,7 @@ class Problem(Strict):
             touch_sensors=touch.count if touch else 0,
             names=tuple(joint.name for joint in capabilities.joints) if self._robot.names else (),
             announced=announced(capabilities),
+            lean=_lean(capabilities, zero_tilt),
         )
         return self if robot == self._robot else self.parse(self._source, self._origin, robot)
 
@@ -225,7 +232,16 @@ class Problem(Strict):
 
         While the body lies flat the accelerometer reads its own tilt alone.
         """
-        return self.uncertain.spreads.get("accelerometer_deg", 0.0) >= UNCERTAIN_TILT
+        return self.uncertain.spreads.get("accelerometer_deg", 0.0) >= _UNCERTAIN_TILT
+
+    @property
+    def reads_zero_pose(self) -> bool:
+        """Whether an interaction that moves nothing is worth it, since the robot leans so.
+
+        The accelerometer's tilt, or the ground's slope, must be something that is weighed.
+        """
+        weighed = any(row.group == "accelerometer_deg" for row in self.table)
+        return weighed and self._robot.lean > 0
 
     @property
     def outlines(self) -> list[PartOutline]:
@@ -236,7 +252,8 @@ class Problem(Strict):
     def table(self) -> tuple[Parameter, ...]:
         """Parameters in which the robot may differ from what the problem says.
 
-        ``[uncertain]`` tightens, widens or removes rows; the robot's calibration tightens others.
+        ``[uncertain]`` tightens, widens or removes rows; the robot's calibration tightens others,
+        and a lean in its zero pose widens that of the accelerometer's tilt.
         """
         rows, spreads = table_of(self.outlines, self.sensors), self.uncertain.spreads
         if self.uncertain.exact:
@@ -244,7 +261,7 @@ class Problem(Strict):
         return tuple(
             replace(row, narrow=spreads[row.group] / row.unit)
             if row.group in spreads
-            else tightened(row, self._robot.announced)
+            else widened(tightened(row, self._robot.announced), self._robot.lean)
             for row in rows
             if spreads.get(row.group, 1.0) > 0
         )
@@ -423,3 +440,11 @@ class Problem(Strict):
             "will be wrong"
             for (claimed, modelled), names in parts.items()
         )
+
+
+def _lean(capabilities: Capabilities, zero_tilt: Sequence[float] | None) -> float:
+    """The larger tilt in the zero pose, rad, where it is more than usual; else 0."""
+    tilt = capabilities.sensor("tilt")
+    lean = max(map(abs, zero_tilt or (0.0,)))
+    usual = max(math.radians(_UNCERTAIN_TILT), _BY_CHANCE * tilt.noise if tilt else 0.0)
+    return lean if lean > usual else 0.0

@@ -30,12 +30,14 @@ class Inventory:
         touch_sensors: How many touch sensors it has.
         names: Names of its joints, where the file uses them.
         announced: How well it was calibrated.
+        lean: The larger tilt in its zero pose, rad; 0: it does not lean there.
     """
 
     joints: int
     touch_sensors: int
     names: tuple[str, ...] = ()
     announced: Announced = field(default_factory=dict)
+    lean: float = 0.0
 
 
 PAPERS_ROBOT: Final = Inventory(joints=8, touch_sensors=4)

@@ -87,6 +87,7 @@ class RunStore(Closable):
             self.capabilities = Capabilities.from_map(json.loads(self._meta("capabilities")))
             self.client_id = str(json.loads(self._meta("client_id")))
         self._joints = len(self.capabilities.joints)
+        self._problem: Problem | None = None
         self.search_end = SearchEnd(database, directory)
         self.validations = Validations(database, directory, self._joints)
 
@@ -111,15 +112,21 @@ class RunStore(Closable):
 
     # --- what follows from the settings -----------------------------------------------------------
 
-    @cached_property
+    @property
     def problem(self) -> Problem:
         """The problem that the run was started with, written out for its robot.
+
+        Whether the robot leans in its zero pose is known from the first observation on.
 
         Raises:
             ProblemError: The problem's text is damaged, or of another version.
         """
-        stated = Problem.parse(self.settings.problem_text, f"problem of {self.directory}")
-        return stated.for_robot(self.capabilities)
+        if self._problem is None:
+            stated = Problem.parse(self.settings.problem_text, f"problem of {self.directory}")
+            first = next(iter(self.observations()), None)
+            zero_tilt = None if first is None else first.zero_tilt
+            self._problem = stated.for_robot(self.capabilities, zero_tilt)
+        return self._problem
 
     @cached_property
     def genome(self) -> Genome:
@@ -277,6 +284,8 @@ class RunStore(Closable):
                 "UPDATE interactions SET observation = ? WHERE number = ?",
                 (observation.model_dump_json(), number),
             )
+        if not number:
+            self._problem = self.problem.for_robot(self.capabilities, observation.zero_tilt)
 
     def interactions(self) -> list[InteractionRecord]:
         """All interactions in order; only the last one can lack its observation."""

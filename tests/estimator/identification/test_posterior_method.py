@@ -190,16 +190,24 @@ def test_what_is_only_roughly_known_is_found_along(tmp_path: Path) -> None:
 
 
 def test_a_robot_that_leans_in_its_zero_pose_is_read_there_once(tmp_path: Path) -> None:
-    listener = Interrupting()
+    listener, interrupted = Interrupting(), Interrupting(after=1)
     with serving(ModelRobot(askew=np.radians(2.7))) as uri:
-        asked = changed(order(tmp_path, uri), learn="lengths")
-        identify(tmp_path / "run", asked, IN_THIS_PROCESS, listener, report=without_plots)
+        asked = changed(order(tmp_path, uri), interactions=3)
+        result = identify(tmp_path / "run", asked, IN_THIS_PROCESS, listener, report=without_plots)
     with RunStore.open(tmp_path / "run") as store:
         moved = [any(item.program) for item in store.interactions()]
-    assert moved == [True, False, *[True] * (len(moved) - 2)]
+        tilts = [row.narrow for row in store.problem.table if row.group == "accelerometer_deg"]
+    assert moved == [True, False, True]
     assert listener.reasons[1].startswith(
         "moves nothing, since the robot leans by 2.7° in its zero pose: the ground slopes"
     )
+    assert np.degrees(tilts) == pytest.approx([2.7, 2.7])
+    with serving(ModelRobot(askew=np.radians(2.7))) as uri:
+        asked = changed(asked, robot=uri)
+        with pytest.raises(KeyboardInterrupt):
+            identify(tmp_path / "again", asked, IN_THIS_PROCESS, interrupted, report=without_plots)
+        again = resume(tmp_path / "again", IN_THIS_PROCESS, Listener(), report=without_plots)
+    assert outcome(again) == outcome(result)
 
 
 @pytest.mark.parametrize(

@@ -107,6 +107,20 @@ def test_a_joint_keeps_its_calibration_wherever_the_robot_has_it() -> None:
     ]
 
 
+@pytest.mark.parametrize(
+    ("zero_tilt", "spread"), [(None, 0.4), ((0.9, -0.8), 0.4), ((-0.5, -2.7), 2.7)]
+)
+def test_a_robot_that_leans_in_its_zero_pose_may_have_an_accelerometer_that_is_turned_as_far(
+    zero_tilt: tuple[float, float] | None, spread: float
+) -> None:
+    tilts = None if zero_tilt is None else tuple(map(math.radians, zero_tilt))
+    leaning = Problem.load("parametric").for_robot(robot(), tilts)
+    spreads = [row.narrow for row in leaning.table if row.group == "accelerometer_deg"]
+    assert spreads == pytest.approx([math.radians(spread)] * 2)
+    assert leaning.reads_zero_pose == (spread > 1)
+    assert not problem("accelerometer_deg = 0").for_robot(robot(), tilts).reads_zero_pose
+
+
 def test_only_a_doubtful_accelerometer_is_read_lying_flat() -> None:
     assert problem("accelerometer_deg = 2.0").reads_flat_first
     assert not problem("accelerometer_deg = 0.2").reads_flat_first
