@@ -104,7 +104,8 @@ def _why_in_the_zero_pose(store: RunStore, number: int) -> str:
     """
     if number == 0 and store.problem.reads_flat_first:
         return "reads the accelerometer's own tilt while the robot lies flat"
-    if number == 1 and store.problem.reads_zero_pose and any(store.interactions()[0].program):
+    weighs_it = store.settings.keeps_samples and store.problem.reads_zero_pose
+    if number == 1 and weighs_it and any(store.interactions()[0].program):
         lean = math.degrees(store.problem.supposed.lean)
         return (
             f"moves nothing, since the robot leans by {lean:.1f}° in its zero pose: the ground "

@@ -62,6 +62,7 @@ def summarise(store: RunStore) -> Result:
     at_ends = () if posterior is None else posterior.at_ends
     warnings = (
         *_contradictions(problem, capabilities),
+        *_lean(problem, weighed=not is_paper and problem.reads_zero_pose),
         *map(_at_end, at_ends),
         *_warnings(guessed, observations),
     )
@@ -217,6 +218,20 @@ def _contradictions(problem: Problem, capabilities: Capabilities) -> Iterator[st
     """Sentences about what the problem says otherwise than the robot."""
     for sentence in problem.differences(capabilities):
         yield f"{sentence[0].upper()}{sentence[1:]}."
+
+
+def _lean(problem: Problem, *, weighed: bool) -> Iterator[str]:
+    """What a lean in the zero pose means for the result."""
+    if problem.supposed.lean:
+        yield (
+            f"In its zero pose the robot leaned by {math.degrees(problem.supposed.lean):.1f}°: put "
+            "a spirit level on the ground and on the main body. "
+        ) + (
+            "Ground that slopes is taken for an accelerometer that is turned."
+            if weighed
+            else "Neither ground that slopes nor an accelerometer that is turned is weighed, so "
+            "lengths may be wrong."
+        )
 
 
 def _at_end(length: LengthAtEnd) -> str:

@@ -30,6 +30,8 @@ def make_posterior_run(
     misspecified: float = 0.0,
     hinges: Sequence[float] | None = None,
     robot: Capabilities | None = None,
+    lean: float = 0.0,
+    uncertain: str = "",
 ) -> RunStore:
     """A run whose best body is the first of some, the others being its samples.
 
@@ -46,12 +48,15 @@ def make_posterior_run(
         misspecified: Probability that the problem does not describe the robot.
         hinges: Genes of the back legs' hinges of the samples, where they differ from ``hinge``.
         robot: The robot; default: that of ``make_capabilities``.
+        lean: Forward/back tilt in the zero pose of the first interaction, rad.
+        uncertain: What the problem says in ``[uncertain]``.
     """
     text = PROBLEM.replace("radius = 0.006", f"radius = {radius}", 1)
     if mount is not None:
         text = text.replace('mount = "back"', 'mount = "unknown"')
     if hinge is not None:
         text = 'hinge = "unknown"'.join(text.rsplit('hinge = "up"', 1))
+    text += f"[uncertain]\n{uncertain}\n"
     choices = [gene for gene in (mount, hinge) if gene is not None]
     differing = [hinge, *hinges] if hinges is not None else [hinge] * len(lengths)
     with make_run(folder, TRUE_LENGTHS, text, tuple(choices)) as model:
@@ -86,6 +91,6 @@ def make_posterior_run(
     )
     store = RunStore.create(folder / "posterior", settings, robot or make_capabilities(), "me")
     store.plan(0, (0.0,) * 4)
-    store.observe(0, Observation(angles=(0.0,) * 4))
+    store.observe(0, Observation(angles=(0.0,) * 4, zero_tilt=(0.0, lean)))
     store.save_posterior(0, stored, Counters(), None)
     return store

@@ -1,4 +1,5 @@
 import json
+import math
 import shlex
 from pathlib import Path
 
@@ -113,6 +114,24 @@ def test_a_radius_other_than_the_robots_is_warned_about(tmp_path: Path) -> None:
         "The robot states a radius of 6.0 mm for left, and the problem 9.0 mm: write "
         "radius = 0.006 there, or its lengths will be wrong."
     )
+
+
+@pytest.mark.parametrize(
+    ("uncertain", "says"),
+    [
+        ("", "Ground that slopes is taken for an accelerometer that is turned."),
+        (
+            "exact = true",
+            "Neither ground that slopes nor an accelerometer that is turned is weighed",
+        ),
+    ],
+)
+def test_a_lean_in_the_zero_pose_is_warned_about(tmp_path: Path, uncertain: str, says: str) -> None:
+    lean = math.radians(2.7)
+    with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3, lean=lean, uncertain=uncertain) as run:
+        (warning, *_) = summarise(run).warnings
+    assert warning.startswith("In its zero pose the robot leaned by 2.7°: put a spirit level on")
+    assert says in warning
 
 
 def test_doubtful_interactions_are_warned_about(tmp_path: Path) -> None:
