@@ -8,7 +8,6 @@ Every run is listed in ``docs/runs``.
 from __future__ import annotations
 
 import argparse
-import csv
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from statistics import median
@@ -20,6 +19,7 @@ from bench.after_figures import DAMAGES, TOGETHER, Damaged, Reached
 from bench.after_run import AfterRun
 from bench.study_command import add_options, complete_by_command
 from estimator.reproduction.harness import made_by
+from estimator.reproduction.tables import markdown, write_csv
 from estimator.use.diagnosis import Verdict
 from estimator.use.pose import SAFE
 
@@ -73,11 +73,11 @@ def tables(runs: Sequence[AfterRun], root: Path) -> str:
         ("of these, moves as if", (damage.wrong and damage.as_if for damage in novel), len(novel)),
         ("undamaged robots called so", (robot.right for robot in undamaged), len(undamaged)),
     ]
-    table = "\n".join(f"| {name} | {sum(counted)} | {total} |" for name, counted, total in rows)
+    cells = ((name, str(sum(counted)), str(total)) for name, counted, total in rows)
     noticed = [damage.noticed for damage in alarms if damage.noticed is not None]
     return (
         f"{made_by(root, runs)} Movements until noticed: median {median(noticed or [0]):g}, "
-        f"most {max(noticed, default=0)}.\n\n| | | of |\n|---|---|---|\n{table}\n"
+        f"most {max(noticed, default=0)}.\n\n{markdown(('', '', 'of'), cells)}\n"
     )
 
 
@@ -88,20 +88,18 @@ def write_runs(runs: Sequence[AfterRun], root: Path, folder: Path) -> None:
         ("after", Damaged, "damaged"),
         ("after-poses", Reached, "poses"),
     )
-    folder.mkdir(parents=True, exist_ok=True)
     for name, kind, field in kinds:
-        with (folder / f"{name}.csv").open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            columns = [*kind.model_fields, *kind.model_computed_fields]
-            writer.writerow(("body", "engine", "seed", *columns, "commit"))
-            for run in runs:
-                for outcome in getattr(run.figures(root), field):
-                    values = outcome.model_dump()
-                    cells = [
-                        "; ".join(map(str, value)) if isinstance(value, tuple) else value
-                        for value in values.values()
-                    ]
-                    writer.writerow((run.body, run.engine, run.seed, *cells, made))
+        columns = [*kind.model_fields, *kind.model_computed_fields]
+        rows = (
+            (run.body, run.engine, run.seed, *map(_cell, outcome.model_dump().values()), made)
+            for run in runs
+            for outcome in getattr(run.figures(root), field)
+        )
+        write_csv(folder / f"{name}.csv", ("body", "engine", "seed", *columns, "commit"), rows)
+
+
+def _cell(value: object) -> object:
+    return "; ".join(map(str, value)) if isinstance(value, tuple) else value
 
 
 def main() -> None:

@@ -54,6 +54,7 @@ from estimator.problem.problem import Problem
 from estimator.readings.modalities import MODALITIES
 from estimator.readings.observation import Observation, PredictedReadings
 from estimator.reproduction.harness import BriefRun, made_by
+from estimator.reproduction.tables import markdown
 from estimator.storage.posteriors import SURE
 from protocol.system.files import replace_text
 from protocol.wire.capabilities import Capabilities
@@ -273,13 +274,13 @@ def evenly(number: int, size: int) -> Array:
 
 def table(trials: Iterable[list[dict[str, Any]]]) -> str:
     """Table of the trials' results, in Markdown."""
-    lines = [
-        "| after interaction | called faulty | right | not known | stated ≥ 0.95 | of these right "
-        "| log score | legs inside 90 % interval | its median width (mm) "
-        "| ranks in the lowest and the highest tenth | expected bits | gained bits "
-        "| by the true body |",
-        "|---|---|---|---|---|---|---|---|---|---|---|---|---|",
-    ]
+    header = (
+        *("after interaction", "called faulty", "right", "not known", "stated ≥ 0.95"),
+        *("of these right", "log score", "legs inside 90 % interval", "its median width (mm)"),
+        *("ranks in the lowest and the highest tenth", "expected bits", "gained bits"),
+        "by the true body",
+    )
+    rows = []
     for steps in zip(*trials, strict=True):
         known = [step for step in steps if step["probability"] is not None]
         sure = [step for step in known if step["probability"] >= SURE]
@@ -295,17 +296,22 @@ def table(trials: Iterable[list[dict[str, Any]]]) -> str:
             for name in ("expected_bits", "information_gain_bits", "true_bits")
         )
         tenths = np.histogram(values["ranks"], bins=10, range=(0, 1))[0]
-        lines.append(
-            f"| {steps[0]['interactions']} | {sum(step['faulty'] for step in steps)} | "
-            f"{sum(step['right'] for step in steps)} of {len(steps)} | "
-            f"{len(steps) - len(known)} | {len(sure)} | "
-            f"{sum(step['right'] for step in sure)} | {score:.2f} | "
-            f"{values['inside'].sum()} of {values['inside'].size} | "
-            f"{np.median(values['widths_mm']):.1f} | "
-            f"{tenths[0]} and {tenths[-1]} of {tenths.sum()} | "
-            f"{expected:.2f} | {gained:.2f} | {true:.2f} |"
+        rows.append(
+            (
+                str(steps[0]["interactions"]),
+                str(sum(step["faulty"] for step in steps)),
+                f"{sum(step['right'] for step in steps)} of {len(steps)}",
+                str(len(steps) - len(known)),
+                str(len(sure)),
+                str(sum(step["right"] for step in sure)),
+                f"{score:.2f}",
+                f"{values['inside'].sum()} of {values['inside'].size}",
+                f"{np.median(values['widths_mm']):.1f}",
+                f"{tenths[0]} and {tenths[-1]} of {tenths.sum()}",
+                *(f"{bits:.2f}" for bits in (expected, gained, true)),
+            )
         )
-    return "\n".join(lines) + "\n"
+    return markdown(header, rows) + "\n"
 
 
 def add_bodies(parser: argparse.ArgumentParser, *, bodies: int, interactions: int) -> None:

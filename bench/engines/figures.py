@@ -7,7 +7,6 @@ thing or two. The first in which it comes to lie as statics says names the cause
 
 from __future__ import annotations
 
-import importlib
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -24,6 +23,7 @@ from estimator.physics.base import Pair, WorldSettings
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import PACE, StaticsPhysics
 from estimator.readings.observation import PredictedReadings
+from estimator.reproduction import paper_claims
 from protocol.system.files import replace_text
 
 CLOSE: Final = 0.5
@@ -96,9 +96,8 @@ def share(close: Flags) -> dict[str, float]:
     count = len(close)
     if not count:
         return {"n": 0, "share": math.nan, "low": math.nan, "high": math.nan}
-    stats = importlib.import_module("scipy.stats")  # takes a second
-    low, high = stats.binomtest(int(np.sum(close)), count).proportion_ci(method="wilson")
-    return {"n": count, "share": float(np.mean(close)), "low": float(low), "high": float(high)}
+    interval = paper_claims.share(int(np.sum(close)), count)
+    return {"n": count, "share": float(np.mean(close)), "low": interval.low, "high": interval.high}
 
 
 def risk_coverage(compared: Compared, run: str) -> tuple[Array, Array]:

@@ -11,14 +11,14 @@ from typing import Any, Final
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from bench.engines.figures import CLOSE, COVERED, Compared, differences, risk_coverage
 from bench.engines.runs import CEILINGS, RIVALS, RUNS
 from estimator.body.morphology import Array
 from estimator.errors import EstimatorError
-from estimator.report.canvas import COLOURS
+from estimator.report.canvas import COLOURS, new_figure
+from estimator.reproduction.tables import markdown
 
 _BEGIN: Final = "<!-- measured: begin (make compare-engines writes from here) -->"
 _END: Final = "<!-- measured: end -->"
@@ -41,104 +41,97 @@ def tables(
         command: Command that was run.
     """
     sizes = ", ".join(f"{item['bodies']} ({item['problem']})" for item in figures)
-    lines = [f"`{command}`; random bodies, each with a random motor program: {sizes}.", ""]
-    lines += [
+    rivals = [(RUNS[run].label, run) for run in RIVALS]
+    ceilings = [(label, name) for name, _, _, label in CEILINGS]
+    paragraphs = [
+        f"`{command}`; random bodies, each with a random motor program: {sizes}.",
         "Share of valid, decided poses whose tilt statics and the engine agree on within 0.5°, "
         "with its 95 % interval:",
-        "",
-        _row("", *(item["problem"] for item in figures)),
-        _rule(len(figures)),
-    ]
-    for run in RIVALS:
-        cells = (_interval(item["statics_and"][run]["within"]) for item in figures)
-        lines.append(_row(RUNS[run].label, *cells))
-    lines += [
-        "",
+        _shares(figures, rivals, "statics_and", "within"),
         "The same among the 85 % of poses with the largest path margin (more, where margins tie):",
-        "",
+        _shares(figures, rivals, "statics_and", "within_where_sure"),
+        "The ceiling: how far an engine agrees with itself, or another engine with it:",
+        _shares(figures, ceilings, "ceilings", "within"),
+        *_details(figures),
+        *_causes(figures, causes),
     ]
-    lines += [_row("", *(item["problem"] for item in figures)), _rule(len(figures))]
-    for run in RIVALS:
-        cells = (_interval(item["statics_and"][run]["within_where_sure"]) for item in figures)
-        lines.append(_row(RUNS[run].label, *cells))
-    lines += ["", "The ceiling: how far an engine agrees with itself, or another engine with it:"]
-    lines += ["", _row("", *(item["problem"] for item in figures)), _rule(len(figures))]
-    for name, _, _, label in CEILINGS:
-        cells = (_interval(item["ceilings"][name]["within"]) for item in figures)
-        lines.append(_row(label, *cells))
-    lines += ["", *_details(figures), "", *_causes(figures, causes)]
-    return "\n".join(lines) + "\n"
+    return "\n\n".join(paragraphs) + "\n"
+
+
+def _shares(
+    figures: Sequence[dict[str, Any]], pairs: Sequence[tuple[str, str]], kind: str, within: str
+) -> str:
+    """A table of shares: a row for each pair, given by its label and name, a column a problem."""
+    rows = (
+        (label, *(_interval(item[kind][name][within]) for item in figures)) for label, name in pairs
+    )
+    return markdown(("", *(item["problem"] for item in figures)), rows)
 
 
 def _details(figures: Sequence[dict[str, Any]]) -> list[str]:
-    lines = [
-        "Statics and each engine in detail. *Moving*: the main body is faster than 1 mm/s at the "
-        "end; *touch*: share of touch bits that are alike.",
-        "",
-        "| problem | engine | invalid | moving | median | 95 % of poses within | clearance, median "
-        "| touch | within 0.5°, those at rest |",
-        "|---|---|---|---|---|---|---|---|---|",
-    ]
-    for item in figures:
-        for run in RIVALS:
-            measured = item["statics_and"][run]
-            lines.append(
-                _row(
-                    item["problem"],
-                    RUNS[run].label,
-                    str(measured["invalid"]),
-                    str(measured["moving"]),
-                    f"{measured['median_deg']:.4f}°",
-                    f"{measured['quantile_95_deg']:.2f}°",
-                    f"{measured['median_clearance_mm']:.3f} mm",
-                    _percent(measured["touch_alike"]),
-                    _percent(measured["within_where_still"]["share"]),
-                )
-            )
-    lines.append("")
-    lines += [
+    header = (
+        *("problem", "engine", "invalid", "moving", "median", "95 % of poses within"),
+        *("clearance, median", "touch", "within 0.5°, those at rest"),
+    )
+    rows = (
+        (
+            item["problem"],
+            RUNS[run].label,
+            str(measured["invalid"]),
+            str(measured["moving"]),
+            f"{measured['median_deg']:.4f}°",
+            f"{measured['quantile_95_deg']:.2f}°",
+            f"{measured['median_clearance_mm']:.3f} mm",
+            _percent(measured["touch_alike"]),
+            _percent(measured["within_where_still"]["share"]),
+        )
+        for item in figures
+        for run, measured in item["statics_and"].items()
+    )
+    undecided = (
         f"{item['problem']}: {item['undecided']} of {item['bodies']} poses are undecided; 85 % of "
         f"the others have a path margin above {item['margin_of_85_percent_deg']:.1f}°.  "
         for item in figures
+    )
+    return [
+        "Statics and each engine in detail. *Moving*: the main body is faster than 1 mm/s at the "
+        "end; *touch*: share of touch bits that are alike.",
+        markdown(header, rows),
+        "\n".join(undecided),
     ]
-    return lines
 
 
 def _causes(figures: Sequence[dict[str, Any]], causes: Sequence[dict[str, Any]]) -> list[str]:
     problems = [item["problem"] for item in figures]
     counts = Counter((item["cause"], item["problem"]) for item in causes)
     totals = Counter(item["cause"] for item in causes)
-    lines = [
+    rows = [
+        (name, *(str(counts[name, problem]) for problem in problems))
+        for name, _ in totals.most_common()
+    ]
+    all_of = (str(sum(item["problem"] == problem for item in causes)) for problem in problems)
+    suspects = [item for item in causes if item["suspect"]]
+    paragraphs = [
         "Every pose on which statics and the reference (PyBullet at 1/240 s) differ by over 0.5°, "
         "by cause: what has to be changed in the simulation for the body to lie as statics says. "
         "Numbers of poses:",
-        "",
-        _row("", *problems),
-        _rule(len(problems)),
-    ]
-    for name, _ in totals.most_common():
-        lines.append(_row(name, *(str(counts[name, problem]) for problem in problems)))
-    all_of = (str(sum(item["problem"] == problem for item in causes)) for problem in problems)
-    lines += [_row("**all**", *all_of), ""]
-    suspects = [item for item in causes if item["suspect"]]
-    lines.append(
+        markdown(("", *problems), [*rows, ("**all**", *all_of)]),
         "Of these, poses of large path margin (among the 85 %) on which PyBullet at both steps and "
-        f"MuJoCo agree with each other: {len(suspects)}."
-    )
+        f"MuJoCo agree with each other: {len(suspects)}.",
+    ]
     if suspects:
-        lines += [
-            "",
-            "| problem | body | statics (°) | engines (°) | margin (°) | cause |",
-            "|---|---|---|---|---|---|",
-        ]
-    for item in suspects:
-        statics, engines = (
-            ", ".join(f"{angle:.1f}" for angle in item[name])
-            for name in ("statics_tilt_deg", "reference_tilt_deg")
-        )
-        number, margin = str(item["body"]), f"{item['margin_deg']:.1f}"
-        lines.append(_row(item["problem"], number, statics, engines, margin, item["cause"]))
-    return lines
+        header = ("problem", "body", "statics (°)", "engines (°)", "margin (°)", "cause")
+        paragraphs.append(markdown(header, map(_suspect, suspects)))
+    return paragraphs
+
+
+def _suspect(item: dict[str, Any]) -> tuple[str, ...]:
+    statics, engines = (
+        ", ".join(f"{angle:.1f}" for angle in item[name])
+        for name in ("statics_tilt_deg", "reference_tilt_deg")
+    )
+    number, margin = str(item["body"]), f"{item['margin_deg']:.1f}"
+    return item["problem"], number, statics, engines, margin, item["cause"]
 
 
 def write_csv(path: Path, figures: Sequence[dict[str, Any]]) -> None:
@@ -177,14 +170,6 @@ def _percent(part: float) -> str:
     return "–" if math.isnan(part) else f"{100 * part:.1f} %"
 
 
-def _row(*cells: str) -> str:
-    return f"| {' | '.join(cells)} |"
-
-
-def _rule(columns: int) -> str:
-    return "|" + "---|" * (columns + 1)
-
-
 def plot_differences(path: Path, everything: Sequence[Compared]) -> None:
     """Plots the share of poses that differ by more: statics to engines, and engines to engines."""
     figure, panels = _panels(len(everything))
@@ -219,8 +204,7 @@ def plot_risk(path: Path, everything: Sequence[Compared]) -> None:
 
 
 def _panels(count: int) -> tuple[Figure, list[Axes]]:
-    figure = Figure(figsize=(3.2 * count, 3.6), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(3.2 * count, 3.6)
     panels = figure.subplots(1, count, sharey=True, squeeze=False)
     return figure, list(panels[0])
 

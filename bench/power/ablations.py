@@ -18,7 +18,7 @@ from unittest import mock
 import numpy as np
 
 from bench.power.study import SEEDS
-from bench.power.tables import RUNS, SUMMARY, by_group, markdown, run_rows, summary_rows
+from bench.power.tables import RUNS, SUMMARY, by_group, run_rows, summary_rows
 from bench.power.trial import Trial, TrialRun
 from bench.study_command import add_options, complete_by_command
 from estimator.identification import posterior_method
@@ -29,6 +29,7 @@ from estimator.posterior.sampling import sampler
 from estimator.posterior.sampling.sampler import Effort
 from estimator.posterior.sampling.weighing import WeighedModes
 from estimator.reproduction.harness import made_by
+from estimator.reproduction.tables import markdown
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,7 +96,7 @@ def main() -> None:
     complete_by_command(runs, options.out, options)
     trials = by_group(runs, options.out)[GROUP]
     for header, rows in ((SUMMARY, summary_rows(trials)), (RUNS, run_rows(trials))):
-        print(markdown(header, rows))
+        print(markdown(header, rows), end="\n\n")
     print(made_by(options.out, runs))
 
 

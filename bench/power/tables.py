@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import importlib
 import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -15,6 +14,8 @@ from bench.power.built import BUILT
 from bench.power.study import FAULTY, KNOWN_ATTACHMENTS, SUBJECTS
 from bench.power.trial import Figures, Step, Trial, TrialRun
 from estimator.report.canvas import COLOURS, new_figure
+from estimator.reproduction.paper_claims import share
+from estimator.reproduction.tables import markdown, write_csv
 from estimator.storage.posteriors import SURE
 
 Runs = Sequence[tuple[Trial, Sequence[Figures]]]
@@ -47,11 +48,12 @@ def overview(done: Mapping[str, Runs], made: str) -> str:
     for group, runs in done.items():
         parts.append(f"\n## {group.capitalize()}\n\n{SUBJECTS.get(group, '')}\n\n")
         if group == BUILT:
-            parts.append(markdown(BUILT_SUMMARY, built_summary(runs)))
+            table = markdown(BUILT_SUMMARY, built_summary(runs))
         elif group in FAULTY:
-            parts.append(markdown(FAULTS, fault_rows(runs)))
+            table = markdown(FAULTS, fault_rows(runs))
         else:
-            parts.append(markdown(SUMMARY, summary_rows(runs)))
+            table = markdown(SUMMARY, summary_rows(runs))
+        parts.append(f"{table}\n")
     sound = {
         group: [run for _, figures in runs for run in figures]
         for group, runs in done.items()
@@ -78,12 +80,8 @@ def write_tables(done: Mapping[str, Runs], folder: Path, made: str) -> None:
         ("faults", FAULTS, faulty, fault_rows),
         ("built", BUILT_RUNS, built, built_rows),
     ):
-        with (folder / f"{name}.csv").open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(("group", *header, "commit"))
-            writer.writerows(
-                (group, *row, made) for group, runs in groups.items() for row in rows(runs)
-            )
+        lines = ((group, *row, made) for group, runs in groups.items() for row in rows(runs))
+        write_csv(folder / f"{name}.csv", ("group", *header, "commit"), lines)
 
 
 SUMMARY: Final = (
@@ -112,12 +110,6 @@ BUILT_RUNS: Final = (
 )
 
 
-def markdown(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table in Markdown."""
-    lines = [header, ["---"] * len(header), *rows]
-    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
-
-
 def summary_rows(runs: Runs) -> Iterator[tuple[str, ...]]:
     """A row for each trial after each interaction: bodies right, their probabilities, lengths."""
     for trial, figures in runs:
@@ -133,10 +125,8 @@ def by_interaction(figures: Sequence[Figures]) -> Iterator[Steps]:
 
 def share_right(steps: Steps) -> tuple[float, float, float]:
     """Share of runs in which all attachments are right, and its 95 % interval (Wilson's)."""
-    count = sum(step.cells == run.cells for run, step in steps)
-    stats = importlib.import_module("scipy.stats")  # takes a second
-    low, high = stats.binomtest(count, len(steps)).proportion_ci(method="wilson")
-    return count / len(steps), low, high
+    right = share(sum(step.cells == run.cells for run, step in steps), len(steps))
+    return right.successes / right.trials, right.low, right.high
 
 
 def _success(steps: Steps) -> tuple[str, ...]:
@@ -291,9 +281,7 @@ def _calibration(done: Mapping[str, Sequence[Figures]]) -> str:
         "All interactions of all runs above where attachments were open, but for the faults, and "
         "for those after\nwhich a run said that no body explains the readings: what is stated "
         "there stands in parentheses.\n",
-        "| stated | how often | mean statement | came true |",
-        "|---|---|---|---|",
-        *_bins(steps),
+        markdown(("stated", "how often", "mean statement", "came true"), _bins(steps)),
     ]
     figures = itertools.chain.from_iterable(done.values())
     inside = [held for run in figures for step in run.steps[-1:] for held in step.inside]
@@ -305,13 +293,13 @@ def _calibration(done: Mapping[str, Sequence[Figures]]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _bins(steps: Sequence[tuple[float, bool]]) -> Iterator[str]:
+def _bins(steps: Sequence[tuple[float, bool]]) -> Iterator[tuple[str, ...]]:
     for low, high in itertools.pairwise(_BINS):
         chosen = [(stated, true) for stated, true in steps if low <= stated < high]
         if chosen:
             mean = np.mean([stated for stated, _ in chosen])
             true = sum(true for _, true in chosen)
-            yield f"| {low:g}–{min(high, 1):g} | {len(chosen)} | {mean:.2f} | {true} |"
+            yield f"{low:g}–{min(high, 1):g}", str(len(chosen)), f"{mean:.2f}", str(true)
 
 
 def _last_errors(one: Figures) -> tuple[float, ...]:

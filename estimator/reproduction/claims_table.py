@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from estimator.report.tables import mm
-from estimator.reproduction.figure import write_csv, write_json
+from estimator.reproduction.figure import write_json
 from estimator.reproduction.paper_claims import (
     SIGNIFICANT,
     STATEMENTS,
@@ -27,12 +27,17 @@ from estimator.reproduction.paper_claims import (
     verdict_on,
 )
 from estimator.reproduction.paper_runs import VARIANTS
+from estimator.reproduction.tables import markdown, write_csv
 
 NAME: Final = "claims"
 HEADER: Final = (
     *("panel", "better", "worse", "pairs", "mean_better_m", "mean_worse_m"),
     *("mean_difference_m", "mean_difference_low_m", "mean_difference_high_m"),
     *("p", "p_holm", "p_holm_opposite", "verdict"),
+)
+
+_COLUMNS: Final = (
+    *("better", "than", "pairs", "means (mm)", "difference (mm)", "p", "p, Holm", "verdict"),
 )
 
 
@@ -75,14 +80,7 @@ class ClaimsTable:
             paragraphs += [
                 f"**Figure {statement.panel}: {verdict_on(statement, findings)}** "
                 f'({held} of {len(findings)} hold). "{statement.words}"',
-                "\n".join(
-                    [
-                        "| better | than | pairs | means (mm) | difference (mm) | p | p, Holm | "
-                        "verdict |",
-                        "|---|---|---|---|---|---|---|---|",
-                        *map(_row, findings),
-                    ]
-                ),
+                markdown(_COLUMNS, map(_row, findings)),
             ]
         if self.findings:
             paragraphs += [
@@ -108,8 +106,8 @@ class ClaimsTable:
         return [start, "\n".join(f"- {_aside(item)}" for item in self.asides)]
 
 
-def _row(item: VariantComparison) -> str:
-    cells = (
+def _row(item: VariantComparison) -> tuple[str, ...]:
+    return (
         _variant(item.better),
         _variant(item.worse),
         f"{item.pairs}",
@@ -119,7 +117,6 @@ def _row(item: VariantComparison) -> str:
         _p(item.corrected),
         item.verdict,
     )
-    return f"| {' | '.join(cells)} |"
 
 
 def _aside(item: TiltAloneComparison) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -27,6 +26,7 @@ from estimator.report.plots import draw_errors, draw_lengths
 from estimator.report.result import Result
 from estimator.report.summarise import finite
 from estimator.reproduction.paper_runs import PlannedRun, Summary
+from estimator.reproduction.tables import write_csv
 from estimator.storage.records import Generation, InteractionRecord, Prediction
 from estimator.storage.store import RunStore
 from protocol.system.files import replace_file, replace_text
@@ -112,18 +112,6 @@ def history_numbers(run: FinishedRun) -> dict[str, Any]:
 
 
 _DPI: Final = 150
-
-
-def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-    """Writes a table; ``None`` becomes an empty cell."""
-
-    def write(fresh: Path) -> None:
-        with fresh.open("w", encoding="utf-8", newline="") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(header)
-            writer.writerows(rows)
-
-    replace_file(path, write)
 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:

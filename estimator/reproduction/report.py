@@ -16,7 +16,7 @@ from estimator.readings.modalities import MODALITIES
 from estimator.report.page.templates import picture, render
 from estimator.report.tables import number
 from estimator.reproduction.claims_table import ClaimsTable
-from estimator.reproduction.figure import DrawnFigure, write_csv
+from estimator.reproduction.figure import DrawnFigure
 from estimator.reproduction.harness import in_words, made_by
 from estimator.reproduction.ledger import Session
 from estimator.reproduction.paper_runs import (
@@ -28,6 +28,7 @@ from estimator.reproduction.paper_runs import (
     Budget,
     Summary,
 )
+from estimator.reproduction.tables import markdown, write_csv
 from protocol.system.files import replace_text
 from protocol.text import command_line
 
@@ -40,6 +41,10 @@ HEADER: Final = (
     *("touch_error", "tilt_error_deg", "clearance_error_mm"),
     *("simulations_requested", "simulations_run", "simulations_invalid", "simulations_undecided"),
     *("wall_seconds", "failure"),
+)
+_COLUMNS: Final = (
+    *("run", "error", "the truth's", "legs wrong by (mm)", "right", "up to equivalence"),
+    *("predictions wrong by", "simulations requested", "simulated", "s"),
 )
 
 
@@ -186,24 +191,18 @@ def _runs(runs: Sequence[Summary]) -> list[str]:
             f"**{len(failed)} of {len(runs)} runs are not finished** and missing above; the same "
             f"command tries them again:\n\n{lines}"
         )
-    table = [
-        "| run | error | the truth's | legs wrong by (mm) | right | up to equivalence | "
-        "predictions wrong by | simulations requested | simulated | s |",
-        "|---|---|---|---|---|---|---|---|---|---|",
-        *map(_markdown_row, runs),
-    ]
     return [
         *paragraphs,
         "Error: subjective error of the best model; the truth's: of the true body, had it been a "
         "model. Right: configurations of the best model. "
         "Predictions: of 20 fresh motor programs: share of touch bits, tilt, clearance.",
-        "\n".join(table),
+        markdown(_COLUMNS, map(_markdown_row, runs)),
     ]
 
 
-def _markdown_row(item: Summary) -> str:
+def _markdown_row(item: Summary) -> tuple[str, ...]:
     if item.result is None or item.score is None:
-        return f"| {item.run.name} | not finished |" + " |" * 8
+        return item.run.name, "not finished", *[""] * (len(_COLUMNS) - 2)
     errors = item.validation and item.validation.best_model
     predictions = "–"
     if errors and None not in errors.values():
@@ -212,7 +211,7 @@ def _markdown_row(item: Summary) -> str:
     score, result = item.score, item.result
     total = score.configurations_total
     searched = score.configurations_informative > 0
-    cells = (
+    return (
         item.run.name,
         number(result.sensor_error),
         number(score.true_body_error),
@@ -224,7 +223,6 @@ def _markdown_row(item: Summary) -> str:
         f"{result.simulations_run:,}",
         f"{result.wall_seconds:.0f}",
     )
-    return f"| {' | '.join(cells)} |"
 
 
 def _csv_row(item: Summary) -> tuple[object, ...]:
