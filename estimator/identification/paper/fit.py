@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -46,52 +46,6 @@ def fit_bodies(
     targets = _Targets.of(observations, modalities, objective)
     read = _body_by_body(bodies, physics, targets.programs)
     return targets.compare(read, np.full(len(bodies), np.inf))
-
-
-def fit_genes(
-    genome: Genome,
-    genes: Array,
-    observations: Sequence[Observation],
-    modalities: Sequence[str],
-    physics: Physics,
-    *,
-    objective: Objective,
-    limits: Array,
-    approximation: ArrayPhysics | None = None,
-) -> ModelErrors:
-    """Returns how badly models fit; an error that reaches the model's limit need not be exact.
-
-    A model that the problem forbids is as bad as can be, and is not simulated.
-
-    A model that has reached its limit in one interaction has lost, and is not simulated in the
-    others. Without an approximation the latest interaction comes first, since the parents were not
-    selected on it for as long as on the others.
-
-    Args:
-        genome: The code between genes and bodies.
-        genes: Genes of n models, shape (n, genes).
-        observations: What the robot observed.
-        modalities: Modalities that count.
-        physics: Predicts readings; it alone decides how well models fit.
-        objective: Combines the errors of single interactions.
-        limits: Error at which each model has lost, shape (n,).
-        approximation: Predicts roughly which interaction a model fits worst, so that this one comes
-            first. That saves simulations and changes no verdict.
-    """
-    allowed = ~genome.forbidden(genes)
-    errors = np.full(len(genes), np.inf)
-    genes, limits = genes[allowed], limits[allowed]
-    targets, order = _Targets.of(observations, modalities, objective), None
-    if approximation is not None and len(observations) > 1 and np.isfinite(limits).any():
-        guess = _as_arrays(genome.bodies(genes), approximation, targets.programs)
-        order = targets.worst_first(guess, len(genes))
-    if isinstance(physics, ArrayPhysics):
-        read = _as_arrays(genome.bodies(genes), physics, targets.programs)
-    else:
-        read = _body_by_body(genome.decode_all(genes), physics, targets.programs)
-    compared = targets.compare(read, limits, order)
-    errors[allowed] = compared.errors
-    return replace(compared, errors=errors)
 
 
 def _body_by_body(bodies: Sequence[Morphology], physics: Physics, programs: Array) -> Read:
@@ -197,11 +151,12 @@ class Modeller:
 
     Args:
         genome: The code between genes and bodies.
-        physics: Predicts readings.
+        physics: Predicts readings; it alone decides how well models fit.
         modalities: Modalities that count.
         counters: What the run has cost so far.
         objective: Objective by which models are fitted.
-        approximation: Predicts roughly what a slower back-end will; see ``fit_genes``.
+        approximation: Predicts roughly which interaction a model fits worst, so that this one comes
+            first. That saves simulations and changes no verdict.
     """
 
     def __init__(
@@ -243,19 +198,28 @@ class Modeller:
         self.evolve(search, observations)
 
     def evolve(self, search: Search, observations: Sequence[Observation]) -> None:
-        """Evaluates what the search asks for: a generation of children, or its population."""
-        genes = search.ask()
+        """Evaluates what the search asks for: a generation of children, or its population.
+
+        A model that the problem forbids is as bad as can be, and is not simulated. A model that has
+        reached its limit in one interaction has lost, and is not simulated in the others. Without
+        an approximation the latest interaction comes first, since the parents were not selected on
+        it for as long as on the others.
+        """
+        genome, genes = self._genome, search.ask()
         self._requested += len(genes) * len(observations)
-        fitted = fit_genes(
-            self._genome,
-            genes,
-            observations,
-            self._modalities,
-            self._physics,
-            objective=self._objective,
-            limits=search.limits,
-            approximation=self._approximation,
-        )
-        self._invalid += fitted.invalid
-        self._undecided += fitted.undecided
-        search.tell(fitted.errors)
+        errors = np.full(len(genes), np.inf)
+        allowed = ~genome.forbidden(genes)
+        genes, limits = genes[allowed], search.limits[allowed]
+        targets, order = _Targets.of(observations, self._modalities, self._objective), None
+        if self._approximation is not None and len(observations) > 1 and np.isfinite(limits).any():
+            guess = _as_arrays(genome.bodies(genes), self._approximation, targets.programs)
+            order = targets.worst_first(guess, len(genes))
+        if isinstance(self._physics, ArrayPhysics):
+            read = _as_arrays(genome.bodies(genes), self._physics, targets.programs)
+        else:
+            read = _body_by_body(genome.decode_all(genes), self._physics, targets.programs)
+        compared = targets.compare(read, limits, order)
+        self._invalid += compared.invalid
+        self._undecided += compared.undecided
+        errors[allowed] = compared.errors
+        search.tell(errors)

@@ -7,7 +7,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from estimator.identification.paper.fit import fit_genes
+from estimator.identification.paper.fit import Modeller
 from estimator.identification.paper.objectives import LargestError
 from estimator.identification.paper.search import DeterministicCrowding
 from estimator.physics.statics import StaticsPhysics
@@ -18,6 +18,7 @@ from estimator.problem.genome import Genome
 from estimator.problem.operators import Operators
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation
+from estimator.storage.records import Counters
 from tests.estimator.problem.test_tables import HEAD, PART, genome_of
 
 THREE = (
@@ -79,8 +80,8 @@ def test_a_forbidden_model_is_not_simulated_and_loses(
     forbidden = genome.forbidden(genes)
     assert 0 < forbidden.sum() < 30
     before = statics.simulations
-    fit = fit_genes(
-        genome, genes, [FELT], ["tilt"], statics, objective=LargestError(), limits=np.full(30, 9e9)
-    )
-    assert np.array_equal(np.isinf(fit.errors), forbidden)
+    search = DeterministicCrowding(30, genome.size, np.random.default_rng(8), population=genes)
+    modeller = Modeller(genome, statics, ["tilt"], Counters(), objective=LargestError())
+    modeller.evolve(search, [FELT])
+    assert np.array_equal(np.isinf(search.errors), forbidden)
     assert statics.simulations - before == 30 - forbidden.sum()
