@@ -22,6 +22,7 @@ from estimator.posterior.posterior import systematic
 from estimator.report.camera import HEIGHT, WIDTH, reach, take_picture
 from estimator.report.scene import Solid, at_rest, model_links, robot_links, solids_of
 from estimator.report.shown_bodies import observation_of
+from estimator.reproduction.robot_process import print_body
 from estimator.storage.store import RunStore
 
 FILE: Final = Path(__file__).parents[1] / "docs" / "images" / "identified.gif"
@@ -37,8 +38,7 @@ def main() -> None:
     """Identifies a simulated robot and writes the picture."""
     with TemporaryDirectory() as name, simulator("--seed", "1") as robot:
         run, truth = Path(name) / "run", Path(name) / "truth.urdf"
-        with truth.open("w") as file:
-            subprocess.run(["sim-robotd", "--print-body"], stdout=file, check=True)
+        truth.write_text(print_body(), encoding="utf-8")
         options = ("--problem", "topological", "--interactions", "6", "--seed", "1", "--out", run)
         subprocess.run(["estimator", "identify", "--robot", robot.uri, *options], check=True)
         with RunStore.open(run, to_write=False) as store:
@@ -54,8 +54,7 @@ def main() -> None:
 def frames(store: RunStore, truth: Path) -> Iterator[Image.Image]:
     """All frames, interaction after interaction."""
     joints = [joint.name for joint in store.capabilities.joints]
-    limbs = {joints[motor]: limb for limb, motor in enumerate(sorted(store.problem.motors.driven))}
-    links = robot_links(read_urdf(truth), joints, limbs)
+    links = robot_links(read_urdf(truth), joints, store.problem.motors.driven)
     radius = 0.0
     for number, fitted in enumerate(FittedPosterior.history(store), 1):
         observed = fitted.observations[-1]

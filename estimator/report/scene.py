@@ -8,7 +8,7 @@ the body's front points along x. So a robot is shown as its own sensors describe
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Final, Literal, TypeAlias
 
@@ -126,14 +126,15 @@ def _shape_of_part(part: Part) -> Shape:
     return Shape(kind=part.shape, size=size, place=(part.middle, 0.0, 0.0))
 
 
-def robot_links(urdf: Urdf, joints: Sequence[str], limbs_of: Mapping[str, int]) -> tuple[Link, ...]:
+def robot_links(urdf: Urdf, joints: Sequence[str], driven: Collection[int]) -> tuple[Link, ...]:
     """A robot as links.
 
     Args:
         urdf: The robot's body; parents come before children.
         joints: Names of the robot's joints in motor order; others stand at 0.
-        limbs_of: Number of the limb that each joint carries, by the joint's name.
+        driven: Numbers of the joints that carry a leg each.
     """
+    limbs_of = {joints[motor]: limb for limb, motor in enumerate(sorted(driven))}
     shapes = {link.name: tuple(map(_shape_of, link.collisions)) for link in urdf.links}
     links = [Link(name=urdf.root, shapes=shapes[urdf.root])]
     numbered = {urdf.root: 0}

@@ -186,9 +186,7 @@ def shown_bodies(store: RunStore, result: Result, true_body: Urdf | None) -> Sho
 
 def _truth(store: RunStore, true_body: Urdf, seen: Sequence[Observation]) -> ShownBody:
     joints = [joint.name for joint in store.capabilities.joints]
-    limbs = {joints[motor]: limb for limb, motor in enumerate(sorted(store.problem.motors.driven))}
-
-    links = robot_links(true_body, joints, limbs)
+    links = robot_links(true_body, joints, store.problem.motors.driven)
     stands, standing = _stands(links, seen, seen)
     return ShownBody(
         title="True body",

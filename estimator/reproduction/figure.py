@@ -20,7 +20,6 @@ from estimator.physics.base import WorldSettings
 from estimator.posterior.fitted import FittedPosterior
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
-from estimator.readings.observation import Observation
 from estimator.report.evaluations import TRUTH
 from estimator.report.plots import draw_errors, draw_lengths
 from estimator.report.result import Result
@@ -225,12 +224,6 @@ def _generations(store: RunStore) -> tuple[Generation, ...]:
     assert fitted is not None
     assert fitted.best is not None
     return *earlier, replace(last, best=tuple(fitted.best.tolist()))
-
-
-def observed(item: InteractionRecord) -> Observation:
-    """Observation that a performed interaction returned."""
-    assert item.observation is not None
-    return item.observation
 
 
 def read_finished(root: Path, runs: Iterable[PlannedRun]) -> Iterator[FinishedRun]:

@@ -23,7 +23,6 @@ from estimator.reproduction.figure import (
     DrawnFigure,
     FinishedRun,
     Row,
-    observed,
     read_finished,
     write_figure,
 )
@@ -61,7 +60,8 @@ def make(root: Path, budget: Budget, runs: int | None) -> DrawnFigure:
     if chosen is None:
         return DrawnFigure.missing(NAME, CAPTION)
     (run,) = read_finished(root, [chosen])
-    poses = [observed(interaction) for interaction in (run.interactions[0], *run.predictions[:1])]
+    shown = (run.interactions[0], *run.predictions[:1])
+    poses = [item.observation for item in shown if item.observation is not None]
     subjects = [[_robot(run, root, pose), *_models(run, pose)] for pose in poses]
     radius = max(reach(subject.solids) for line in subjects for subject in line)
     picture = new_figure(14, 6.2)
@@ -93,8 +93,7 @@ def make(root: Path, budget: Budget, runs: int | None) -> DrawnFigure:
 
 def _robot(run: FinishedRun, root: Path, pose: Observation) -> _Subject:
     joints = [joint["name"] for joint in run.result.robot["joints"]]
-    limbs = {joints[motor]: leg for leg, motor in enumerate(sorted(run.problem.motors.driven))}
-    links = robot_links(read_urdf(root / TRUTH), joints, limbs)
+    links = robot_links(read_urdf(root / TRUTH), joints, run.problem.motors.driven)
     return _subject("robot", links, pose)
 
 

@@ -34,7 +34,7 @@ from estimator.reproduction.robot_process import print_body
 from tests.estimator.kinematics import tips
 
 MakeBody = Callable[[np.random.Generator], Morphology]
-HIPS = {"hip_left": 0, "hip_front": 1, "hip_right": 2, "hip_back": 3}
+HIPS = ("hip_left", "hip_front", "hip_right", "hip_back")
 UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -127,7 +127,7 @@ def urdf(tmp_path_factory: pytest.TempPathFactory) -> Urdf:
 
 
 def test_the_robot_has_the_papers_measures(urdf: Urdf) -> None:
-    solids = solids_of(robot_links(urdf, list(HIPS), HIPS), [0.0] * 4)
+    solids = solids_of(robot_links(urdf, HIPS, range(4)), [0.0] * 4)
     for motor, way in enumerate(([0, 1, 0], [1, 0, 0], [0, -1, 0], [-1, 0, 0])):
         leg = [item for item in solids if item.limb == motor]
         assert max(-item.lowest(-np.array(way)) for item in leg) == pytest.approx(0.07 + 0.22)
@@ -135,7 +135,7 @@ def test_the_robot_has_the_papers_measures(urdf: Urdf) -> None:
 
 def test_a_positive_angle_lifts_the_robots_leg(urdf: Urdf) -> None:
     angles = [0.0, math.radians(30), 0.0, 0.0]
-    solids = solids_of(robot_links(urdf, list(HIPS), HIPS), angles)
+    solids = solids_of(robot_links(urdf, HIPS, range(4)), angles)
     foot = next(item for item in solids if item.limb == 1 and item.kind == "sphere")
     reach = 0.095 + 0.119
     assert foot.place.tolist() == pytest.approx(
