@@ -1,11 +1,7 @@
-"""Bodies drawn from a problem's prior, as URDF: ``sim-robotd --body`` makes robots of them.
-
-``python -m bench.prior_bodies --problem topological --seed 5 > body.urdf``
-"""
+"""Bodies drawn from a problem's prior, as URDF: ``sim-robotd --body`` makes robots of them."""
 
 from __future__ import annotations
 
-import argparse
 from functools import cache
 
 import numpy as np
@@ -46,16 +42,3 @@ def on_robot(name: str, body: str = DEFAULT) -> tuple[Problem, Genome, Capabilit
     problem = Problem.parse(name, "the problem") if "\n" in name else Problem.load(name)
     problem = problem.for_robot(robot)
     return problem, Genome(problem, problem.base(robot)), robot
-
-
-def main() -> None:
-    """Prints a body."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--problem", default="topological")
-    parser.add_argument("--seed", type=int, required=True)
-    options = parser.parse_args()
-    print(drawn_body(options.problem, options.seed), end="")
-
-
-if __name__ == "__main__":
-    main()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
 
@@ -23,20 +23,13 @@ def add_options(parser: argparse.ArgumentParser, out: Path) -> None:
     parser.add_argument("--out", type=Path, default=out, help="folder (%(default)s)")
 
 
-def complete_by_command(
-    runs: Sequence[Run],
-    root: Path,
-    options: argparse.Namespace,
-    *,
-    shared: Mapping[str, Callable[[], str]] | None = None,
-) -> None:
+def complete_by_command(runs: Sequence[Run], root: Path, options: argparse.Namespace) -> None:
     """Does the runs that are not finished; exits where one of them fails, or with Ctrl-C.
 
     Args:
         runs: Runs of the study.
         root: Directory of the study.
         options: Parsed options, as ``add_options`` defines them.
-        shared: Files that runs read, as for ``estimator.reproduction.harness.complete``.
     """
     with (
         errors_as_sentences(None),
@@ -50,7 +43,6 @@ def complete_by_command(
             jobs=options.jobs,
             cluster=cluster,
             command=command_line(*sys.orig_argv[1:]),
-            shared=shared,
         )
     if completed.failures:
         fail(f"{len(completed.failures)} runs failed: the same command tries them again", None)

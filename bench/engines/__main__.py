@@ -10,13 +10,13 @@ from typing import Any, Final
 
 from rich.console import Console
 from rich.markdown import Markdown
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from bench.engines.figures import Compared, figures, list_causes
 from bench.engines.page import plot_differences, plot_risk, publish, tables, write_csv
 from bench.engines.runs import PROBLEMS, Piece, draw, load, pieces
 from bench.study_command import add_options, complete_by_command
-from estimator.cli.console import errors_as_sentences
+from estimator.cli.console import err, errors_as_sentences
+from estimator.cli.screen import Screen
 from estimator.physics.statics import StaticsPhysics
 from estimator.reproduction.harness import made_by
 
@@ -37,7 +37,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     complete_by_command(everything, options.out, options)
     with errors_as_sentences(None):
         compared = [_compared(finished, options.out, options.bodies) for finished in work.values()]
-        causes = _explain(compared, work, options, console)
+        causes = _explain(compared, work, options)
     problems = [figures(item) for item in compared]
     command = f"make compare-engines BODIES={options.bodies} SEED={options.seed}"
     measured = f"{tables(problems, causes, command)}\n{made_by(options.out, everything)}\n"
@@ -90,31 +90,17 @@ def _compared(finished: list[Piece], root: Path, bodies: int) -> Compared:
 
 
 def _explain(
-    compared: Sequence[Compared],
-    work: dict[str, list[Piece]],
-    options: argparse.Namespace,
-    console: Console,
+    compared: Sequence[Compared], work: dict[str, list[Piece]], options: argparse.Namespace
 ) -> list[dict[str, Any]]:
     causes: list[dict[str, Any]] = []
-    with _progress(console) as progress:
-        total = sum(len(item.disagreements()) for item in compared)
-        task = progress.add_task("disagreements explained", total=total)
+    with Screen(err) as screen:
+        screen.expect(sum(len(item.disagreements()) for item in compared), 0)
         for item in compared:
             memory = work[item.problem][0].file(options.out).parents[1] / "causes.json"
-            causes += list_causes(item, options.seed, memory, lambda: progress.advance(task))
+            causes += list_causes(
+                item, options.seed, memory, lambda: screen.worked(1, "disagreements explained")
+            )
     return causes
-
-
-def _progress(console: Console) -> Progress:
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-        TextColumn("left"),
-        console=console,
-        speed_estimate_period=600.0,
-    )
 
 
 if __name__ == "__main__":

@@ -40,9 +40,6 @@ HAZARD: Final = 1e-3
 FALSE_ALARMS: Final = 1e-5
 """False alarms per movement, were the models exact."""
 
-PATROL: Final = 6
-"""Default number of movements of a patrol."""
-
 _PARTICLES: Final = 64  # of a change
 _KEPT_ESS: Final = 0.05  # effective number of bodies that may be left, as a share of that at first
 _FORGETTING: Final = 0.9  # factor on what was learnt of bodies, until so many are left
@@ -159,7 +156,7 @@ class Watch:
         safe_for = hypotheses.bodies[hypotheses.groups == 0]
         return best_of(weigher, two_groups, safe_for=safe_for)[0]
 
-    def patrol(self, count: int = PATROL) -> list[Array]:
+    def patrol(self, count: int) -> list[Array]:
         """Movements that together show most changes, rad, chosen one after the other."""
         weigher, known = self.weigher, self.weigher.known
         low, high = known.program_range.T
