@@ -10,7 +10,8 @@ from __future__ import annotations
 import hashlib
 import math
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, fields, replace
 from functools import cache
 from importlib import metadata
@@ -21,9 +22,8 @@ import numpy as np
 
 from bench.prior_bodies import drawn_genes, on_robot
 from estimator.body.morphology import Morphology
-from estimator.physics.base import Pair, Physics, WorldSettings
-from estimator.physics.mujoco import MuJoCoPhysics
-from estimator.physics.pybullet import PyBulletPhysics
+from estimator.physics.backends import in_this_process
+from estimator.physics.base import Pair, WorldSettings
 from estimator.readings.observation import PredictedReadings
 from estimator.reproduction.harness import BriefRun
 from protocol.system.files import replace_file
@@ -32,12 +32,6 @@ from protocol.system.process import native_output_discarded
 _COARSE: Final = WorldSettings()
 _FINE: Final = WorldSettings(step=1 / 240, steps=1200, full_steps=True)
 _INERT: Final = _FINE.least_inertia * (_COARSE.step / _FINE.step) ** 2  # as inert as at 1/60 s
-
-
-_ENGINES: Final[dict[str, Callable[[WorldSettings], Physics]]] = {
-    "pybullet": PyBulletPhysics,
-    "mujoco": MuJoCoPhysics,
-}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,14 +49,6 @@ class Run:
     settings: WorldSettings
     label: str
     nudged: bool = False
-
-    def read(self, pairs: Sequence[Pair]) -> PredictedReadings:
-        """Simulates one interaction per pair."""
-        physics = _ENGINES[self.engine](self.settings)
-        try:
-            return physics.read(pairs)
-        finally:
-            physics.close()
 
 
 RUNS: Final = {
@@ -176,14 +162,14 @@ class Piece(BriefRun):
     def make(self, place: Path) -> None:
         """Writes the readings of its bodies in all runs."""
         drawn = [draw(self.problem, self.seed, self.start + row) for row in range(self.size)]
-        simulated = simulate_here(
-            [pair for _, pair, _ in drawn], [nudged for _, _, nudged in drawn]
-        )
-        arrays: dict[str, Any] = {
-            f"{run}:{item.name}": getattr(readings, item.name)
-            for run, readings in simulated.items()
-            for item in fields(PredictedReadings)
-        }
+        arrays: dict[str, Any] = {}
+        with native_output_discarded():
+            for name, run in RUNS.items():
+                pairs = [nudged if run.nudged else pair for _, pair, nudged in drawn]
+                with closing(in_this_process(run.engine, run.settings)) as physics:
+                    readings = physics.read(pairs)
+                for item in fields(PredictedReadings):
+                    arrays[f"{name}:{item.name}"] = getattr(readings, item.name)
         replace_file(place / self.leaves, lambda fresh: np.savez_compressed(fresh, **arrays))
 
 
@@ -194,12 +180,6 @@ def pieces(problem: str, seed: int, bodies: int) -> list[Piece]:
         Piece(problem=problem, seed=seed, start=start, size=size)
         for start in range(0, bodies, size)
     ]
-
-
-def simulate_here(pairs: Sequence[Pair], nudged: Sequence[Pair]) -> Simulated:
-    """All runs of some bodies, in this process."""
-    with native_output_discarded():
-        return {name: run.read(nudged if run.nudged else pairs) for name, run in RUNS.items()}
 
 
 def load(finished: Sequence[Piece], root: Path, bodies: int) -> Simulated:
