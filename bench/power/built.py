@@ -19,7 +19,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from bench.power.faults import measured_with, miscalibrated, reversed_tilt, servos_calibrated
-from bench.power.robots import Otherwise, Robot, TextOf, shipped, turned_joint
+from bench.power.robots import Otherwise, Robot, TextOf, shipped, with_joints
 from bench.power.trial import Trial
 from bench.prior_bodies import drawn_genes, on_robot
 from estimator.body.morphology import BASE, Array, Morphology
@@ -259,14 +259,10 @@ def _twisted(leg: str, degrees: float) -> Robot:
     axis = {"xyz": f"0 {-math.cos(turn)!r} {-math.sin(turn)!r}"}
     number = ("left", "front", "right", "back").index(leg) + 1
     return Robot(
-        body=partial(_changed, f"hip_{leg}", {"axis": axis}),
+        body=partial(with_joints, {f"hip_{leg}": {"axis": axis}}),
         truth=_shipped,
         otherwise=Otherwise(f"hinge of leg {number} about its own length", turn),
     )
-
-
-def _changed(joint: str, elements: dict[str, dict[str, str]], seed: int) -> str:
-    return turned_joint(joint, elements, shipped(DEFAULT)(seed))
 
 
 def _shipped(urdf: str) -> str:
@@ -279,7 +275,7 @@ def _wired() -> dict[str, Robot]:
     quarter = measured_with((-VOLTS_PER_G, VOLTS_PER_G, VOLTS_PER_G))
     return {
         "servo reversed": Robot(
-            body=partial(_changed, "hip_left", {"axis": {"xyz": "0 1 0"}}),
+            body=partial(with_joints, {"hip_left": {"axis": {"xyz": "0 1 0"}}}),
             truth=_shipped,
             otherwise=Otherwise("servo of left upper reversed"),
         ),
@@ -312,7 +308,8 @@ _JAMMED: Final = 20.0  # degrees
 
 _FAILED: Final = {
     "a servo too weak": Robot(
-        body=partial(_changed, "hip_left", {"limit": {"effort": "0.2"}}), otherwise=Otherwise("")
+        body=partial(with_joints, {"hip_left": {"limit": {"effort": "0.2"}}}),
+        otherwise=Otherwise(""),
     ),
     "a servo dead": _default("servo of leg 1 dead", "servos.dead=1"),
     "a servo jammed": _default(

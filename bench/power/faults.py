@@ -17,12 +17,13 @@ from typing import Any, Final
 from xml.etree import ElementTree
 
 from bench.power.robots import (
+    Elements,
     Robot,
     exchanged,
     make_heavier,
     noisier,
     shipped,
-    turned_joint,
+    with_joints,
     with_leg_mass,
 )
 from bench.power.trial import Trial
@@ -193,8 +194,6 @@ FAULTS: Final = {
 }
 
 
-_Elements = Mapping[str, Mapping[str, str]]
-
 _LEGS: Final = {"left": (0.0, 1.0), "front": (1.0, 0.0), "right": (0.0, -1.0), "back": (-1.0, 0.0)}
 _HIP: Final = 0.07  # m from the middle of the main body
 _MOVEMENTS: Final = 7
@@ -232,24 +231,17 @@ def odd_trials(seeds: tuple[int, ...]) -> tuple[Trial, ...]:
     )
 
 
-def _built(joints: Mapping[str, _Elements]) -> Robot:
-    return Robot(body=partial(_with_joints, joints))
+def _built(joints: Mapping[str, Elements]) -> Robot:
+    return Robot(body=partial(with_joints, joints))
 
 
-def _with_joints(joints: Mapping[str, _Elements], seed: int) -> str:
-    urdf = shipped(DEFAULT)(seed)
-    for joint, elements in joints.items():
-        urdf = turned_joint(joint, elements, urdf)
-    return urdf
-
-
-def _bent(degrees: float) -> _Elements:
+def _bent(degrees: float) -> Elements:
     return {"origin": {"rpy": f"0 {math.radians(degrees)!r} 0"}}
 
 
 def _at(
     leg: str, *, out: float = 0.0, aside: float = 0.0, down: float = 0.0, turned: float = 0.0
-) -> _Elements:
+) -> Elements:
     """Place of a hip farther out, along its side or lower (m), or pointing to the left (°)."""
     ahead, left = _LEGS[leg]
     distance = _HIP + out

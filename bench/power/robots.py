@@ -15,6 +15,9 @@ from sim_robot.world.body import DEFAULT, body_path
 TextOf = Callable[[int], str]
 """Returns, for a seed, the URDF of a body, or the content of a file."""
 
+Elements = Mapping[str, Mapping[str, str]]
+"""Attributes of a joint in URDF, by element."""
+
 
 def shipped(name: str) -> TextOf:
     """A body that comes with the simulator, by name, or the body in a file."""
@@ -93,7 +96,7 @@ def make_heavier(inertial: ElementTree.Element, factor: float) -> None:
                 element.set(key, repr(factor * float(value)))
 
 
-def turned_joint(joint: str, elements: Mapping[str, Mapping[str, str]], urdf: str) -> str:
+def turned_joint(joint: str, elements: Elements, urdf: str) -> str:
     """A body of which a joint has other attributes, by element: its place, or its axis."""
     root = ElementTree.fromstring(urdf)
     joint_element = root.find(f"joint[@name='{joint}']")
@@ -103,6 +106,14 @@ def turned_joint(joint: str, elements: Mapping[str, Mapping[str, str]], urdf: st
         assert element is not None
         element.attrib.update(attributes)
     return ElementTree.tostring(root, encoding="unicode")
+
+
+def with_joints(joints: Mapping[str, Elements], seed: int) -> str:
+    """The default body of which some joints have other attributes."""
+    urdf = shipped(DEFAULT)(seed)
+    for joint, elements in joints.items():
+        urdf = turned_joint(joint, elements, urdf)
+    return urdf
 
 
 def exchanged(one: str, other: str, urdf: str) -> str:
