@@ -15,7 +15,7 @@ from rich.segment import Segment
 
 from estimator.errors import RunDirectoryError
 from estimator.plugins import packages_named_when_failing
-from estimator.storage.database import holds_run
+from estimator.storage.database import ADVICE, code_of, holds_run
 from protocol.errors import BodyschemaError
 from protocol.text import command_line, printable
 
@@ -58,18 +58,6 @@ def print_json(text: str) -> None:
     )
 
 
-_DATABASE_ADVICE: Final = {
-    sqlite3.SQLITE_BUSY: (
-        "Another process holds it, or its file system has no locks: then choose another disk."
-    ),
-    sqlite3.SQLITE_FULL: "Look whether the disk is full.",
-    sqlite3.SQLITE_IOERR: "Look whether the disk is full.",
-    sqlite3.SQLITE_CANTOPEN: "Look whether its directory can be written.",
-    sqlite3.SQLITE_READONLY: "Look whether its directory can be written.",
-}
-"""What to do, by SQLite's codes for what has nothing to do with what is stored."""
-
-
 @contextmanager
 def errors_as_sentences(run: Path | None) -> Iterator[None]:
     """Turns expected errors into a sentence on standard error and exit code 1.
@@ -85,8 +73,7 @@ def errors_as_sentences(run: Path | None) -> Iterator[None]:
     except RunDirectoryError as error:
         fail(str(error), None)
     except sqlite3.Error as error:
-        code = getattr(error, "sqlite_errorcode", 0) & 0xFF  # without its details
-        advice = _DATABASE_ADVICE.get(code, "")
+        advice = ADVICE.get(code_of(error), "")
         fail(f"the run's database cannot be written: {error}. {advice}".rstrip(), run)
     except OSError as error:
         fail(_os_error_in_words(error), run)

@@ -55,14 +55,16 @@ _NAMES: Final = [re.split(r"[ (]+", table)[2] for table in _TABLES]
 _DAMAGE: Final = (ValueError, LookupError, TypeError, AttributeError, ArithmeticError)
 """Errors that stored values raise which are not what was written."""
 
-_UNREADABLE_NOW: Final = (
-    sqlite3.SQLITE_BUSY,
-    sqlite3.SQLITE_READONLY,
-    sqlite3.SQLITE_CANTOPEN,
-    sqlite3.SQLITE_IOERR,
-    sqlite3.SQLITE_FULL,
-)
-"""SQLite's codes for what has nothing to do with what is stored."""
+ADVICE: Final = {
+    sqlite3.SQLITE_BUSY: (
+        "Another process holds it, or its file system has no locks: then choose another disk."
+    ),
+    sqlite3.SQLITE_FULL: "Look whether the disk is full.",
+    sqlite3.SQLITE_IOERR: "Look whether the disk is full.",
+    sqlite3.SQLITE_CANTOPEN: "Look whether its directory can be written.",
+    sqlite3.SQLITE_READONLY: "Look whether its directory can be written.",
+}
+"""What to do, by SQLite's codes for what has nothing to do with what is stored."""
 
 
 def file_status(directory: Path) -> os.stat_result | None:
@@ -174,7 +176,7 @@ def reading(directory: Path) -> Iterator[None]:
     except RunDirectoryError:
         raise
     except (sqlite3.Error, *_DAMAGE) as error:
-        if getattr(error, "sqlite_errorcode", 0) & 0xFF in _UNREADABLE_NOW:  # without its details
+        if code_of(error) in ADVICE:
             raise RunDirectoryError(
                 f"{directory / DATABASE} cannot be read now: {error}."
             ) from error
@@ -183,6 +185,11 @@ def reading(directory: Path) -> Iterator[None]:
             f"{directory / DATABASE} is not a run: {reason}. If it was one, it is damaged: take "
             f"back a copy of it, or delete {directory} and start the run anew."
         ) from error
+
+
+def code_of(error: Exception) -> int:
+    """SQLite's code of an error, without its details; 0 where the error is not SQLite's."""
+    return int(getattr(error, "sqlite_errorcode", 0) & 0xFF)
 
 
 def _first_reason(error: Exception) -> str:
