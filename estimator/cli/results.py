@@ -22,7 +22,7 @@ from estimator.report.page.run_page import run_page
 from estimator.report.result import PAGE
 from estimator.report.run_files import write_files
 from estimator.report.summarise import summarise
-from estimator.report.tables import number, percent, plain_table
+from estimator.report.tables import between, mm, number, percent, plain_table
 from estimator.reproduction.report import reproduction_page
 from estimator.storage.store import RunStore
 from protocol.system.files import replace_bytes, replace_text
@@ -142,10 +142,7 @@ def _print_lengths(runs: list[ComparedRun]) -> None:
         table.add_row(
             joint,
             *(
-                _DASH
-                if length is None
-                else f"{1000 * length.median:.1f} "
-                f"({1000 * length.low:.1f}–{1000 * length.high:.1f})"
+                _DASH if length is None else f"{mm(length.median)} ({between(length, 1000)})"
                 for length in lengths
             ),
         )

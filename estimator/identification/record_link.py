@@ -24,7 +24,7 @@ from estimator.readings.observation import Observation, Program, same_program
 from estimator.readings.plausibility import impossible_reading
 from estimator.readings.readings_csv import ANGLE, Table, read
 from estimator.storage.records import Ticket
-from estimator.storage.store import RunStore
+from estimator.storage.store import ROBOT, RunStore
 from protocol.errors import LocalProtocolError
 from protocol.wire.capabilities import Capabilities
 
@@ -100,7 +100,6 @@ def open_replay(directory: Path) -> Record:
         return Record(store.capabilities, programs, observations)
 
 
-ROBOT_FILE: Final = "robot.json"
 _SLEW: Final = math.radians(60.0)  # the paper's servos
 
 
@@ -116,7 +115,7 @@ def open_by_hand(path: Path, driven: Callable[[Capabilities], Collection[int]]) 
         ReadingsError: A file cannot be read or is wrong; the message names it and the reason.
     """
     table = read(path)
-    robot = path.with_name(ROBOT_FILE)
+    robot = path.with_name(ROBOT)
     capabilities = _capabilities(robot, path, table)
     names = [joint.name for joint in capabilities.joints]
     unknown = [name for name in table.joints if name not in names]

@@ -158,8 +158,7 @@ def _quads(grid: Array) -> Array:
 def _colour(limb: int) -> tuple[float, ...]:
     if limb == MAIN_BODY:
         return _BODY_COLOUR
-    hex_colour = leg_colour(limb)
-    return tuple(int(hex_colour[start : start + 2], 16) / 255 for start in (1, 3, 5))
+    return tuple(channel / 255 for channel in bytes.fromhex(leg_colour(limb)[1:]))
 
 
 PANELS: Final = 3

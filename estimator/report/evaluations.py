@@ -179,6 +179,14 @@ def _marked(cell: Configuration) -> Text:
     return Text.assemble(mark, f" {cell.modelled} ", (f"(true: {cell.true})", "dim"))
 
 
+def shown_errors(validation: Validation) -> list[tuple[str, list[float | None]]]:
+    """Errors of each group of models by modality, in the units that people are shown."""
+    return [
+        (name, [modality.shown(errors[modality.error_name]) for modality in MODALITIES.values()])
+        for name, errors in validation.groups
+    ]
+
+
 def print_validation(console: Console, validation: Validation) -> None:
     """Prints whether the best model predicts the robot, and its errors beside other models'."""
     right, wrong = validation.as_predicted, validation.programs - validation.as_predicted
@@ -195,9 +203,8 @@ def print_validation(console: Console, validation: Validation) -> None:
         verdict += " Where a body stands near a fork, a trifle decides how it falls."
     console.print(Text(verdict, style=style))
     table = plain_table("models", *(modality.heading for modality in MODALITIES.values()))
-    for name, errors in validation.groups:
-        values = (modality.shown(errors[modality.error_name]) for modality in MODALITIES.values())
-        table.add_row(name, *map(number, values))
+    for name, errors in shown_errors(validation):
+        table.add_row(name, *map(number, errors))
     console.print(f"Prediction error on {validation.programs} fresh motor programs:")
     console.print(table)
     if validation.invalid_predictions:

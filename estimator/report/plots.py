@@ -96,14 +96,19 @@ def draw_lengths(
             linewidth=0.8,
             label=leg_label(name),
         )
-        if targets:
-            axes.plot(numbers[-1] + 1.5, targets[leg] * 100, "o", color=colour, markersize=6)
-    if targets:
-        axes.plot([], [], "o", color="0.3", label="true length")
-    axes.set_ylim(bottom=0)
+    _draw_targets(axes, numbers[-1] + 1.5, targets)
     if names:
         legend_of_names(axes, columns=min(5, len(names) + bool(targets)))
     mark_iterations(axes, generations)
+
+
+def _draw_targets(axes: Axes, place: float, targets: Sequence[float]) -> None:
+    """Draws the true length of each leg, m, where they are known, and ends the panel at 0."""
+    for leg, target in enumerate(targets):
+        axes.plot(place, target * 100, "o", color=leg_colour(leg), markersize=6)
+    if targets:
+        axes.plot([], [], "o", color="0.3", label="true length")
+    axes.set_ylim(bottom=0)
 
 
 def label(axes: Axes, quantity: str) -> None:
@@ -165,11 +170,7 @@ def plot_interval_lengths(
             elinewidth=1.0,
             label=leg_label(name),
         )
-        if targets:
-            axes.plot(len(history) + 0.7, targets[leg] * 100, "o", color=colour, markersize=6)
-    if targets:
-        axes.plot([], [], "o", color="0.3", label="true length")
-    axes.set_ylim(bottom=0)
+    _draw_targets(axes, len(history) + 0.7, targets)
     axes.set_xticks(range(1, len(history) + 1))
     if names:
         legend_of_names(axes, columns=min(5, len(names) + bool(targets)))

@@ -163,14 +163,11 @@ class _Bodies:
     def show(self, bodies: Sequence[Sequence[Solid]]) -> None:
         """Replaces the bodies."""
         for kind, batch in self._batches.items():
-            _place(batch, instances(bodies, kind))
-
-
-def _place(batch: Any, solids: Instances) -> None:
-    batch.batched_wxyzs = solids.wxyzs
-    batch.batched_positions = solids.positions
-    batch.batched_scales = solids.scales
-    batch.batched_colors = solids.colours
+            solids = instances(bodies, kind)
+            batch.batched_wxyzs = solids.wxyzs
+            batch.batched_positions = solids.positions
+            batch.batched_scales = solids.scales
+            batch.batched_colors = solids.colours
 
 
 def _listening_socket(host: str, port: int) -> socket.socket:

@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
-from estimator.evaluation.validate import Validation
 from estimator.identification.method import information_in_words
 from estimator.readings.modalities import MODALITIES
 from estimator.readings.observation import Observation
 from estimator.report.camera import body_picture
 from estimator.report.canvas import as_png, as_svg, leg_colour
-from estimator.report.evaluations import read_true_body, read_validation, score_of
+from estimator.report.evaluations import read_true_body, read_validation, score_of, shown_errors
 from estimator.report.outcome import WHAT_TO_CHECK, headline, worst_length
 from estimator.report.page.templates import render
 from estimator.report.plots import RunPlot, plot_predictions, run_plots
@@ -50,7 +49,7 @@ def run_page(
             was scored gets plots with these lengths instead.
     """
     posterior, legs = result.posterior, [leg.joint for leg in result.legs]
-    score = score_of(store.directory, result)
+    score, validation = score_of(store.directory, result), read_validation(store.directory)
     seen, driven = store.observations(), sorted(store.problem.motors.driven)
     shown = shown_bodies(store, result, read_true_body(store.directory) if score else None)
     picture = as_png(body_picture(shown.bodies, legs)) if shown.bodies else None
@@ -69,7 +68,8 @@ def run_page(
         result=result,
         posterior=posterior,
         score=score,
-        validation=_validation(read_validation(store.directory)),
+        validation=shown_errors(validation) if validation else [],
+        error_headings=[modality.heading for modality in MODALITIES.values()],
         headline=headline(result),
         **_verdict(result),
         interactions_asked=store.settings.interactions,
@@ -159,21 +159,6 @@ def _readings(
             }
         )
     return rows
-
-
-def _validation(validation: Validation | None) -> list[tuple[str, list[tuple[str, float | None]]]]:
-    if validation is None:
-        return []
-    return [
-        (
-            name,
-            [
-                (modality.heading, modality.shown(errors[modality.error_name]))
-                for modality in MODALITIES.values()
-            ],
-        )
-        for name, errors in validation.groups
-    ]
 
 
 def _data(store: RunStore, shown: ShownBodies, seen: Sequence[Observation]) -> dict[str, Any]:
