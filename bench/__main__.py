@@ -8,7 +8,7 @@ import random
 import time
 
 from bench import simulation_cost
-from bench.daemons import cpu_seconds, simulator
+from bench.daemons import cpu_share, simulator
 from protocol.rules.robot_interface import Finished
 from protocol.transport.client import RobotClient
 from protocol.wire.messages import Perform
@@ -28,10 +28,8 @@ def idle_daemon(electronics: str = "pc104") -> tuple[float, float]:
     ):
         client.acquire()
         client.perform({joint.name: 0.1 for joint in client.capabilities.joints})
-        cpu_before = cpu_seconds(daemon.process)
-        time.sleep(IDLE_SECONDS)
-        spent = cpu_seconds(daemon.process) - cpu_before
-        return daemon.process.memory_info().rss / 1e6, 100 * spent / IDLE_SECONDS
+        share = cpu_share(daemon.process, IDLE_SECONDS)
+        return daemon.process.memory_info().rss / 1e6, share
 
 
 def interaction() -> float:

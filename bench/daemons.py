@@ -117,6 +117,13 @@ def cpu_seconds(process: psutil.Process) -> float:
     return times.user + times.system
 
 
+def cpu_share(process: psutil.Process, seconds: float) -> float:
+    """Share of one core that a process uses for so long, %."""
+    used_before, start = cpu_seconds(process), time.monotonic()
+    time.sleep(seconds)
+    return 100 * (cpu_seconds(process) - used_before) / (time.monotonic() - start)
+
+
 @contextmanager
 def simulator(
     *options: str,

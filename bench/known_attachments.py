@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import json
 from pathlib import Path
 from typing import Any, Final
 
@@ -27,7 +26,6 @@ from estimator.posterior.sampling.integrals import Hypothesis, Integrals
 from estimator.posterior.sampling.sampler import Effort
 from estimator.readings.modalities import MODALITIES
 from estimator.reproduction.harness import made_by
-from protocol.system.files import replace_text
 
 _ENDS: Final = (0.05, 0.95)
 
@@ -35,13 +33,9 @@ _ENDS: Final = (0.05, 0.95)
 class KnownRun(BodyRun):
     """One body of known attachments, after random movements."""
 
-    def make(self, place: Path) -> None:
-        """Writes which true lengths lay inside their intervals."""
-        replace_text(place / self.leaves, json.dumps(inside(self)))
-
-    def figures(self, root: Path) -> dict[str, Any]:
-        """Figures that a finished run has left."""
-        return dict(json.loads(self.file(root).read_text("utf-8")))
+    def found(self) -> Any:
+        """Which true lengths lay inside their intervals."""
+        return inside(self)
 
     def sentence(self, root: Path) -> str:
         """Says how the run went."""

@@ -25,9 +25,8 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 
-import psutil
-
-from bench.daemons import Simulator, cpu_seconds, helper, simulator
+from bench.daemons import Simulator, cpu_seconds, cpu_share, helper, simulator
+from estimator.reproduction.tables import markdown
 from protocol.transport.client import RobotClient
 from sim_robot.electronics.sv203 import SV203Emulator
 
@@ -106,12 +105,6 @@ def _moving(uri: str) -> Iterator[None]:
         thread.join(60)
 
 
-def _share(process: psutil.Process, seconds: float) -> float:
-    cpu_before, start = cpu_seconds(process), time.monotonic()
-    time.sleep(seconds)
-    return 100 * (cpu_seconds(process) - cpu_before) / (time.monotonic() - start)
-
-
 def measure(viewers: int, requests: int, idle_seconds: float) -> LatencyFigures:
     """Does one run with so many viewers; returns what was measured."""
     outcome = LatencyFigures(viewers)
@@ -140,7 +133,7 @@ def _measure(
         assert watching.stdin is not None
         mirror = echo.stdout.readline().strip()
         assert watching.stdout.readline() == "ready\n"
-        outcome.idle_share = _share(robot.process, idle_seconds)
+        outcome.idle_share = cpu_share(robot.process, idle_seconds)
         with _moving(robot.uri):
             _probe(robot, mirror, requests, outcome)
         outcome.memory = robot.process.memory_info().rss / 1e6
@@ -167,7 +160,7 @@ def _probe(robot: Simulator, mirror: str, requests: int, outcome: LatencyFigures
 def table(outcomes: Sequence[LatencyFigures]) -> str:
     """Table of the figures, in Markdown."""
     heads = [f"{outcome.viewers} viewer{'s' * (outcome.viewers > 1)}" for outcome in outcomes]
-    rows: list[list[str]] = [["", *heads], ["---"] * (1 + len(outcomes))]
+    rows: list[list[str]] = []
 
     def row(name: str, *cells: str) -> None:
         rows.append([name, *cells])
@@ -186,7 +179,7 @@ def table(outcomes: Sequence[LatencyFigures]) -> str:
     row("CPU while slewing, % of a core", *(f"{outcome.share:.1f}" for outcome in outcomes))
     row("CPU while idle, % of a core", *(f"{outcome.idle_share:.2f}" for outcome in outcomes))
     row("resident memory, MB", *(f"{outcome.memory:.1f}" for outcome in outcomes))
-    return "\n".join(f"| {' | '.join(cells)} |" for cells in rows)
+    return markdown(["", *heads], rows)
 
 
 def main() -> None:

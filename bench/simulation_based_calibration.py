@@ -159,16 +159,19 @@ class BodyRun(BriefRun):
 
     def make(self, place: Path) -> None:
         """Writes what was known of the body."""
-        figures = trial(self)
-        replace_text(place / self.leaves, json.dumps(figures))
+        replace_text(place / self.leaves, json.dumps(self.found()))
 
-    def told(self, root: Path) -> list[dict[str, Any]]:
-        """Figures that a finished run has left, by interaction."""
-        return list(json.loads(self.file(root).read_text("utf-8")))
+    def found(self) -> Any:
+        """Figures of the body by interaction."""
+        return trial(self)
+
+    def figures(self, root: Path) -> Any:
+        """Figures that a finished run has left."""
+        return json.loads(self.file(root).read_text("utf-8"))
 
     def sentence(self, root: Path) -> str:
         """Says how the run went."""
-        figures = self.told(root)[-1]
+        figures = self.figures(root)[-1]
         return f"{'right' if figures['right'] else 'wrong'}, stated {figures['probability']}"
 
 
@@ -341,7 +344,7 @@ def main() -> None:
     options = parser.parse_args()
     runs = [BodyRun(**of_body, random=options.random) for of_body in bodies_by_command(options)]
     complete_by_command(runs, options.out, options)
-    print(table(run.told(options.out) for run in runs), made_by(options.out, runs), sep="\n")
+    print(table(run.figures(options.out) for run in runs), made_by(options.out, runs), sep="\n")
 
 
 if __name__ == "__main__":

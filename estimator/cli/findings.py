@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from functools import partial
+from typing import Final
 
 
 class Fitness(Enum):
@@ -18,21 +20,16 @@ class Fitness(Enum):
 class ExaminedItem:
     """The result of one check."""
 
-    subject: str
     verdict: Fitness
+    subject: str
     sentence: str
 
 
-def fine(subject: str, sentence: str) -> ExaminedItem:
-    """A finding that all is well."""
-    return ExaminedItem(subject, Fitness.FINE, sentence)
+fine: Final = partial(ExaminedItem, Fitness.FINE)
+"""A finding that all is well."""
 
+note: Final = partial(ExaminedItem, Fitness.NOTE)
+"""A finding that hinders nothing, and that somebody should know of."""
 
-def note(subject: str, sentence: str) -> ExaminedItem:
-    """A finding that hinders nothing, and that somebody should know of."""
-    return ExaminedItem(subject, Fitness.NOTE, sentence)
-
-
-def bad(subject: str, sentence: str) -> ExaminedItem:
-    """A finding that hinders."""
-    return ExaminedItem(subject, Fitness.BAD, sentence)
+bad: Final = partial(ExaminedItem, Fitness.BAD)
+"""A finding that hinders."""
