@@ -49,7 +49,7 @@ def show(
         if finished_result is None and not is_worked_on and store.version == version:
             command = command_line("estimator", "show", directory)
             with unless_unwritable(directory, f"`{command}` writes them once it can."):
-                _write_files(store, result)
+                importlib.import_module("estimator.report.run_files").write_files(store, result)
         if form is None:
             print_run_directory(directory)
         else:
@@ -65,7 +65,3 @@ def show(
 def _summarised(store: RunStore) -> Result:
     result: Result = importlib.import_module("estimator.report.summarise").summarise(store)
     return result
-
-
-def _write_files(store: RunStore, result: Result) -> None:
-    importlib.import_module("estimator.report.run_files").write_files(store, result)

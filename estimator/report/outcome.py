@@ -23,6 +23,7 @@ from estimator.report.tables import (
     print_details,
     sum_of_lengths,
 )
+from estimator.storage.posteriors import SURE
 from protocol.text import command_line
 
 WHAT_TO_CHECK: Final = (
@@ -37,7 +38,6 @@ WHAT_TO_CHECK: Final = (
 _Step: TypeAlias = tuple[tuple[object, ...], str]
 """The words of a command after ``estimator``, and what it does."""
 
-_SURE: Final = 0.95
 _LIKELY: Final = 0.5
 
 
@@ -64,18 +64,18 @@ def _how_well(posterior: PosteriorReport) -> str:
     if posterior.low_ess:
         return "but how well they are known rests on few samples"
     accuracy = f"to ± {worst_length(posterior):.0f} mm"
-    if not posterior.knows_cause(_SURE):
+    if not posterior.knows_cause(SURE):
         return f"{accuracy}; whether the robot is as the problem says is not known yet"
-    if posterior.stated(1.0) < _SURE:
+    if posterior.stated(1.0) < SURE:
         return f"probably {accuracy}: {percent(posterior.stated(1.0))} probable"
     return f"found {accuracy}"
 
 
 def _may_have_something_else(posterior: PosteriorReport) -> bool:
     """Whether all is sure, except that the named cause may only read like the real one."""
-    has_cause = posterior.causes and posterior.causes[0].probability >= _SURE
+    has_cause = posterior.causes and posterior.causes[0].probability >= SURE
     within_problem = posterior.probability_within_problem or 0.0
-    return bool(has_cause) and within_problem >= _SURE > posterior.stated(1.0)
+    return bool(has_cause) and within_problem >= SURE > posterior.stated(1.0)
 
 
 def _subject(result: Result) -> str:
@@ -89,7 +89,7 @@ def _subject(result: Result) -> str:
 def _how_sure(probability: float | None) -> str:
     if probability is None:
         return "but how sure they are is not known"
-    if probability >= _SURE:
+    if probability >= SURE:
         return f"found: {percent(probability)} sure"
     likely = "probably these" if probability >= _LIKELY else "not found yet"
     return f"{likely}: {percent(probability)} probable"
@@ -201,8 +201,8 @@ def next_steps(result: Result, directory: Path | None) -> list[str]:
             "  or under [uncertain]), and identify it anew: more movements make this no surer.",
         ]
     elif posterior is not None and not (
-        (posterior.probability or 0.0) >= _SURE
-        and posterior.knows_cause(_SURE)
+        (posterior.probability or 0.0) >= SURE
+        and posterior.knows_cause(SURE)
         and not posterior.at_ends
     ):
         problem, interactions = result.problem_asked or result.problem, result.interactions + 3

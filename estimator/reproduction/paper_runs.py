@@ -167,8 +167,19 @@ class PlannedRun:
         return Summary.read(self, root).failure is None
 
     def sentence(self, root: Path) -> str:
-        """How the run went, in words."""
-        return Summary.read(self, root).sentence
+        """How the run went, in words, once it is finished."""
+        summary = Summary.read(self, root)
+        result, score = summary.result, summary.score
+        assert result is not None
+        assert score is not None
+        right = (
+            f", {score.configurations_right} of {score.configurations_total} configurations right"
+        )
+        return (
+            f"error {number(result.sensor_error)}, legs wrong by "
+            f"{score.mean_leg_error_m * 1000:.0f} mm"
+            f"{right if score.configurations_informative else ''}, {result.wall_seconds:.0f} s"
+        )
 
     def do(self, root: Path, listener: Listener) -> None:
         """Begins or resumes the run, and finishes it.
@@ -263,22 +274,6 @@ class Summary:
         if result is None or score is None or (run.predicts and validation is None):
             return cls(run=run, failure=failure or "not finished")
         return cls(run=run, failure=None, result=result, score=score, validation=validation)
-
-    @property
-    def sentence(self) -> str:
-        """How the run went."""
-        if self.result is None or self.score is None:
-            return f"failed: {self.failure}"
-        right = ""
-        if self.score.configurations_informative:
-            right = (
-                f", {self.score.configurations_right} of {self.score.configurations_total} "
-                "configurations right"
-            )
-        return (
-            f"error {number(self.result.sensor_error)}, legs wrong by "
-            f"{self.score.mean_leg_error_m * 1000:.0f} mm{right}, {self.result.wall_seconds:.0f} s"
-        )
 
 
 SEEDS: Final = tuple(range(1000, 1030))

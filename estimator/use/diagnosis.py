@@ -24,7 +24,7 @@ from estimator.posterior.fitted import FittedPosterior
 from estimator.posterior.model.special import logsumexp
 from estimator.readings.observation import Observation, Program
 from estimator.use.competitor import Competitor, log_alone
-from estimator.use.movements import Hypotheses, best_of, telling
+from estimator.use.movements import Hypotheses, best_of
 from estimator.use.surprise import surprise
 from estimator.use.weighing_changes import ChangeParticles, ChangeWeigher, WeighedChanges
 
@@ -148,7 +148,7 @@ def diagnose(weigher: ChangeWeigher, act: Act, *, movements: int = MOVEMENTS) ->
         if tested is not None and _names(tested.changes) == _names(named):
             return replace(tested, changes=named, probability=probability, weighed=weighed)
         movements_left = movements - len(observations)
-        program, bits = telling(weigher, weighed)
+        program, bits = best_of(weigher, Hypotheses.of(weigher, weighed.shares))
         is_settled = len(named) == 1 or bits < _INDISTINGUISHABLE or weighed.none_of_these > SURE
         felt_enough = named[0].change is not None or len(observations) >= _FEWEST_MOVEMENTS
         if is_settled and felt_enough and movements_left >= CONFIRMING:

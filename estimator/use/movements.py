@@ -18,7 +18,7 @@ from estimator.posterior.fitted import FittedPosterior, each_with_each
 from estimator.posterior.posterior import systematic
 from estimator.readings.observation import PredictedReadings
 from estimator.use.pose import SAFE, attainable
-from estimator.use.weighing_changes import ChangeParticles, ChangeWeigher, WeighedChanges
+from estimator.use.weighing_changes import ChangeParticles, ChangeWeigher
 
 HYPOTHESES: Final = 160
 """Default number of bodies among which a movement is to tell."""
@@ -75,11 +75,6 @@ class Hypotheses:
 
     def __len__(self) -> int:
         return len(self.groups)
-
-
-def telling(weigher: ChangeWeigher, weighed: WeighedChanges) -> tuple[Array, float]:
-    """The movement, rad, that is expected to tell most of what has changed, and how much, bits."""
-    return best_of(weigher, Hypotheses.of(weigher, weighed.shares))
 
 
 def best_of(
