@@ -5,19 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import closing
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
+from estimator.body.mounts import Vector
 from estimator.cli.findings import ExaminedItem, bad, fine, note
-from estimator.cli.supposed_robot import PAPERS_SIZE, supposed_robot, with_sensors
 from estimator.errors import ProblemError
 from estimator.exploration.prospects import KNOWN, NEVER, Prospects, prospects
 from estimator.parameters.announced import tightens
 from estimator.physics.backends import open_arrays
 from estimator.problem.problem import Problem
 from estimator.readings.modalities import MODALITIES
-from protocol.wire.capabilities import Capabilities
+from protocol.wire.capabilities import Capabilities, Joint, Sensor
 
 _MAX_NEEDED_RATIO: Final = 1.5  # movements needed, relative to those that the problem makes
 _WORTHWHILE_BITS: Final = 0.1  # bits that a further sensor tells, from which on it is worth saying
@@ -26,6 +27,15 @@ _SENSOR_NAMES: Final = {
     "touch": "touch sensors",
     "tilt": "an accelerometer",
     "clearance": "a distance sensor",
+}
+_PAPERS_SIZE: Final = (0.14, 0.14, 0.085)
+"""Extents of the paper's main body, m."""
+
+_DENSITY: Final = 0.6 / math.prod(_PAPERS_SIZE)  # kg/m³; the paper's main body has 0.6 kg
+_RATE: Final = 50.0  # samples per second of a sensor that is supposed
+_SENSORS: Final = {
+    "tilt": Sensor(modality="tilt", unit="rad", count=2, noise=math.radians(0.3), rate=_RATE),
+    "clearance": Sensor(modality="clearance", unit="m", count=1, noise=1e-3, rate=_RATE, upper=0.2),
 }
 
 
@@ -41,7 +51,7 @@ def examine_problem(
     """
     try:
         loaded = Problem.load(name)
-        capabilities = supposed_robot(loaded) if robot is None else robot
+        capabilities = _supposed_robot(loaded) if robot is None else robot
         has = tuple(
             modality for modality in modalities if capabilities.sensor(modality) is not None
         )
@@ -82,7 +92,7 @@ def examine_problem(
         )
     yield from _not_identifiable(expected, has)
     for missing in (modality for modality in MODALITIES if modality not in has):
-        richer = with_sensors(capabilities, loaded.sensors or driven)
+        richer = _with_sensors(capabilities, loaded.sensors or driven)
         extended = tuple(modality for modality in MODALITIES if modality in (*has, missing))
         yield _lacking(missing, _prospects(loaded.for_robot(richer), richer, extended), expected)
 
@@ -93,7 +103,7 @@ def _prospects(problem: Problem, robot: Capabilities, modalities: Sequence[str])
 
 
 def _main_body(supposed: Capabilities) -> str:
-    size, papers = supposed.base_size, supposed.base_size == PAPERS_SIZE
+    size, papers = supposed.base_size, supposed.base_size == _PAPERS_SIZE
     whose = "the paper's main body" if papers else "a main body that fits its mounts"
     extents = " x ".join(f"{1000 * extent:.0f}" for extent in size)
     return f"{whose}, {extents} mm and {float(f'{supposed.base_mass:.2g}'):g} kg"
@@ -174,3 +184,58 @@ def _lacking(missing: str, richer: Prospects, expected: Prospects) -> ExaminedIt
 def _words(modalities: Sequence[str]) -> str:
     *most, last = modalities
     return f"{', '.join(most)} and {last}" if most else last
+
+
+# --- the robot that is supposed where none is given -----------------------------------------------
+
+
+def _supposed_robot(problem: Problem) -> Capabilities:
+    """A robot that a problem suits, where none is known, with all sensors."""
+    robot = problem.supposed
+    names = robot.names or tuple(f"joint {number}" for number in range(1, robot.joints + 1))
+    touch = problem.sensors if problem.touch is None else robot.touch_sensors
+    size = _size(problem)
+    return _with_sensors(
+        Capabilities(
+            robot="supposed",
+            software="none",
+            config_hash="none",
+            base_size=size,
+            base_mass=_DENSITY * math.prod(size),
+            part_radii=None,
+            joints=tuple(
+                Joint(name=name, lower=-math.pi / 2, upper=math.pi / 2, speed=1.05, resolution=0.01)
+                for name in names
+            ),
+            sensors=(),
+            telemetry="*",
+            telemetry_rate=1.0,
+        ),
+        touch,
+    )
+
+
+def _with_sensors(robot: Capabilities, touch: int) -> Capabilities:
+    """The robot with sensors added that it lacks, of usual noise; ``touch`` feet if it has none."""
+    sensors = dict(_SENSORS)
+    if touch:
+        sensors["touch"] = Sensor(modality="touch", unit="bool", count=touch, noise=0.0, rate=_RATE)
+    sensors |= {sensor.modality: sensor for sensor in robot.sensors}
+    return replace(robot, sensors=tuple(sensors[name] for name in MODALITIES if name in sensors))
+
+
+def _size(problem: Problem) -> Vector:
+    """Extents, m, of a main body that fits the problem's mounts; without any the paper's.
+
+    Where mounts lie on both sides of the middle, the body reaches to the outermost; it is as flat
+    as the paper's, or as high as its mounts.
+    """
+    places = [*(mount.at for mount in problem.mounts), *(part.at for part in problem.parts)]
+    points = np.array([place for place in places if isinstance(place, tuple)])
+    if not points.size:
+        return _PAPERS_SIZE
+    ends = np.round([-points.min(axis=0), points.max(axis=0)], 6)
+    x, y, _ = np.where(ends.min(axis=0) > 0, 2 * ends.max(axis=0), 0.0).tolist()
+    x, y = x or y or _PAPERS_SIZE[0], y or x or _PAPERS_SIZE[1]
+    flat = math.sqrt(x * y) * _PAPERS_SIZE[2] / _PAPERS_SIZE[0]
+    return x, y, max(flat, 2 * float(ends[:, 2].max()))
