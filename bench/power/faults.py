@@ -189,6 +189,7 @@ FAULTS: Final = {
     "ground that rises by 2° forward and to the left": Robot(
         options=("--fault", "ground.rises_forward=2", "--fault", "ground.rises_left=2")
     ),
+    "servos that stop 2° short": _failing("servos.short=2"),
     "servos too weak": Robot(body=partial(with_leg_mass, 0.2 / 0.09)),
     "noise three times as announced": noisier(3.0),
 }

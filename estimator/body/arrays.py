@@ -37,7 +37,7 @@ _NUMBERS = ("parent", "mount", "hinge", "motor", "sensor")
 _TABLES = {"base_mounts": 7, "part_mounts": 5, "hinges": 3}  # number of columns
 _BASE_COLUMNS = 16
 _TRUE_SENSORS = (1.0, 0.0, 0.0, 1.0, 0.0, 1.0)
-_MEASURES = {"length", "radius", "density", "zero", "travel", "base", *_TABLES}
+_MEASURES = {"length", "radius", "density", "zero", "travel", "short", "base", *_TABLES}
 _FLAGS = {"box", "limp"}
 _LARGEST = 1e6
 """Largest extent (m), mass (kg) or density (kg/m³): beyond it arithmetic cannot be trusted."""
@@ -52,7 +52,7 @@ class Bodies:
     Attributes:
         count: Number of parts of each body, shape (n,); columns beyond it are ignored.
         parent: Index of each part's parent; −1: the main body. Shape (n, p), like all arrays from
-            here to ``travel``.
+            here to ``short``.
         mount: Row of ``base_mounts`` for parts on the main body, of ``part_mounts`` for others.
         hinge: Row of ``hinges``.
         motor: Index of the motor; −1 where the hinge is locked.
@@ -67,6 +67,8 @@ class Bodies:
         stuck: What the part's touch sensor reads in every pose: 1 contact, −1 no contact; 0: the
             sensor is not stuck.
         travel: How far the motor turns the hinge, as a factor on the command.
+        short: Angle by which the motor stops short of that, on its way from 0, rad; below 0: turns
+            farther.
         base: Shape (n, 16): extent of the main body along x, y and z, m, its mass, kg, its centre
             of mass, m, and how its accelerometer is turned about x and y, rad; then the errors of
             its sensors: the 2×2 matrix, row by row, from gravity leftward and forward to what the
@@ -96,6 +98,7 @@ class Bodies:
     limp: Flags
     stuck: Integers
     travel: Array
+    short: Array
     base: Array
     base_mounts: Array
     part_mounts: Array
@@ -167,7 +170,7 @@ class Bodies:
         return (self, np.arange(len(self.count))) if chosen is None else chosen
 
     def objects(self) -> list[Morphology]:
-        """The bodies as objects, without ``travel``, ``limp``, ``stuck`` and errors of sensors."""
+        """The bodies as objects, without what motors and sensors make of commands and poses."""
         return [self._object(row) for row in range(len(self))]
 
     def _object(self, row: int) -> Morphology:
@@ -255,16 +258,16 @@ class Bodies:
         return self._largest_count(self.sensor)
 
     @cached_property
-    def strays(self) -> tuple[float, float]:
-        """Largest absolute value of ``travel``, and of ``zero``, rad.
+    def strays(self) -> tuple[float, float, float]:
+        """Largest absolute value of ``travel``, of ``zero``, rad, and of ``short``, rad.
 
         Of these bodies, or of all that they were chosen from.
         """
-        travel, zero = (
+        travel, zero, short = (
             float(np.max(np.abs(array), where=self._is_part, initial=0.0))
-            for array in (self.travel, self.zero)
+            for array in (self.travel, self.zero, self.short)
         )
-        return travel, zero
+        return travel, zero, short
 
     @cached_property
     def odd_sensors(self) -> tuple[bool, bool, bool]:
@@ -326,6 +329,7 @@ class Bodies:
             limp=np.zeros(shape, dtype=bool),
             stuck=np.zeros(shape, dtype=np.int64),
             travel=np.ones(shape),
+            short=np.zeros(shape),
             base=base,
             base_mounts=base_mounts.array(),
             part_mounts=part_mounts.array(),
@@ -341,7 +345,7 @@ _PER_BODY_ARRAYS: Final = frozenset(
 _DERIVED: Final = {
     "motors": {"count", "motor"},
     "sensors": {"count", "sensor"},
-    "strays": {"count", "travel", "zero"},
+    "strays": {"count", "travel", "zero", "short"},
     "odd_sensors": {"base", "limp", "stuck"},
 }
 _SHARED_ARRAYS: Final = (*_TABLES, *_DERIVED)  # by bodies and those chosen from them

@@ -1,7 +1,7 @@
 """What a robot says of itself, and which rows of the table that tightens or widens.
 
 How well it was calibrated tightens narrow spreads only: that a calibration is wrong altogether
-stays as possible as it was.
+stays as possible as it was. Where joints are measured, it matters little where servos stop.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Announced: TypeAlias = Mapping[tuple[str, int | None], float]
 
 
 def announced(capabilities: Capabilities) -> Announced:
-    """Standard deviations that a robot announces of its calibration."""
+    """Standard deviations that a robot announces of its calibration, and of measured angles."""
     stated: dict[tuple[str, int | None], float | None] = {}
     if tilt := capabilities.sensor("tilt"):
         level = tilt.zero_sigma and math.hypot(tilt.zero_sigma, _GROUND)
@@ -35,6 +35,9 @@ def announced(capabilities: Capabilities) -> Announced:
     for motor, joint in enumerate(capabilities.joints):
         stated["zero_deg", motor] = joint.zero_sigma
         stated["travel_of_each", motor] = joint.travel_sigma
+    measured = [joint.measured_noise for joint in capabilities.joints]
+    if None not in measured:
+        stated["servo_short_deg", None] = max(filter(None, measured), default=0.0)
     return {key: sigma for key, sigma in stated.items() if sigma is not None}
 
 

@@ -12,19 +12,22 @@ from estimator.readings.observation import PredictedReadings
 
 
 def performed(programs: Array, bodies: Bodies) -> Array:
-    """Angles that motors reach in programs, by the travel of their servos, rad, shape (n, motors).
+    """Angles that motors reach in programs, rad, shape (n, motors); see ``travel`` and ``short``.
 
-    For a simulator that takes bodies as objects, which have no travel.
+    For a simulator that takes bodies as objects, which have neither.
 
     Args:
         programs: Motor programs, rad, shape (n, motors).
         bodies: The body that performs each program.
     """
-    row, part = np.nonzero((bodies.travel != 1) & (bodies.motor >= 0))
+    is_odd = (bodies.travel != 1) | (bodies.short != 0)
+    row, part = np.nonzero(is_odd & (bodies.motor >= 0))
     if not row.size:
         return programs
-    angles = programs.copy()
-    angles[row, bodies.motor[row, part]] *= bodies.travel[row, part]
+    angles, motor = programs.copy(), bodies.motor[row, part]
+    told = angles[row, motor] * bodies.travel[row, part]
+    short = np.clip(bodies.short[row, part], -np.abs(told), np.abs(told))
+    angles[row, motor] = told - short * np.sign(told)
     return angles
 
 

@@ -173,6 +173,14 @@ def of_servos(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]
         check="calibrate the servos again",
         wide=0.2,
     )
+    yield turn(
+        name="where all servos stop",
+        group="servo_short_deg",
+        change=_short,
+        sentence="all servos stopping {}° short of where they are told",
+        check="move a leg by 30°, and hold a protractor to it",
+        narrow=math.radians(1.0),
+    )
     for index, part in enumerate(parts):
         if part.motor is None:
             continue
@@ -228,6 +236,10 @@ def of_servos(parts: Sequence[PartOutline], sensors: int) -> Iterator[Parameter]
 
 def _farther(columns: slice, draft: Draft, factors: Array) -> None:
     draft.measures("travel")[:, columns] *= factors[:, None]
+
+
+def _short(draft: Draft, angles: Array) -> None:
+    draft.measures("short")[:] += angles[:, None]
 
 
 def _off_zero(part: int, draft: Draft, angles: Array) -> None:

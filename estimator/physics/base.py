@@ -135,7 +135,8 @@ class ArrayPhysics(Physics):
         Args:
             bodies: n bodies.
             programs: Angle that each motor is told, rad: shape (motors,) for all bodies, or
-                (n, motors). Hinges go to that times the part's ``travel``, plus its ``zero``.
+                (n, motors). Hinges go to that times the part's ``travel``, less its
+                ``short``, plus its ``zero``.
             gravity_tilts: How far gravity is inclined on the way to the pose, not at its end, as
                 tangents towards x and y in the body frame: shape (2,) for all bodies, or (n, 2);
                 plumb by default. Where a body lands under small inclinations says where it might

@@ -236,8 +236,8 @@ def _checked_programs(bodies: Bodies, programs: Array) -> tuple[Array, float]:
             f"{len(bodies)} bodies of {bodies.motors} motors need a motor program of at least so "
             f"many angles, or one for each body, not an array of shape {np.shape(programs)}"
         )
-    travel, zero = bodies.strays
-    farthest = travel * _largest_magnitude(rows) + zero
+    travel, zero, short = bodies.strays
+    farthest = travel * _largest_magnitude(rows) + zero + short
     if not math.isfinite(farthest):
         row = int(np.argmin(np.all(np.isfinite(rows), axis=1)))
         raise PhysicsError(f"a motor program must be finite, not {rows[row].tolist()}")

@@ -258,13 +258,14 @@ class Problem(Strict):
         rows, spreads = table_of(self.outlines, self.sensors), self.uncertain.spreads
         if self.uncertain.exact:
             return ()
-        return tuple(
+        table = (
             replace(row, narrow=spreads[row.group] / row.unit)
             if row.group in spreads
             else widened(tightened(row, self._robot.announced), self._robot.lean)
             for row in rows
             if spreads.get(row.group, 1.0) > 0
         )
+        return tuple(row for row in table if row.narrow or row.may_deviate)
 
     def _check_uncertain(self) -> None:
         # how many touch sensors there are is not known yet, and groups are the same for two or more

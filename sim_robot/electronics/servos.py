@@ -40,6 +40,7 @@ class Servos(FaultSwitch):
         "slipped": Fault(
             "the n-th servo's horn has slipped by so many degrees", amounts=(-45.0, 45.0)
         ),
+        "short": Fault("every servo stops n degrees short of where it is told", range(1, 11)),
         "travel": Fault(
             "the n-th servo turns so many percent as far as it is told", amounts=(20.0, 200.0)
         ),
@@ -49,9 +50,12 @@ class Servos(FaultSwitch):
         super().__init__()
         self._count = count
         self._last_driven: tuple[int, ...] = ()
+        self._angles = [0.0] * count  # to which the servos brought their joints last, rad
 
     def numbers(self, fault: str) -> Sequence[int]:
-        """Numbers of servos, from 1; the last has no neighbour to exchange plugs with."""
+        """Degrees, or servos, from 1; the last has no neighbour to exchange plugs with."""
+        if fault == "short":
+            return self.FAULTS[fault].numbers
         return range(1, self._count + (fault != "swapped"))
 
     def carry(self, pulses: Sequence[int]) -> tuple[int, ...]:
@@ -80,6 +84,9 @@ class Servos(FaultSwitch):
             angle *= self.amount("travel") / 100
         if faults.get("slipped") == index + 1:
             angle += math.radians(self.amount("slipped"))
+        short = math.radians(faults.get("short", 0))
+        angle = min(max(self._angles[index], angle - short), angle + short)
+        self._angles[index] = angle
         return angle
 
     def angle_of(self, index: int, angle: float) -> float:

@@ -207,6 +207,13 @@ DEVICES: Final = {
             "**not noticed** (an observation, likewise)",
             "`robotd calibrate` and `robotd doctor --move` show it; exchange the plugs.",
         ),
+        unnoticed(
+            "all servos stop short",
+            "servos.short=2",
+            "its joints stop 2° before the angles that it tells",
+            "**not noticed** (an observation)",
+            "None: the estimator weighs it, and says so where readings tell (`servo_short_deg`).",
+        ),
     ),
     "Body and sensors' mounts": (
         *(

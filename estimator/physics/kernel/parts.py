@@ -105,7 +105,9 @@ def target_of(trees: Trees, row: int, part: int, program: Array) -> float:
     """Target angle of the hinge of a part, rad."""
     target, motor = 0.0, trees.motor[row, part]
     if motor >= 0:
-        target = trees.travel[row, part] * program[motor] + trees.zero[row, part]
+        told = trees.travel[row, part] * program[motor]
+        short = max(min(trees.short[row, part], abs(told)), -abs(told))
+        target = (told + short if told < 0 else told - short) + trees.zero[row, part]
     return target
 
 

@@ -99,6 +99,7 @@ class Trees(NamedTuple):
     box: Flags
     zero: Array
     travel: Array
+    short: Array
     base: Array
     base_mounts: Array
     part_mounts: Array

@@ -14,7 +14,7 @@ from estimator.body.arrays import ACCELEROMETER, Bodies
 from estimator.body.morphology import BASE, Array, Base, Morphology, Part
 from estimator.errors import EstimatorError
 from estimator.parameters.changeable_rows import changeable_rows_of
-from estimator.parameters.instruments import as_sensed
+from estimator.parameters.instruments import as_sensed, performed
 from estimator.parameters.rows import packages, table_of
 from estimator.parameters.table import (
     DEVIATES,
@@ -105,6 +105,19 @@ def test_servos_that_turn_too_far_or_the_other_way_do_what_another_program_asks(
     swapped = MOVED[:, [1, 0, 2, 3, 4, 5, 6, 7]]
     exchanged = changed(predictor, "plugs of left upper and front upper exchanged")
     assert same(exchanged, read(predictor, bodies, swapped))
+
+
+@pytest.mark.parametrize("short", [2.0, -2.0])
+def test_servos_that_stop_short_do_so_on_their_way_from_0(
+    predictor: Predictor, short: float
+) -> None:
+    bodies = predictor.unknowns.bodies(LENGTHS)
+    shorter = TABLE["where all servos stop"].applied(bodies, math.radians(short))
+    told = np.array([[20.0, -20.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0]])
+    reached = [[20 - short, short - 20, 0 if short > 0 else 2, 0, 0, 0, 0, 0]]
+    assert np.degrees(performed(np.radians(told), shorter)) == pytest.approx(np.array(reached))
+    reads = read(predictor, bodies, performed(MOVED, shorter[np.zeros(40, dtype=int)]))
+    assert same(read(predictor, shorter), reads)
 
 
 def test_a_jammed_servo_stays_where_it_is(predictor: Predictor) -> None:

@@ -81,6 +81,27 @@ def test_a_calibration_tightens_the_rows_that_it_is_of_and_widens_none(
         assert (row.name, row.wide, row.limit) == (before.name, before.wide, before.limit)
 
 
+@pytest.mark.parametrize(
+    ("measured", "expected"),
+    [([0.001, 0.002], 0.002), ([0.001, None], math.radians(1)), ([0.5, 0.5], math.radians(1))],
+)
+def test_where_servos_stop_matters_only_where_no_joint_is_measured(
+    measured: list[float | None], expected: float
+) -> None:
+    first, *others = robot().joints
+    joints = [replace(one, measured_noise=measured[1]) for one in others]
+    joints.insert(0, replace(first, measured_noise=measured[0]))
+    known = replace(robot(), joints=tuple(joints))
+    rows = {row.name: row.narrow for row in problem("").for_robot(known).table}
+    assert rows["where all servos stop"] == pytest.approx(expected)
+
+
+def test_servos_that_are_measured_without_any_error_stop_where_they_are_said_to() -> None:
+    joints = tuple(replace(one, measured_noise=0.0) for one in robot().joints)
+    known = problem("").for_robot(replace(robot(), joints=joints))
+    assert "where all servos stop" not in {row.name for row in known.table}
+
+
 def test_what_a_person_writes_comes_before_what_a_robot_announces() -> None:
     asked = problem("zero_deg = 1.0\ntravel_of_each = 0\naccelerometer_deg = 0.1")
     known = calibrated({0: (0.001, 0.001)}, 0.001, 0.001)
