@@ -58,7 +58,7 @@ def step_of(scale: JointScale) -> int:
 
 
 class Mover:
-    """Moves one servo, step by step.
+    """Moves one servo, step by step; methods raise ``DeviceError`` where its board failed.
 
     Args:
         servos: The servo driver.
@@ -81,11 +81,7 @@ class Mover:
         self.count = servos.read_counts([self._output])[self._output]
 
     def where(self) -> int:
-        """Count to which the servo was sent; of a limp one, what it reports, or 0 if it does not.
-
-        Raises:
-            DeviceError: The servo does not answer.
-        """
+        """Count to which the servo was sent; of a limp one, what it reports, or 0 without that."""
         if self.count or self._answering is None:
             return self.count
         return self._nearest(self._answering.read_states([self._output])[self._output].position)
@@ -94,7 +90,7 @@ class Mover:
         """Moves to a count; a limp servo jumps there, unless it reports its position.
 
         Raises:
-            DeviceError: The board failed, or was reset; the next try starts from its present count.
+            DeviceDataError: The board was reset; the next try starts from its present count.
         """
         self.check()
         if self.count == 0:
@@ -105,11 +101,7 @@ class Mover:
             self._clock.sleep(PACE)
 
     def release(self) -> None:
-        """Lets the servo go limp.
-
-        Raises:
-            DeviceError: The board failed.
-        """
+        """Lets the servo go limp."""
         self._servos.release([self._output])
         self.count = 0
 

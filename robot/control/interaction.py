@@ -70,6 +70,9 @@ class Operator(Protocol):
 class MotorProgramRunner:
     """Performs motor programs.
 
+    Methods raise ``DeviceError`` where a device failed, and ``RobotError`` where ``report`` or
+    ``check``, which each is given, raised it: they are called before each sample, line and query.
+
     Args:
         config: Configuration of the robot.
         servos: The servo driver.
@@ -130,9 +133,8 @@ class MotorProgramRunner:
         """Performs one interaction.
 
         Raises:
-            RobotError: ``report`` ended it; or ``not_settled``, ``not_planar``: in its zero pose
-                the robot does not come to rest, or not as it should.
-            DeviceError: A device failed.
+            RobotError: ``not_settled``, ``not_planar``: in its zero pose the robot does not come to
+                rest, or not as it should.
         """
         self._verify(partial(report, "homing", 0.0))
         self._clock.watch()
@@ -149,12 +151,7 @@ class MotorProgramRunner:
         return replace(self._observe(report), zero_tilt=zero.tilt)
 
     def read(self, report: Report) -> Reading:
-        """Waits for rest in the present pose, and averages the sensors.
-
-        Raises:
-            RobotError: ``report`` ended it.
-            DeviceError: A device failed.
-        """
+        """Waits for rest in the present pose, and averages the sensors."""
         self._clock.watch()
         return self._observe(report)
 
@@ -166,12 +163,7 @@ class MotorProgramRunner:
             state: The robot's state. A clear after a stop holds all joints, also those that were
                 limp before it, as ``_stiffen`` does; a clear after a fault makes the devices work
                 and tries all of them.
-            check: Called before each sample and query; it may raise ``RobotError``, and then
-                nothing is sent.
-
-        Raises:
-            RobotError: ``check`` ended it.
-            DeviceError: A device failed.
+            check: Where it raises ``RobotError``, nothing is sent.
         """
         if event is Event.RELAX:
             self._servos.release(self._outputs)  # joints count as driven where it fails
@@ -183,24 +175,11 @@ class MotorProgramRunner:
             self._stiffen()
 
     def check_board(self, check: Callable[[], None]) -> None:
-        """Finds out whether the board was reset behind our back.
-
-        Args:
-            check: Called before each query; it may raise ``RobotError``.
-
-        Raises:
-            RobotError: ``check`` ended it.
-            DeviceDataError: The board was reset.
-        """
+        """Finds out whether the board was reset behind our back: then ``DeviceDataError``."""
         self._verify(check)
 
     def park(self, report: Report) -> None:
-        """Slews to zero.
-
-        Raises:
-            RobotError: ``report`` ended it.
-            DeviceError: A device failed.
-        """
+        """Slews to zero."""
         self._verify(partial(report, "homing", 0.0))
         self._clock.watch()
         zero = {joint.name: 0.0 for joint in self._joints}

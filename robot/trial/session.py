@@ -43,7 +43,8 @@ class JointsUnderTest:
     """Commands one joint at a time; nobody but this object may move the servos meanwhile.
 
     A limp joint does not move before ``stiffen``, which holds it where its servo reports it, or, if
-    nothing reports where it hangs, drives it to 0°.
+    nothing reports where it hangs, drives it to 0°. Every method that reaches the servos raises
+    ``DeviceError`` where their driver failed, or does not answer.
 
     Args:
         config: Configuration of the robot.
@@ -53,9 +54,6 @@ class JointsUnderTest:
     Attributes:
         counts: Count to which each output was sent; 0 where it is limp.
         chosen: The joint that moves.
-
-    Raises:
-        DeviceError: The servo driver does not answer.
     """
 
     def __init__(self, config: RobotConfig, servos: ServoBus, clock: Clock):
@@ -87,11 +85,7 @@ class JointsUnderTest:
         return self._answering is not None
 
     def ask(self) -> None:
-        """Asks the servos for their positions, if they report them.
-
-        Raises:
-            DeviceError: A servo does not answer.
-        """
+        """Asks the servos for their positions, if they report them."""
         if self._answering is not None:
             outputs = [joint.output for joint in self._joints]
             states = self._answering.read_states(outputs)
@@ -103,31 +97,19 @@ class JointsUnderTest:
         return None if position is None else joint.scale.angle(position)
 
     def let_go(self) -> None:
-        """Lets the chosen joint go limp.
-
-        Raises:
-            DeviceError: The servo driver failed.
-        """
+        """Lets the chosen joint go limp."""
         self.stop()
         output = self.chosen.output
         self._servos.release([output])
         self.counts = {**self.counts, output: 0}
 
     def look(self) -> None:
-        """Takes the joints as the board has them now; a motion ends.
-
-        Raises:
-            DeviceError: The servo driver does not answer.
-        """
+        """Takes the joints as the board has them now; a motion ends."""
         self.stop()
         self.counts = self._servos.read_counts([joint.output for joint in self._joints])
 
     def reconnect(self) -> None:
-        """Opens the link to the servos anew, and calls ``look``.
-
-        Raises:
-            DeviceError: The link cannot be opened, or nothing answers there.
-        """
+        """Opens the link to the servos anew, and calls ``look``."""
         self.stop()
         self._servos.reopen()
         self._servos.forget()
@@ -152,7 +134,7 @@ class JointsUnderTest:
         """Sends the chosen joint to an angle, rad, or as near to it as it may go.
 
         Raises:
-            DeviceError: The joint is not where it should be, and would leap; nothing was sent.
+            DeviceDataError: The joint is not where it should be, and would leap; nothing was sent.
         """
         joint = self.chosen
         if not self.moving:
@@ -171,9 +153,6 @@ class JointsUnderTest:
         """Moves the goal of the chosen joint by so many degrees, up or down.
 
         However often this is called, its goal is never more than ``LEAD`` from where it is.
-
-        Raises:
-            DeviceError: As ``move_to``.
         """
         angle = self.angle(self.chosen) or 0.0
         goal = (self._goal if self.moving else angle) + math.radians(degrees)
@@ -183,9 +162,6 @@ class JointsUnderTest:
         """Holds the chosen, limp joint where its servo reports it, or at 0° if it does not.
 
         It goes to 0° at its servo's own speed.
-
-        Raises:
-            DeviceError: The servo driver failed.
         """
         self.ask()
         joint = self.chosen
@@ -224,7 +200,6 @@ class JointsUnderTest:
 
         Raises:
             DeviceDataError: The board has another count; a motion has ended.
-            DeviceError: The servo driver failed.
         """
         joint = self.chosen
         try:

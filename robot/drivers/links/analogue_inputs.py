@@ -49,7 +49,7 @@ class AnalogueBoard(Protocol):
 
 
 class AnalogueInputs:
-    """The connected channels of a board.
+    """The connected channels of a board; a scan raises ``DeviceError`` where the board failed.
 
     Args:
         board: The board's driver.
@@ -92,11 +92,7 @@ class AnalogueInputs:
         self._repeats |= dict.fromkeys(names, 0)
 
     def scan(self) -> Mapping[int, float]:
-        """Converts all connected channels; returns volts by channel.
-
-        Raises:
-            DeviceError: The board failed.
-        """
+        """Converts all connected channels; returns volts by channel."""
         low, high = self.channels
         volts = self.board.scan(low, high)
         for channel, previous in self._volts.items():
@@ -107,11 +103,7 @@ class AnalogueInputs:
         return self._volts
 
     def same_moment(self) -> Mapping[int, float]:
-        """Returns volts by channel, of the scan that another sensor has just made, or of a new one.
-
-        Raises:
-            DeviceError: The board failed.
-        """
+        """Volts by channel, of the scan that another sensor has just made, or of a new one."""
         is_recent = 0 <= self._clock.now() - self._scanned <= _SAME_MOMENT
         return self._volts if is_recent else self.scan()
 

@@ -116,6 +116,8 @@ class LinePlace:
 class GPIOLine:
     """A line, ours from when it is opened until it is closed; see ``input_line``, ``output_line``.
 
+    Methods raise ``DeviceMissingError`` where it can no longer be read or driven.
+
     Args:
         devices: GPIO chips.
         place: Where the line is.
@@ -149,21 +151,13 @@ class GPIOLine:
         self._line: int = _REQUEST.unpack(request)[-1]
 
     def get(self) -> bool:
-        """Whether the line is active.
-
-        Raises:
-            DeviceMissingError: The line cannot be read any more.
-        """
+        """Whether the line is active."""
         values = bytearray(_VALUES.pack(0, 1))
         self._ask(_GET_VALUES, values, "read")
         return bool(_VALUES.unpack(values)[0] & 1)
 
     def set(self, high: bool) -> None:
-        """Drives an output high or low.
-
-        Raises:
-            DeviceMissingError: The line cannot be driven any more.
-        """
+        """Drives an output high or low."""
         self._ask(_SET_VALUES, bytearray(_VALUES.pack(high, 1)), "driven")
 
     def close(self) -> None:

@@ -23,6 +23,8 @@ _PLUG: Final = "Check that the adapter is plugged in and the board has power."
 class SerialLine:
     """An open serial line; not thread-safe.
 
+    Methods raise ``DeviceMissingError`` where the line failed, or cannot be opened.
+
     Args:
         open_port: Opens the port, which this object closes.
         clock: Paces what is sent.
@@ -47,11 +49,7 @@ class SerialLine:
         return str(self._port.port)
 
     def open(self) -> None:
-        """Opens the port.
-
-        Raises:
-            DeviceMissingError: The port cannot be opened.
-        """
+        """Opens the port."""
         self._port = self._open_port()
         self._byte_time = _BITS_PER_BYTE / self._port.baudrate
         with self._link("setting it up"):
@@ -75,7 +73,6 @@ class SerialLine:
 
         Raises:
             DeviceTimeoutError: The port took no more bytes.
-            DeviceMissingError: The line failed.
         """
         with self._link("writing to it"):
             try:
@@ -88,20 +85,12 @@ class SerialLine:
         self._clock.sleep(self.seconds_for(len(data)) + gap)
 
     def clear(self) -> None:
-        """Discards the bytes that came in.
-
-        Raises:
-            DeviceMissingError: The line failed.
-        """
+        """Discards the bytes that came in."""
         with self._link("emptying its input"):
             self._port.reset_input_buffer()
 
     def read(self, count: int) -> bytes:
-        """Reads ``count`` bytes; fewer after a time-out, whose whole wait the clock is charged.
-
-        Raises:
-            DeviceMissingError: The line failed.
-        """
+        """Reads ``count`` bytes; fewer after a time-out, whose whole wait the clock is charged."""
         with self._link("reading from it"):
             data: bytes = self._port.read(count)
             if len(data) < count:  # it may have come while we had no processor
@@ -110,11 +99,7 @@ class SerialLine:
         return data
 
     def read_until(self, end: bytes, at_most: int) -> bytes:
-        """Reads up to and including ``end``, or ``at_most`` bytes; fewer after a time-out.
-
-        Raises:
-            DeviceMissingError: The line failed.
-        """
+        """Reads up to and including ``end``, or ``at_most`` bytes; fewer after a time-out."""
         with self._link("reading from it"):
             data: bytes = self._port.read_until(end, at_most)
             if not data.endswith(end):  # as in ``read``

@@ -69,6 +69,9 @@ class AnsweringServoSettings:
 class AnsweringServos:
     """The servos of one line; not thread-safe.
 
+    Methods raise ``CommandError`` for an output or count out of range, and send nothing then;
+    ``DeviceError`` where a servo does not answer, or the line failed.
+
     Args:
         chain: Line to the servos, which this object closes.
         outputs: Numbers that servos can have.
@@ -98,10 +101,9 @@ class AnsweringServos:
         """Sends goals to servos, if they are as they were left; first holds limp ones in place.
 
         Raises:
-            CommandError: An output or count is out of range, or its servo was not read since the
-                driver began, forgot or noticed a reset; nothing was sent.
+            CommandError: A servo was not read since the driver began, forgot or noticed a reset;
+                nothing was sent.
             DeviceDataError: A servo is not as it was left; nothing was sent.
-            DeviceError: The line failed.
         """
         check_counts(counts, self._counts, self._outputs)
         if not all(output in self._held for output in counts):
@@ -137,8 +139,7 @@ class AnsweringServos:
         """Switches the torque of some servos off, also of one that failed.
 
         Raises:
-            CommandError: An output is out of range; nothing was sent.
-            DeviceError: The line failed, or torque stayed on.
+            DeviceDataError: Torque stayed on.
         """
         released = list(outputs)
         check_outputs(released, self._outputs)
@@ -159,9 +160,7 @@ class AnsweringServos:
         """Goals of servos, 0 where torque is off; first sets up those that were forgotten or new.
 
         Raises:
-            CommandError: An output is out of range.
-            DeviceError: A servo does not answer, is not fit for use or is driven to what is no
-                count; or the line failed.
+            DeviceDataError: A servo is not fit for use, or is driven to what is no count.
         """
         check_outputs(outputs, self._outputs)
         unread = [output for output in outputs if output not in self._held]
@@ -182,12 +181,7 @@ class AnsweringServos:
         return {output: self._held[output] for output in outputs}
 
     def read_states(self, outputs: Sequence[int]) -> dict[int, ServoState]:
-        """States that servos report of themselves, faults included.
-
-        Raises:
-            CommandError: An output is out of range.
-            DeviceError: A servo does not answer, or the line failed.
-        """
+        """States that servos report of themselves, faults included."""
         check_outputs(outputs, self._outputs)
         return {output: servo.state for output, servo in self._chain.read(outputs).items()}
 
@@ -198,9 +192,7 @@ class AnsweringServos:
             The outputs that differ, ascending.
 
         Raises:
-            CommandError: An output is out of range.
             DeviceDataError: A servo restarted, switched its torque off or reports a fault.
-            DeviceError: A servo does not answer, or the line failed.
         """
         check_outputs(expected, self._outputs)
         unread = [output for output in expected if output not in self._held]
@@ -222,11 +214,7 @@ class AnsweringServos:
         self._previous.clear()
 
     def reopen(self) -> None:
-        """Closes the line and opens it anew.
-
-        Raises:
-            DeviceMissingError: The line cannot be opened.
-        """
+        """Closes the line and opens it anew."""
         self.forget()
         self._chain.reopen()
 

@@ -192,6 +192,9 @@ class PCA9685Settings:
 class PCA9685:
     """The boards of one robot; not thread-safe.
 
+    Methods raise ``CommandError`` for an output or count out of range, and send nothing then;
+    ``DeviceError`` where a board failed, or does not run as it was set up (``DeviceDataError``).
+
     Args:
         link: The bus, which the driver opens and closes.
         settings: Where the boards are.
@@ -238,11 +241,10 @@ class PCA9685:
             counts: Count by output. All outputs of a board change at the same time.
 
         Raises:
-            CommandError: An output or count is out of range, or the boards were not read since the
-                driver began, forgot or noticed a reset; nothing was sent.
+            CommandError: The boards were not read since the driver began, forgot or noticed a
+                reset; nothing was sent.
             DeviceDataError: A board, or the pulse of an output, is not as it was left; nothing was
                 sent.
-            DeviceError: A board failed.
         """
         if not self._ready:
             raise CommandError("read the servo board's counts before moving its servos")
@@ -273,7 +275,6 @@ class PCA9685:
         or that does not answer at its own address any more.
 
         Raises:
-            CommandError: An output is out of range; nothing was sent.
             DeviceError: A board failed; the others were told.
         """
         released = list(outputs)
@@ -299,11 +300,6 @@ class PCA9685:
 
         Returns:
             Count by output, 0 where there are no pulses.
-
-        Raises:
-            CommandError: An output is out of range.
-            DeviceDataError: A board does not run as it was set up.
-            DeviceError: A board failed.
         """
         check_outputs(outputs, self._settings.outputs)
         if not self._ready:
@@ -325,10 +321,7 @@ class PCA9685:
             The outputs that differ, ascending.
 
         Raises:
-            CommandError: An output is out of range.
-            DeviceDataError: A board does not run as it was set up, or noticed that before and was
-                not read since.
-            DeviceError: A board failed.
+            DeviceDataError: A board was not read since it was opened, or found altered.
         """
         check_outputs(expected, self._settings.outputs)
         if not self._ready:
@@ -343,11 +336,7 @@ class PCA9685:
         self._ready = False
 
     def reopen(self) -> None:
-        """Closes the bus and opens it anew.
-
-        Raises:
-            DeviceError: The bus cannot be opened, or a board does not answer.
-        """
+        """Closes the bus and opens it anew."""
         self.close()
         self.forget()
         self._open()

@@ -112,7 +112,10 @@ class SV203Settings:
 class SV203:
     """The servo boards of one line.
 
-    The driver remembers what it sent and sends only what changes. It is not thread-safe.
+    The driver remembers what it sent and sends only what changes. It is not thread-safe. Methods
+    raise ``CommandError`` for an output or count out of range, and send nothing then;
+    ``DeviceDataError`` where a board was reset; ``DeviceError`` where the line failed, or no sound
+    reply came.
 
     Args:
         open_port: Opens the line, which the driver closes.
@@ -159,8 +162,8 @@ class SV203:
             counts: Count 1 to 255 by output; one count is about 0.7°.
 
         Raises:
-            CommandError: An output or count is out of range, or its board was not read since the
-                driver began, forgot or noticed a reset; nothing was sent.
+            CommandError: A board was not read since the driver began, forgot or noticed a reset;
+                nothing was sent.
             DeviceDataError: A board was reset; it got nothing.
             DeviceError: The line failed; counts not known to have arrived are forgotten.
         """
@@ -173,12 +176,7 @@ class SV203:
             self._send(board, {n: counts[n] for n in outputs})
 
     def release(self, outputs: Iterable[int] | None = None) -> None:
-        """Stops the pulses of some servos, so that they go limp, also on a board that was reset.
-
-        Raises:
-            CommandError: An output is out of range; nothing was sent.
-            DeviceError: The line failed.
-        """
+        """Stops the pulses of some servos, so that they go limp, also on a board that was reset."""
         limp = dict.fromkeys(self._outputs if outputs is None else outputs, LIMP)
         check_outputs(limp, self._outputs)
         for output in limp:
@@ -192,11 +190,6 @@ class SV203:
 
         Returns:
             Count 0 (limp) to 255 by output.
-
-        Raises:
-            CommandError: An output is out of range.
-            DeviceDataError: A board was reset.
-            DeviceError: The line failed, no reply came, or only garbage did.
         """
         asked_outputs = list(self._outputs if outputs is None else outputs)
         check_outputs(asked_outputs, self._outputs)
@@ -213,10 +206,6 @@ class SV203:
 
         Returns:
             The outputs that differ, ascending; these are forgotten and will be sent again.
-
-        Raises:
-            DeviceDataError: A board was reset.
-            DeviceError: As ``read_counts``.
         """
         suspects = [n for n, count in self.read_counts(expected).items() if count != expected[n]]
         differing = [n for n, count in self.read_counts(suspects).items() if count != expected[n]]
@@ -231,11 +220,7 @@ class SV203:
         self._selected = None
 
     def reopen(self) -> None:
-        """Closes the line and opens it anew: an adapter that was re-plugged is another device.
-
-        Raises:
-            DeviceMissingError: The line cannot be opened.
-        """
+        """Closes the line and opens it anew: an adapter that was re-plugged is another device."""
         self._line.close()
         self.forget()
         self._line.open()
