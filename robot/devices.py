@@ -147,17 +147,12 @@ def report_devices(config: RobotConfig, log: logging.Logger) -> None:
         log.warning("the %s cannot be read back: a reset goes unnoticed", config.servos.name)
     if config.daq is not None:
         log.info("found: analogue inputs (%s): %s", config.daq.name, config.daq)
-    sensors = {f"touch {point.name}": point.driver for point in config.touch}
-    if config.accelerometer is not None:
-        sensors = {"accelerometer": config.accelerometer} | sensors
-    else:
+    if config.accelerometer is None:
         log.warning(
             "there is no accelerometer: each settling takes %g s, since nobody can tell rest, and "
             "whether the robot lies flat is not checked",
             config.settling.timeout,
         )
-    if config.distance is not None:
-        sensors["distance"] = config.distance.driver
-    for subject, driver in sensors.items():
+    for subject, driver in config.sensors.items():
         if not driver.channels:
             log.info("found: %s (%s): %s", subject, driver.name, driver)

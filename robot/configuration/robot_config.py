@@ -98,7 +98,7 @@ class RobotConfig:
         _all_different("touch", points, "name", points)
         self._check_claims()
         self._check_inputs()
-        channels = [channel for driver in self.sensors for channel in driver.channels]
+        channels = [channel for driver in self.sensors.values() for channel in driver.channels]
         for number, point in enumerate(self.touch, 1):
             key = numbered("touch", number, point.name)
             for channel in point.driver.channels:
@@ -143,22 +143,23 @@ class RobotConfig:
                 owners[place] = table
 
     @property
-    def sensors(self) -> tuple[SensorSettings, ...]:
-        """The drivers of all sensors: accelerometer, touch sensors, distance sensor."""
-        return tuple(self._sensor_tables.values())
+    def sensors(self) -> Mapping[str, SensorSettings]:
+        """The drivers of all sensors, as a person calls them: ``touch NAME``, or by their table."""
+        sensors = {
+            "accelerometer": self.accelerometer,
+            **{f"touch {point.name}": point.driver for point in self.touch},
+            "distance": self.distance.driver if self.distance is not None else None,
+        }
+        return {subject: driver for subject, driver in sensors.items() if driver is not None}
 
     @property
     def _sensor_tables(self) -> Mapping[str, SensorSettings]:
         """The drivers of all sensors, by the names of their tables for messages."""
-        tables = {
-            "accelerometer": self.accelerometer,
-            **{
-                numbered("touch", n, point.name): point.driver
-                for n, point in enumerate(self.touch, 1)
-            },
-            "distance": self.distance.driver if self.distance is not None else None,
+        numbers = {
+            f"touch {point.name}": numbered("touch", number, point.name)
+            for number, point in enumerate(self.touch, 1)
         }
-        return {table: driver for table, driver in tables.items() if driver is not None}
+        return {numbers.get(subject, subject): driver for subject, driver in self.sensors.items()}
 
     @property
     def axes(self) -> CalibratedAxes | None:

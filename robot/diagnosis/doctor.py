@@ -20,7 +20,7 @@ from robot.diagnosis.sensors import (
 from robot.diagnosis.servos import check_board, check_joints, failing_alone, move_joints
 from robot.drivers.buses import Buses
 from robot.drivers.guard import open_driver
-from robot.drivers.sensors.contracts import SensorSettings, attach_board
+from robot.drivers.sensors.contracts import attach_board
 from robot.drivers.servos.servo_bus import ServoBus
 from robot.errors import DeviceError, DeviceMissingError
 
@@ -92,13 +92,13 @@ class Doctor:
             stack.callback(inputs.board.close)
         drivers: dict[str, Any] = {}
         analogue_subjects: set[str] = set()
-        for subject, name, settings in _sensors_of(config):
+        for subject, settings in config.sensors.items():
             if settings.channels:
                 analogue_subjects.add(subject)
                 if inputs is None:
                     continue
             try:
-                driver = open_driver(settings, buses, name)
+                driver = open_driver(settings, buses, subject.removeprefix("touch "))
                 stack.callback(driver.close)
                 driver.start()
             except DeviceError as error:
@@ -135,16 +135,6 @@ class Doctor:
             finder = drivers[_DISTANCE]
             finding = check_distance(config, config.distance, finder, tilt, self._clock)
             yield with_repeats(finding, finder)
-
-
-def _sensors_of(config: RobotConfig) -> Iterator[tuple[str, str, SensorSettings]]:
-    """Yields subject, name and driver settings of every sensor."""
-    if config.accelerometer is not None:
-        yield _TILT, _TILT, config.accelerometer
-    for point in config.touch:
-        yield f"touch {point.name}", point.name, point.driver
-    if config.distance is not None:
-        yield _DISTANCE, _DISTANCE, config.distance.driver
 
 
 def _taken(error: DeviceError) -> bool:
