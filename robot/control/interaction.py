@@ -136,7 +136,7 @@ class MotorProgramRunner:
             RobotError: ``not_settled``, ``not_planar``: in its zero pose the robot does not come to
                 rest, or not as it should.
         """
-        self._verify(partial(report, "homing", 0.0))
+        self.check_board(partial(report, "homing", 0.0))
         self._clock.watch()
         self._slew(dict.fromkeys(targets, 0.0), "homing", report)
         if self._operator is not None:
@@ -171,16 +171,36 @@ class MotorProgramRunner:
         elif event is Event.CLEAR and state is State.FAULT:
             self._recover(check)
         elif event is Event.HOLD or (event is Event.CLEAR and state is State.STOPPED):
-            self._verify(check)  # after a reset the servos would leap back from neutral
+            self.check_board(check)  # after a reset the servos would leap back from neutral
             self._stiffen()
 
-    def check_board(self, check: Callable[[], None]) -> None:
-        """Finds out whether the board was reset behind our back: then ``DeviceDataError``."""
-        self._verify(check)
+    def check_board(self, check: Callable[[], None], outputs: Sequence[int] | None = None) -> None:
+        """Compares the board's counts, of all outputs or of some, with those that it was sent.
+
+        Raises:
+            DeviceDataError: They differ: the board was reset, or bytes were lost.
+        """
+        checked = self._outputs if outputs is None else outputs
+        group_size = self._config.servos.per_update  # queries to a slow board take a while
+        lost = []
+        for start in range(0, len(checked), group_size):
+            check()
+            group = checked[start : start + group_size]
+            lost += self._servos.verify(
+                {output: 0 if self._released else self._counts[output] for output in group}
+            )
+        if lost:
+            names = [joint.name for joint in self._joints if joint.output in lost]
+            raise DeviceDataError(
+                f"The servo board ({self._servos.name}) does not have the commands for "
+                f"{', '.join(names)}: it was reset, another program wrote to "
+                "it, or bytes were lost.",
+                "Check the servos' supply, that nothing else drives them, then the cable.",
+            )
 
     def park(self, report: Report) -> None:
         """Slews to zero."""
-        self._verify(partial(report, "homing", 0.0))
+        self.check_board(partial(report, "homing", 0.0))
         self._clock.watch()
         zero = {joint.name: 0.0 for joint in self._joints}
         self._slew(zero, "homing", report)
@@ -192,12 +212,13 @@ class MotorProgramRunner:
     def _observe(self, report: Report) -> Reading:
         """Waits for rest, averages, and makes sure that the board had its commands all along."""
         rest = self._settle(report)
-        self._verify(partial(report, "settling", 1.0))
+        self.check_board(partial(report, "settling", 1.0))
         reading = self._measured(self._average(partial(report, "sampling")))
-        self._verify(partial(report, "sampling", 1.0))
+        self.check_board(partial(report, "sampling", 1.0))
+        ends = tuple(joint.name for joint, count in self._commanded() if joint.at_end(count))
         return replace(
             reading,
-            saturated_joints=self._saturated(),
+            saturated_joints=ends,
             settled=rest.settled,
             settle_time=rest.seconds,
         )
@@ -212,9 +233,6 @@ class MotorProgramRunner:
             measured=self._watch.angles(states),
             off_target=self._watch.off_target(self.angles(), states) or None,
         )
-
-    def _saturated(self) -> tuple[str, ...]:
-        return tuple(joint.name for joint, count in self._commanded() if joint.at_end(count))
 
     def _commanded(self) -> list[tuple[DrivenJoint, int]]:
         """The joints that are not limp, and their counts."""
@@ -238,7 +256,7 @@ class MotorProgramRunner:
             self._stiffen()
         self._clock.watch()  # to set devices up may take a while
         self._average(lambda _: check())
-        self._verify(check)
+        self.check_board(check)
 
     def _stiffen(self) -> None:
         """Holds each joint; a limp one is held where it is, if its servo reports that.
@@ -281,7 +299,7 @@ class MotorProgramRunner:
             self._servos.set_counts(counts)
             slew.sent(counts, now)
         # A board that was reset meanwhile answers to no query.
-        self._verify(partial(report, phase, 1.0), self._outputs[:1])
+        self.check_board(partial(report, phase, 1.0), self._outputs[:1])
 
     def _settle(self, report: Report) -> _Rest:
         detector = RestDetector(self._rest)
@@ -341,23 +359,3 @@ class MotorProgramRunner:
             for joint in self._joints:
                 if limitation := cut_short(joint, states[joint.output]):
                     raise DeviceDataError(f"{limitation[0].upper()}{limitation[1:]}.", LIMITED)
-
-    def _verify(self, check: Callable[[], None], outputs: Sequence[int] | None = None) -> None:
-        """Compares the board's counts, of all outputs or of some, with those that it was sent."""
-        checked = self._outputs if outputs is None else outputs
-        group_size = self._config.servos.per_update  # queries to a slow board take a while
-        lost = []
-        for start in range(0, len(checked), group_size):
-            check()
-            group = checked[start : start + group_size]
-            lost += self._servos.verify(
-                {output: 0 if self._released else self._counts[output] for output in group}
-            )
-        if lost:
-            names = [joint.name for joint in self._joints if joint.output in lost]
-            raise DeviceDataError(
-                f"The servo board ({self._servos.name}) does not have the commands for "
-                f"{', '.join(names)}: it was reset, another program wrote to "
-                "it, or bytes were lost.",
-                "Check the servos' supply, that nothing else drives them, then the cable.",
-            )

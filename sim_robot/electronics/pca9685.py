@@ -147,7 +147,7 @@ class PCA9685Emulator(I2CDevice):
         if data == _SOFTWARE_RESET and self._called == _GENERAL_CALL:
             self.power_cycle()
             return True
-        if not data or not _exists(data[0]):
+        if not data or _LAST_LED < data[0] < _ALL_LED:  # there is no such register
             return False
         self._pointer = data[0]
         for value in data[1:]:
@@ -159,8 +159,8 @@ class PCA9685Emulator(I2CDevice):
         """Gives registers from the pointer on; the ones for all outputs read as zero."""
         data = bytearray()
         for _ in range(count):
-            register = self._pointer if not _ALL_LED <= self._pointer < _PRESCALE else None
-            data.append(0 if register is None else self._registers[register])
+            for_all = _ALL_LED <= self._pointer < _PRESCALE
+            data.append(0 if for_all else self._registers[self._pointer])
             self._advance()
         return bytes(data)
 
@@ -263,10 +263,6 @@ class PCA9685Emulator(I2CDevice):
         if on_high & _FULL:
             return TICKS
         return ((off_low | off_high << 8) - (on_low | on_high << 8)) % TICKS
-
-
-def _exists(register: int) -> bool:
-    return register <= _LAST_LED or register >= _ALL_LED
 
 
 def _written_by_others(event: str, value: int) -> tuple[tuple[int, int], ...]:

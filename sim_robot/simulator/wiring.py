@@ -110,7 +110,8 @@ class Wiring:
             self._read_step = self._world.steps
             dither = self._noise.dither()
             analogue = self.acceleration() if isinstance(self._axes, AnalogueAxes) else []
-            values = [value + dither for value in (*analogue, *self._foot_volts())]
+            feet = [self._volts_at(foot, point, self._load(foot)) for foot, point in self._gauges]
+            values = [value + dither for value in (*analogue, *feet)]
             self._volts = dict(zip(self._inputs, values, strict=True))
         return self._volts.get(channel, 0.0)
 
@@ -156,9 +157,6 @@ class Wiring:
         left_right, forward_back = map(sum, zip(self._noise.tilt(), turned, strict=True))
         x, y = _turned(x, forward_back), _turned(y, left_right)
         return x, y, math.copysign(math.sqrt(max(0.0, 1 - x * x - y * y)), z)
-
-    def _foot_volts(self) -> list[float]:
-        return [self._volts_at(foot, point, self._load(foot)) for foot, point in self._gauges]
 
     def _load(self, foot: int) -> float:
         """Load on a foot as its sensor feels it, N."""

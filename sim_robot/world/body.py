@@ -18,7 +18,6 @@ import numpy as np
 from protocol.system.files import may_exist
 from protocol.text import command_line
 from sim_robot.errors import BodyError
-from sim_robot.world.urdf.checks import root_of
 from sim_robot.world.urdf.declarations import Box, Cylinder, Joint, Robot, Sphere, vector
 from sim_robot.world.urdf.reading import read_urdf
 
@@ -136,7 +135,7 @@ def examine(path: Path) -> tuple[Body | None, tuple[BodyError, ...]]:
 
 
 def _body(robot: Robot, notes: tuple[str, ...]) -> Body:
-    root = root_of(robot)
+    (root,) = robot.roots
     (collision,) = root.collisions
     shape, center = collision.geometry.shape, vector(collision.origin.xyz)
     if isinstance(shape, Cylinder):

@@ -38,7 +38,7 @@ def faults_of(robot: Robot, *, whole: bool) -> list[tuple[str, str]]:
     """
     faults = [*_names(robot)]
     moving = [joint for joint in robot.joints if joint.type != "fixed"]
-    roots = _roots(robot) if whole else []
+    roots = [link.name for link in robot.roots] if whole else []
     if whole:
         faults += _tree(robot)
     for link in robot.links:
@@ -49,17 +49,6 @@ def faults_of(robot: Robot, *, whole: bool) -> list[tuple[str, str]]:
     for joint in robot.joints:
         faults += _joint(joint)
     return faults
-
-
-def root_of(robot: Robot) -> Link:
-    """The main body of a description without faults."""
-    (name,) = _roots(robot)
-    return next(link for link in robot.links if link.name == name)
-
-
-def _roots(robot: Robot) -> list[str]:
-    children = {joint.child.link for joint in robot.joints}
-    return [link.name for link in robot.links if link.name not in children]
 
 
 def _names(robot: Robot) -> Iterator[tuple[str, str]]:
@@ -88,7 +77,7 @@ def _tree(robot: Robot) -> Iterator[tuple[str, str]]:
         if name not in links
     ]
     yield from missing
-    roots = _roots(robot)
+    roots = [link.name for link in robot.roots]
     if len(roots) != 1:
         names = ", ".join(roots) or "none"
         yield "robot", f"must have exactly one link that is no joint's child; found: {names}."

@@ -324,3 +324,9 @@ class Robot(_Element, tag="robot"):
     version: str | None = attr(default=None)
     links: list[Link] = element(tag="link", default_factory=list)
     joints: list[Joint] = element(tag="joint", default_factory=list)
+
+    @property
+    def roots(self) -> list[Link]:
+        """The links that are no joint's child; of a body without faults one, its main body."""
+        children = {joint.child.link for joint in self.joints}
+        return [link for link in self.links if link.name not in children]

@@ -210,8 +210,7 @@ def _list_parents_first(robot: Robot, note: Say) -> None:
 
 def _root(robot: Robot) -> Link | None:
     """The link that is no joint's child, if there is one such."""
-    children = {joint.child.link for joint in robot.joints}
-    roots = [link for link in robot.links if link.name not in children]
+    roots = robot.roots
     return roots[0] if len(roots) == 1 else None
 
 
