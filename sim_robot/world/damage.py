@@ -149,9 +149,7 @@ class _Leg:
                     share = (place - low) / (high - low)
                     if share <= 0 or not _resize(shape, along, share):
                         continue
-                    shift = -along * (high - place) / 2
-                    xyz = np.array(vector(shape.origin.xyz)) + shift
-                    shape.origin = Origin(xyz=text_of(xyz), rpy=shape.origin.rpy)
+                    shape.origin = _shifted(shape.origin, -along * (high - place) / 2)
                     volume += place - low
                 else:
                     volume += high - low
@@ -198,8 +196,7 @@ class _Leg:
             if share > 0 and _resize(shape, along, share):
                 _resize(outer, along, 1 - share)
                 for part, shift in ((shape, -(high - place) / 2), (outer, (place - low) / 2)):
-                    xyz = np.array(vector(part.origin.xyz)) + shift * along
-                    part.origin = Origin(xyz=text_of(xyz), rpy=part.origin.rpy)
+                    part.origin = _shifted(part.origin, shift * along)
                 bent_shapes.append(shape)
             outer.origin = Origin.at(local_bend @ outer.origin.frame)
             bent_shapes.append(outer)
@@ -270,8 +267,11 @@ def _resize(shape: Collision, along: Points, factor: float) -> bool:
 
 def _moved(origin: Origin, along: Points, share: float) -> Origin:
     """An origin moved along a direction by a share of its distance in that direction."""
-    xyz = np.array(vector(origin.xyz))
-    return Origin(xyz=text_of(xyz + share * (xyz @ along) * along), rpy=origin.rpy)
+    return _shifted(origin, share * (np.array(vector(origin.xyz)) @ along) * along)
+
+
+def _shifted(origin: Origin, shift: Points) -> Origin:
+    return Origin(xyz=text_of(np.array(vector(origin.xyz)) + shift), rpy=origin.rpy)
 
 
 def _scaled(inertial: Inertial, origin: Origin, factor: float) -> Inertial:
