@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any, ClassVar, Final, Protocol
 
-from robot.drivers.buses import Buses
+from robot.drivers.buses import Buses, DriverSettings
 from robot.drivers.guard import open_driver
 from robot.drivers.links.analogue_inputs import AnalogueBoard, AnalogueInputs
 from robot.toml_sections import Section
@@ -22,7 +22,8 @@ class SensorDriver(Protocol):
     """A sensor; call ``start`` first.
 
     It may have ``details()``, which returns what the doctor tells beside the readings, and
-    ``link``, its ``I2CLink``, whose repeated transfers the doctor counts.
+    ``link``, its ``I2CLink``, whose repeated transfers the doctor counts. A sample raises
+    ``DeviceError`` where the device failed.
 
     Attributes:
         name: Name of the device, as ``SensorSettings.name``.
@@ -55,11 +56,7 @@ class Accelerometer(SensorDriver, Protocol):
     """An accelerometer with three axes: x forward, y left, z up."""
 
     def acceleration(self) -> tuple[float, float, float]:
-        """One sample, g; at rest it is (0, 0, 1) on level ground.
-
-        Raises:
-            DeviceError: The device failed.
-        """
+        """One sample, g; at rest it is (0, 0, 1) on level ground."""
         ...
 
 
@@ -67,11 +64,7 @@ class TouchSensor(SensorDriver, Protocol):
     """A sensor of contact between one part and the ground."""
 
     def load(self) -> float | bool:
-        """One sample: the load on the part, N; or, of a switch, whether it is pressed.
-
-        Raises:
-            DeviceError: The device failed.
-        """
+        """One sample: the load on the part, N; or, of a switch, whether it is pressed."""
         ...
 
 
@@ -79,38 +72,16 @@ class DistanceSensor(SensorDriver, Protocol):
     """A sensor of the distance below the belly."""
 
     def distance(self) -> float | None:
-        """One sample: distance to what is in front of the sensor, m; ``None`` beyond its reach.
-
-        Raises:
-            DeviceError: The device failed.
-        """
+        """One sample: distance to what is in front of the sensor, m; ``None`` beyond its reach."""
         ...
 
 
-class SensorSettings(Protocol):
-    """The keys in ``robot.toml`` of one kind of sensor driver; the class that the registry names.
-
-    A frozen dataclass: its ``repr`` is part of the configuration's hash. ``str`` says where the
-    device is, for the log. It may have ``claims``, strings that name the places on a bus where no
-    other device can be, such as ``0x29 on I²C bus 1``.
-
-    Attributes:
-        name: Name of the device, for messages, such as ``VL6180X``.
-    """
-
-    name: ClassVar[str]
+class SensorSettings(DriverSettings, Protocol):
+    """The settings of one kind of sensor driver."""
 
     @property
     def channels(self) -> tuple[int, ...]:
         """Inputs of the ``[daq]`` board that the sensor occupies; none if it is on another bus."""
-
-    @classmethod
-    def read(cls, table: Section) -> SensorSettings:
-        """Reads the driver's own keys, without those that all drivers of the table share.
-
-        Raises:
-            ConfigError: Names file, key and reason.
-        """
 
     def open(self, buses: Buses, called: str) -> Any:
         """The driver of an accelerometer, a touch or a distance sensor, by its table.
@@ -118,9 +89,6 @@ class SensorSettings(Protocol):
         Args:
             buses: Buses of the computer; with analogue inputs where ``channels`` names any.
             called: Name of the sensor in ``robot.toml``: a touch sensor's own, or the table's.
-
-        Raises:
-            DeviceMissingError: The device cannot be opened; the sentence says why.
         """
 
 
@@ -138,15 +106,13 @@ LAST_INPUT: Final = 1023
 """Largest number of an input in a file; which of these there are, a board's settings say."""
 
 
-class BoardSettings(Protocol):
-    """The ``[daq]`` table of one kind of acquisition board; the class that the registry names.
+class BoardSettings(DriverSettings, Protocol):
+    """The settings of one kind of acquisition board, the ``[daq]`` table.
 
     Attributes:
-        name: Name of the board, for messages, such as ``DMM-32``.
         dithers: Whether a live input hardly ever gives the same code twice running.
     """
 
-    name: ClassVar[str]
     dithers: ClassVar[bool]
 
     @property
@@ -157,20 +123,8 @@ class BoardSettings(Protocol):
     def rails(self) -> tuple[float, float]:
         """The volts at the ends of the input range."""
 
-    @classmethod
-    def read(cls, table: Section) -> BoardSettings:
-        """Reads the table's keys, ``driver`` aside.
-
-        Raises:
-            ConfigError: Names file, key and reason.
-        """
-
     def open(self, buses: Buses) -> AnalogueBoard:
-        """The board's driver, whose ``probe`` opens the link.
-
-        Raises:
-            DeviceMissingError: The board cannot be used; the sentence says why.
-        """
+        """The board's driver, whose ``probe`` opens the link."""
 
 
 def attach_board(buses: Buses, settings: BoardSettings) -> Buses:

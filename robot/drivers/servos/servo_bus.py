@@ -12,9 +12,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Protocol, cast
 
-from robot.drivers.buses import Buses
+from robot.drivers.buses import Buses, DriverSettings
 from robot.errors import CommandError
-from robot.toml_sections import Section
 
 
 class ServoBus(Protocol):
@@ -150,18 +149,13 @@ def check_counts(counts: Mapping[int, int], known: range, outputs: range) -> Non
             )
 
 
-class ServoSettings(Protocol):
-    """The ``[servos]`` table of one kind of servo driver; the class that the registry names.
-
-    A frozen dataclass: its ``repr`` is part of the configuration's hash. ``str`` says where the
-    device is, for the log.
+class ServoSettings(DriverSettings, Protocol):
+    """The settings of one kind of servo driver, the ``[servos]`` table.
 
     Attributes:
-        name: Name of the device, as ``ServoBus.name``.
         reads_back: Whether the device can be asked for the counts that it holds.
     """
 
-    name: ClassVar[str]
     reads_back: ClassVar[bool]
 
     @property
@@ -183,17 +177,5 @@ class ServoSettings(Protocol):
     def per_update(self) -> int:
         """Number of outputs that one transmission commands, and that are verified at once."""
 
-    @classmethod
-    def read(cls, table: Section) -> ServoSettings:
-        """Reads the table's keys, ``driver`` aside.
-
-        Raises:
-            ConfigError: Names file, key and reason.
-        """
-
     def open(self, buses: Buses) -> ServoBus:
-        """Opens the link to the device.
-
-        Raises:
-            DeviceMissingError: The link cannot be opened; the sentence says why.
-        """
+        """Opens the link to the device."""
