@@ -103,16 +103,12 @@ Part = JointCalibration | AxesCalibration | GaugeCalibration | DistanceCalibrati
 
 @dataclass(frozen=True, kw_only=True)
 class Calibration:
-    """One calibration of one robot.
+    """One calibration of one robot, of those parts that were calibrated; joints and gauges by name.
 
     Attributes:
         robot: The robot's name; the file fits no other.
         revision: Number that grows by one with each file that replaces another.
         made: Time at which it was made, ISO 8601, UTC.
-        joints: Calibrations of the joints that were calibrated, by name.
-        accelerometer: Calibration of the accelerometer, or ``None``.
-        gauges: Calibrations of the gauges that were calibrated, by name.
-        distance: Calibration of the distance sensor, or ``None``.
     """
 
     robot: str

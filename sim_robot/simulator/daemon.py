@@ -33,18 +33,8 @@ from sim_robot.world.simulation import DEFAULT_ENGINE, World, open_world
 class Emulation:
     """Emulated electronics over a body, found and identified by a robot's drivers.
 
-    Attributes:
-        config: Configuration that the daemon believes.
-        truth: Configuration with the true calibration of the electronics.
-        buses: Buses that lead the drivers to the emulators.
-        devices: The drivers.
-        clock: The robot clock.
-        real_time: Whether time passes as on a wall clock.
-        noise: Noise of the sensors.
-        body: The body, undamaged.
-        world: World that the sensors sense.
-        panel: Panel that injects faults.
-        electronics: The emulators.
+    The daemon believes ``config``; ``truth`` has the true calibration. The body is without damages,
+    also where the world has another one. ``buses`` lead drivers to the emulators.
     """
 
     config: RobotConfig
