@@ -101,24 +101,32 @@ class AnalogueAccelerometer(OnInputs):
 
 
 @dataclass(frozen=True, kw_only=True)
-class StrainGauge:
+class OnOneInput:
+    """Base class of the settings of a sensor on one analogue input, ``channel``."""
+
+    channel: int
+
+    @property
+    def channels(self) -> tuple[int, ...]:
+        """The one input of the sensor."""
+        return (self.channel,)
+
+    def __str__(self) -> str:
+        return f"analogue input {self.channel}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class StrainGauge(OnOneInput):
     """Settings of an amplified strain gauge.
 
     Attributes:
-        channel: Analogue input.
         tare: Volts while the foot is free.
         volts_per_newton: Sensitivity; its sign is the direction of mounting.
     """
 
     name: ClassVar[str] = "analogue"
-    channel: int
     tare: float
     volts_per_newton: float
-
-    @property
-    def channels(self) -> tuple[int, ...]:
-        """The one input of the gauge."""
-        return (self.channel,)
 
     @classmethod
     def read(cls, table: Section) -> StrainGauge:
@@ -137,9 +145,6 @@ class StrainGauge:
     def force(self, volts: float) -> float:
         """Load on the foot that a voltage stands for, N."""
         return (volts - self.tare) / self.volts_per_newton
-
-    def __str__(self) -> str:
-        return f"analogue input {self.channel}"
 
 
 class AnalogueGauge(OnInputs):
@@ -172,18 +177,12 @@ _OVERSHOOT: Final = 0.3  # before free or after pressed: a wire has come off
 
 
 @dataclass(frozen=True, kw_only=True)
-class SwitchSettings:
+class SwitchSettings(OnOneInput):
     """Input of a switch, and its volts with the foot pressed and free."""
 
     name: ClassVar[str] = "switch"
-    channel: int
     pressed: float
     free: float
-
-    @property
-    def channels(self) -> tuple[int, ...]:
-        """The one input of the switch."""
-        return (self.channel,)
 
     @classmethod
     def read(cls, table: Section) -> SwitchSettings:
@@ -203,9 +202,6 @@ class SwitchSettings:
         buses.analogue.connect({self.channel: f"the switch of {called}"})
         return Switch(self, buses.analogue, called)
 
-    def __str__(self) -> str:
-        return f"analogue input {self.channel}"
-
 
 class Switch(OnInputs):
     """One switch on an analogue input.
@@ -221,7 +217,6 @@ class Switch(OnInputs):
     def __init__(self, settings: SwitchSettings, inputs: AnalogueInputs, called: str):
         super().__init__(inputs, settings.channels)
         self._settings = settings
-        self._inputs = inputs
         self._called = called
         self._volts = settings.free
         self._pressed = False
