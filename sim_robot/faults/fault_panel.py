@@ -37,8 +37,7 @@ from sim_robot.electronics.servos import Servos
 from sim_robot.electronics.sv203 import SV203Emulator
 from sim_robot.electronics.vl6180x import VL6180XEmulator
 from sim_robot.errors import FaultError
-from sim_robot.faults.damage import Damage
-from sim_robot.faults.ground import Ground
+from sim_robot.faults.world_faults import Damage, Ground
 
 DEVICES: Final[Mapping[str, type[FaultSwitch]]] = MappingProxyType(
     {

@@ -16,9 +16,8 @@ from robot.drivers.buses import Buses
 from robot.service.daemon import HOUSEKEEPING, build_controller
 from sim_robot.electronics.clock import HostClock, RealTimeClock, VirtualClock
 from sim_robot.electronics.fault_switch import FaultSwitch
-from sim_robot.faults.damage import Damage
 from sim_robot.faults.fault_panel import FaultPanel
-from sim_robot.faults.ground import Ground
+from sim_robot.faults.world_faults import Damage, Ground
 from sim_robot.simulator.electronics_sets import DEFAULT_SET, SETS
 from sim_robot.simulator.emulated_electronics import EmulatedElectronics
 from sim_robot.simulator.fitted_body import fitted

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robot.errors import CommandError
-from sim_robot.faults.damage import Damage
+from sim_robot.faults.world_faults import Damage
 from sim_robot.world.body import Body, load_body, shipped_bodies
 from sim_robot.world.damage import damaged
 from sim_robot.world.simulation import ENGINES, open_world

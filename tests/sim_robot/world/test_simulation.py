@@ -16,7 +16,7 @@ import psutil
 import pytest
 
 from protocol.wire.readings import tilt_of, touches
-from sim_robot.faults.ground import Ground
+from sim_robot.faults.world_faults import Ground
 from sim_robot.world.body import default_body_path, load_body
 from sim_robot.world.simulation import ENGINES, STEP, Pose, World, open_world
 

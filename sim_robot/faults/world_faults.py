@@ -1,14 +1,22 @@
-"""Damages of a body that are injected while it runs; ``world.damage`` makes the damaged body."""
+"""Faults of the world: a body that is damaged while it runs, and ground that is not level.
+
+``world.damage`` makes the damaged body.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, Final
 
+from protocol.wire.readings import up_of
 from sim_robot.electronics.fault_switch import Fault, FaultSwitch
 
 if TYPE_CHECKING:
     from sim_robot.world.body import Body
+
+_STEEPEST: Final = 10
+_SLOPES: Final = (*range(-_STEEPEST, 0), *range(1, _STEEPEST + 1))
 
 
 class Damage(FaultSwitch):
@@ -65,3 +73,26 @@ class Damage(FaultSwitch):
         for fault, (number, amount) in damages.items():
             body = self._damaged(body, fault, number, amount)
         return body
+
+
+class Ground(FaultSwitch):
+    """The plane that the robot lies on."""
+
+    FAULTS: ClassVar[Mapping[str, Fault]] = {
+        "rises_left": Fault(
+            "the ground rises by n degrees to the left of the robot's first heading"
+        ),
+        "rises_forward": Fault("the ground rises by n degrees towards the robot's first heading"),
+    }
+
+    def numbers(self, fault: str) -> tuple[int, ...]:
+        """Slopes that a fault may have, degrees."""
+        del fault
+        return _SLOPES
+
+    @property
+    def up(self) -> tuple[float, float, float]:
+        """The direction against gravity, of length 1, in a frame whose z axis is normal to it."""
+        slopes = self.faults
+        left, forward = (slopes.get(name, 0) for name in self.FAULTS)
+        return up_of((math.radians(left), math.radians(forward)))
