@@ -21,7 +21,6 @@ from protocol.rules.robot_interface import Finished, Progressed, Snapshot
 from protocol.wire.capabilities import Capabilities, check_targets
 from protocol.wire.codec import decode, encode
 from protocol.wire.declaration import Message
-from protocol.wire.field_checks import MAX_TEXT
 from protocol.wire.messages import (
     PROTOCOL_VERSION,
     Accepted,
@@ -91,10 +90,6 @@ def allow_all(user: str | None, request: Request) -> None:
     """Authorises every request: for a server without keys."""
 
 
-def ignore_refusal(request: Request, error: RobotError) -> None:
-    """Ignores a refused request: the default of ``on_refusal``."""
-
-
 class ServerCore:
     """The server's state: sessions, request ids and the controller's lease.
 
@@ -118,7 +113,7 @@ class ServerCore:
         view: Callable[[], Snapshot],
         token: Callable[[], str] = secrets.token_hex,
         authorise: Authorise = allow_all,
-        on_refusal: OnRefusal = ignore_refusal,
+        on_refusal: OnRefusal = lambda request, error: None,
     ):
         self.garbage = 0
         self._capabilities = capabilities
@@ -182,15 +177,8 @@ class ServerCore:
     def complain(self, peer: bytes, error: RemoteProtocolError) -> Send:
         """Counts an invalid frame, and answers it with an error."""
         self.garbage += 1
-        kind = ERROR_CODES[error.code]
-        reply = ErrorReply(
-            id=error.request_id,
-            code=error.code,
-            message=str(error)[:MAX_TEXT],
-            advice=kind.advice,
-            retryable=kind.retryable,
-        )
-        return _send(peer, reply)
+        answer = RobotError(error.code, str(error))
+        return _send(peer, ErrorReply.of(answer, request_id=error.request_id))
 
     def tick(self, now: float) -> list[Action]:
         """Handles the passing of time; ``now`` is on the transport clock, s."""
