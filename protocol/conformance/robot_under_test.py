@@ -82,6 +82,12 @@ class TrialClient:
             message["id"] = self.number()
         return {key: value for key, value in message.items() if value is not None}
 
+    def send(self, kind: str, **fields: Any) -> Map:
+        """Sends a request, and returns the request."""
+        request = self.request(kind, **fields)
+        self.connection.send(request)
+        return request
+
     def ask(self, kind: str, **fields: Any) -> Map:
         """Sends a request and returns the final reply."""
         return self.answer_to(self.request(kind, **fields))[1]
@@ -96,8 +102,7 @@ class TrialClient:
     def ask_raw(self, frame: bytes, *request_ids: int | None) -> Map | None:
         """Sends a frame, then a hello; returns the frame's answer with one of these ids, if any."""
         self.connection.send_parts(frame, ids=request_ids)
-        hello = self.request("hello", versions=[1])
-        self.connection.send(hello)
+        hello = self.send("hello", versions=[1])
         answer = self.connection.reply(hello["id"])
         expect(answer is not None, "After that, the robot does not answer any more.")
         for patience in (0.0, self.connection.grace):

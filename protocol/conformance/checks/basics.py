@@ -12,6 +12,17 @@ from protocol.conformance.registry import Need, check
 from protocol.conformance.robot_under_test import RobotUnderTest
 
 
+def _answered_with_ok(clause: str, kind: str, need: Need) -> None:
+    """Registers the check that a request of the client in control is answered with ok."""
+
+    def run(robot: RobotUnderTest) -> None:
+        with robot.controlled() as client:
+            client.expect("ok", kind)
+
+    run.__doc__ = f"A {kind} is answered with ok."
+    check(clause, need=need, basic=kind)(run)
+
+
 @check("3.2", basic="hello")
 def hello_is_answered(robot: RobotUnderTest) -> None:
     """A hello is answered with welcome."""
@@ -39,43 +50,22 @@ def acquire_is_answered(robot: RobotUnderTest) -> None:
         pass
 
 
-@check("5.3", need=Need.CONTROL, basic="release")
-def release_is_answered(robot: RobotUnderTest) -> None:
-    """A release is answered with ok."""
-    with robot.controlled() as client:
-        client.expect("ok", "release")
-
-
-@check("5.9", need=Need.CONTROL, basic="stop")
-def stop_is_answered(robot: RobotUnderTest) -> None:
-    """A stop is answered with ok."""
-    with robot.controlled() as client:
-        client.expect("ok", "stop")
-
-
-@check("6.1", need=Need.CONTROL, basic="clear")
-def clear_is_answered(robot: RobotUnderTest) -> None:
-    """A clear is answered with ok."""
-    with robot.controlled() as client:
-        client.expect("ok", "clear")
+_answered_with_ok("5.3", "release", Need.CONTROL)
+_answered_with_ok("5.9", "stop", Need.CONTROL)
+_answered_with_ok("6.1", "clear", Need.CONTROL)
 
 
 @check("7.4", need=Need.MOTION, basic="perform")
 def perform_is_answered(robot: RobotUnderTest) -> None:
     """A perform is accepted, and ends with an observation."""
     with robot.controlled() as client:
-        request = client.request("perform", targets=small_targets(robot.capabilities(), 0.0))
-        client.connection.send(request)
+        request = client.send("perform", targets=small_targets(robot.capabilities(), 0.0))
         interim, end = client.wait_for(request["id"])
         expect(end["type"] == "observation", f"A perform ended with {said(end)}.")
         expect(bool(interim), "A perform was not accepted.")
 
 
-@check("6.1", need=Need.MOTION, basic="hold")
-def hold_is_answered(robot: RobotUnderTest) -> None:
-    """A hold is answered with ok."""
-    with robot.controlled() as client:
-        client.expect("ok", "hold")
+_answered_with_ok("6.1", "hold", Need.MOTION)
 
 
 @check("5.13", need=Need.MOTION, basic="relax")

@@ -43,8 +43,7 @@ def several_parts(robot: RobotUnderTest) -> None:
     hello = pack(client.request("hello", versions=[1]))
     for parts, what in (((hello, hello), "two frames"), ((b"", hello), "an empty part first")):
         client.connection.send_parts(*parts)
-        beat = client.request("heartbeat")
-        client.connection.send(beat)
+        beat = client.send("heartbeat")
         expect(
             client.connection.reply(beat["id"]) is not None,
             f"{what}: nothing is answered after it.",

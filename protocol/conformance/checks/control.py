@@ -249,8 +249,7 @@ def silence_ends_a_motion(robot: RobotUnderTest) -> None:
         if robot.settings.far:  # there and back takes longest
             targets = {joint.name: joint.upper for joint in robot.capabilities().joints}
             observed(client, targets)
-        perform = client.request("perform", targets=targets)
-        client.connection.send(perform)
+        perform = client.send("perform", targets=targets)
         begun = clock()
         expect(client.connection.reply(perform["id"]) is not None, "A perform was not accepted.")
         end = None

@@ -34,10 +34,16 @@ def _performed(
     return targets, observed(client, targets)
 
 
+def begun(client: TrialClient, targets: Mapping[str, float]) -> Map:
+    """Begins a motion, and returns its request."""
+    perform = client.send("perform", targets=targets)
+    expect(client.connection.reply(perform["id"]) is not None, "A perform was not accepted.")
+    return perform
+
+
 def observed(client: TrialClient, targets: Mapping[str, float]) -> Map:
     """Performs a motion and returns its observation."""
-    request = client.request("perform", targets=targets)
-    client.connection.send(request)
+    request = client.send("perform", targets=targets)
     _, end = client.wait_for(request["id"])
     expect(end["type"] == "observation", f"A perform ended with {said(end)}.")
     return end
@@ -53,11 +59,8 @@ def _under_way(
 ) -> None:
     """Interrupts a motion with a request; expects that the motion ends with this code."""
     for _ in range(_TRIALS):
-        perform = client.request("perform", targets=small_targets(robot.capabilities()))
-        client.connection.send(perform)
-        expect(client.connection.reply(perform["id"]) is not None, "A perform was not accepted.")
-        interrupt = other.request(kind)
-        other.connection.send(interrupt)
+        perform = begun(client, small_targets(robot.capabilities()))
+        interrupt = other.send(kind)
         reply = other.connection.final(interrupt["id"])[1]
         expect(reply["type"] == "ok", f"{kind} in mid-motion was answered with {said(reply)}.")
         _, end = client.wait_for(perform["id"])
@@ -140,8 +143,7 @@ def joints_at_the_end(robot: RobotUnderTest) -> None:
 def asked_again_under_way(robot: RobotUnderTest) -> None:
     """A request that is under way answers with its progress, then its end, once."""
     with robot.controlled() as client:
-        request = client.request("perform", targets=small_targets(robot.capabilities()))
-        client.connection.send(request)
+        request = client.send("perform", targets=small_targets(robot.capabilities()))
         first_reply = client.connection.reply(request["id"])
         expect(
             first_reply is not None and first_reply["type"] == "accepted",
@@ -194,11 +196,8 @@ def _busy(robot: RobotUnderTest, client: TrialClient, kind: str) -> None:
     targets = small_targets(robot.capabilities())
     fields = {"targets": targets} if kind == "perform" else {}
     for _ in range(_TRIALS):
-        motion = client.request("perform", targets=targets)
-        client.connection.send(motion)
-        expect(client.connection.reply(motion["id"]) is not None, "A perform was not accepted.")
-        second = client.request(kind, **fields)
-        client.connection.send(second)
+        motion = begun(client, targets)
+        second = client.send(kind, **fields)
         _, reply = client.wait_for(second["id"])
         _, end = client.wait_for(motion["id"])
         expect(end["type"] == "observation", f"The first motion ended with {said(end)}.")

@@ -129,8 +129,7 @@ def answers_follow(robot: RobotUnderTest) -> None:
     """The answer goes to the connection from which the request last came."""
     first = robot.client()
     second = robot.client(first.name)
-    read = first.request("read")
-    first.connection.send(read)
+    read = first.send("read")
     expect(first.connection.reply(read["id"]) is not None, "A read was not answered.")
     observation = _answer_on(robot, second, read, instead=first)
     _, repeat = second.answer_to(read)
