@@ -115,6 +115,11 @@ class RunDatabase(sqlite3.Connection):
     directory = Path()
     writer: str | None = None
 
+    def meta(self, key: str) -> str | None:
+        """What the table ``meta`` has under a key; ``None``: nothing."""
+        row = self.execute("SELECT value FROM meta WHERE key = ?", (key,)).fetchone()
+        return None if row is None else str(row[0])
+
 
 def connect(directory: Path) -> RunDatabase:
     """Opens the database in a directory; creates an empty one if there is none."""
@@ -226,10 +231,7 @@ def transaction(database: RunDatabase) -> Iterator[None]:
 
 
 def _check_writer(database: RunDatabase) -> None:
-    if database.writer is None:
-        return
-    row = database.execute("SELECT value FROM meta WHERE key = 'writer'").fetchone()
-    if row != (database.writer,):
+    if database.writer is not None and database.meta("writer") != database.writer:
         raise RunDirectoryError(
             f"Another process has begun to write to {database.directory}, so this one ends: its "
             "lock was removed, or its file system has none. Let the other finish or end it first."

@@ -30,6 +30,7 @@ from estimator.plugins import missing
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation, Program
+from estimator.storage.after_search import SearchEnd, Validations
 from estimator.storage.database import (
     DATABASE,
     RunDatabase,
@@ -54,8 +55,6 @@ from estimator.storage.records import (
     performed,
 )
 from estimator.storage.run_config import RunSettings
-from estimator.storage.search_end import SearchEnd
-from estimator.storage.validations import Validations
 from protocol.system.process import Closable
 from protocol.text import command_line
 from protocol.wire.capabilities import Capabilities
@@ -88,8 +87,8 @@ class RunStore(Closable):
             self.client_id = str(json.loads(self._meta("client_id")))
         self._joints = len(self.capabilities.joints)
         self._problem: Problem | None = None
-        self.search_end = SearchEnd(database, directory)
-        self.validations = Validations(database, directory, self._joints)
+        self.search_end = SearchEnd(database)
+        self.validations = Validations(database, self._joints)
 
     def __exit__(self, *raised: object) -> None:
         """Closes the run; an error that packages explain which are not installed names these.
@@ -422,10 +421,10 @@ class RunStore(Closable):
             return int(self._database.execute("PRAGMA data_version").fetchone()[0])
 
     def _meta(self, key: str) -> str:
-        row = self._database.execute("SELECT value FROM meta WHERE key = ?", (key,)).fetchone()
-        if row is None:
+        value = self._database.meta(key)
+        if value is None:
             raise RunDirectoryError(f"{self.directory / DATABASE} lacks its {key}.")
-        return str(row[0])
+        return value
 
 
 def _holds_run_already(directory: Path) -> RunDirectoryError:

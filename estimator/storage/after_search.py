@@ -1,27 +1,77 @@
-"""Predictions of motor programs not yet performed, and what was observed afterwards."""
+"""What a run stores when its search is over: the last word on its models, and what they predict."""
 
 from __future__ import annotations
 
 import json
-from pathlib import Path
+from typing import Final, TypeVar
+
+from pydantic import BaseModel
 
 from estimator.readings.observation import Observation
 from estimator.storage.database import RunDatabase, reading, transaction
-from estimator.storage.records import Prediction, Ticket, performed
+from estimator.storage.records import BestFit, Finish, Prediction, Ticket, performed
+
+_Record = TypeVar("_Record", bound=BaseModel)
+
+_NOTHING: Final = "null"
+
+
+class SearchEnd:
+    """What is stored at the end of a run's search; empty before."""
+
+    def __init__(self, database: RunDatabase):
+        self._database = database
+
+    def save_finish(self, finish: Finish) -> None:
+        """Commits the reference back-end's simulation of the leading models."""
+        self._save("finish", finish)
+
+    def finish(self) -> Finish | None:
+        """The reference back-end's simulation of the leading models; ``None``: not done."""
+        return self._saved("finish", Finish)
+
+    def save_best_fit(self, fit: BestFit | None) -> None:
+        """Commits how the best model explains the readings, with which the run is over.
+
+        Args:
+            fit: ``None`` where no model has valid readings.
+        """
+        self._save("best fit", fit)
+
+    def best_fit(self) -> BestFit | None:
+        """How the best model explains the readings; ``None``: it was not judged."""
+        return self._saved("best fit", BestFit)
+
+    @property
+    def is_reached(self) -> bool:
+        """Whether the best model was judged, or none could be: nothing is left to do."""
+        return self._text("best fit") is not None
+
+    def _save(self, key: str, record: BaseModel | None) -> None:
+        text = _NOTHING if record is None else record.model_dump_json(round_trip=True)
+        with transaction(self._database):
+            self._database.execute("INSERT INTO meta VALUES (?, ?)", (key, text))
+
+    def _saved(self, key: str, kind: type[_Record]) -> _Record | None:
+        text = self._text(key)
+        with reading(self._database.directory):
+            return None if text in (None, _NOTHING) else kind.model_validate_json(text)
+
+    def _text(self, key: str) -> str | None:
+        with reading(self._database.directory):
+            return self._database.meta(key)
 
 
 class Validations:
-    """The validations of a run, numbered from 0.
+    """The validations of a run, numbered from 0: what was predicted, and what was observed then.
 
     Args:
         database: Database of the run.
-        directory: Run directory, for messages.
         joints: Number of the robot's joints.
     """
 
-    def __init__(self, database: RunDatabase, directory: Path, joints: int):
+    def __init__(self, database: RunDatabase, joints: int):
         self._database = database
-        self._directory = directory
         self._joints = joints
 
     def predict(self, predictions: list[Prediction]) -> int:
@@ -63,7 +113,7 @@ class Validations:
     def all(self) -> list[list[Prediction]]:
         """The predictions of each validation, with the observations made so far."""
         by_validation: dict[int, list[Prediction]] = {}
-        with reading(self._directory):
+        with reading(self._database.directory):
             rows = self._database.execute(
                 "SELECT validation, readings, program, request_id, session, observation "
                 "FROM predictions ORDER BY validation, number"
