@@ -118,6 +118,14 @@ def systematic(weights: Array, count: int, start: float) -> Columns:
     return rows
 
 
+def quantiles(values: Array, weights: Array, shares: Sequence[float]) -> Array:
+    """The least of n values up to which these shares of their weights lie, shape (shares,)."""
+    order = np.argsort(values)
+    places: Columns = np.searchsorted(np.cumsum(weights[order]), shares)
+    chosen: Array = values[order[places.clip(max=len(values) - 1)]]
+    return chosen
+
+
 def coverage(shares: Array, found: Flags) -> float:
     """Share of the posterior that the populations have found, by capture and recapture.
 

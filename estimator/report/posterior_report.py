@@ -13,6 +13,7 @@ from pydantic import computed_field
 from estimator.body.morphology import Array
 from estimator.posterior.fitted import Attachment, FittedPosterior
 from estimator.posterior.model.sensor_data import SCALED
+from estimator.posterior.posterior import quantiles
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.report.range_ends import LEARNT_WIDTH, PRIOR_WIDTH, LengthAtEnd, lengths_at_ends
@@ -276,12 +277,7 @@ def _parameters(fitted: FittedPosterior) -> tuple[ParameterEstimate, ...]:
 
 
 def _interval(values: Array, weights: Array) -> Interval:
-    order = np.argsort(values)
-    shares = np.cumsum(weights[order])
-    low, median, high = (
-        float(values[order][min(int(np.searchsorted(shares, quantile)), len(values) - 1)])
-        for quantile in _QUANTILES
-    )
+    low, median, high = quantiles(values, weights, _QUANTILES).tolist()
     if not math.isfinite(median):
         raise ValueError("a posterior holds values that are not finite")
     return Interval(low=low, median=median, high=high)

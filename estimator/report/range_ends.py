@@ -13,6 +13,7 @@ import numpy as np
 
 from estimator.body.morphology import Array
 from estimator.posterior.fitted import FittedPosterior
+from estimator.posterior.posterior import quantiles
 from estimator.storage.posteriors import Record
 
 LEARNT_WIDTH: Final = 0.3
@@ -86,11 +87,9 @@ def is_pressed(distances: Array, spans: Array, weights: Array) -> bool:
         spans: By how much each length may vary, m, shape (lengths,).
         weights: Weights of the samples, shape (n,).
     """
-    order = np.argsort(distances @ spans)
-    sums = distances[order] @ spans
-    places = np.searchsorted(np.cumsum(weights[order]), _QUANTILES).clip(max=len(sums) - 1)
-    low, _, _, high = sums[places]
+    sums = quantiles(distances @ spans, weights, _QUANTILES)
+    low, _, _, high = sums
     prior_width = PRIOR_WIDTH * math.sqrt(float(spans @ spans) / 12)
-    _, quarter, half, most = sums[places] ** len(spans)
+    _, quarter, half, most = sums ** len(spans)
     is_learnt = high - low < LEARNT_WIDTH * prior_width
     return bool(is_learnt and half < _CROWDED * most and quarter < _NOT_BEFORE * half)

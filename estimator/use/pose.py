@@ -24,6 +24,7 @@ from estimator.identification.method import Listener
 from estimator.identification.robot_link import RobotLink
 from estimator.posterior.fitted import FittedPosterior
 from estimator.posterior.model.noise import Noise
+from estimator.posterior.posterior import quantiles
 from estimator.readings.modalities import ROUNDING
 from estimator.readings.observation import Observation, PredictedReadings, Program
 from estimator.storage.records import InteractionRecord
@@ -293,9 +294,7 @@ def _score(known: FittedPosterior, goal: Goal, program: Array, least_margin: flo
 
 def _low(known: FittedPosterior, margins: Array) -> float:
     """The margin of the body at the lowest twentieth of the posterior, rad."""
-    order = np.argsort(margins)
-    place = int(np.searchsorted(np.cumsum(known.weights[order]), 0.05))
-    return float(margins[order][min(place, len(order) - 1)])
+    return float(quantiles(margins, known.weights, (0.05,))[0])
 
 
 def _pose(known: FittedPosterior, goal: Goal, program: Array) -> Pose:
