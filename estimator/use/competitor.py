@@ -130,7 +130,7 @@ class Competitor:
 
     def bodies(self, weigher: ChangeWeigher) -> Bodies:
         """The n bodies, with their changes."""
-        bodies = weigher.bodies_of(self.rows)
+        bodies = weigher.before[self.rows]
         order, pieces = [], []
         for mask in np.unique(self.on, axis=0):
             rows = np.flatnonzero((self.on == mask).all(axis=1))
@@ -143,7 +143,8 @@ class Competitor:
 
     def scales(self, weigher: ChangeWeigher) -> Array:
         """Logarithms of the bodies' noise factors, shape (n, 2)."""
-        return weigher.scales_of(self.rows)
+        scales: Array = weigher.scales_before[self.rows]
+        return scales
 
     def drawn(self, count: int) -> Competitor:
         """Draws ``count`` equally likely bodies."""

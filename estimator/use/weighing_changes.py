@@ -163,39 +163,25 @@ class _Round:
         return density
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
 class ChangeWeigher:
     """Weighs changes by observations: each is a change of some weighted bodies.
-
-    Args:
-        known: The body as it was identified.
-        changes: What may have changed.
-        rng: Draws particles.
-        bodies: The n bodies that may have changed.
-        scales: Logarithms of their noise factors, shape (n, 2).
-        weights: Their weights, positive and adding up to 1, shape (n,).
 
     Attributes:
         known: The body as it was identified.
         changes: What may have changed.
         rng: Draws particles.
+        before: The n bodies that may have changed, before any of the changes.
+        scales_before: Logarithms of their noise factors, shape (n, 2).
+        weights: Their weights, positive and adding up to 1, shape (n,).
     """
 
-    def __init__(
-        self,
-        known: FittedPosterior,
-        changes: Sequence[DetectableChange],
-        rng: np.random.Generator,
-        *,
-        bodies: Bodies,
-        scales: Array,
-        weights: Array,
-    ) -> None:
-        self.known = known
-        self.changes = tuple(changes)
-        self.rng = rng
-        self._bodies = bodies
-        self._scales = scales
-        self._weights = weights
+    known: FittedPosterior
+    changes: tuple[DetectableChange, ...]
+    rng: np.random.Generator
+    before: Bodies
+    scales_before: Array
+    weights: Array
 
     @classmethod
     def of(
@@ -209,11 +195,11 @@ class ChangeWeigher:
             rng: Draws particles.
         """
         return cls(
-            known,
-            changes,
-            rng,
-            bodies=known.body_arrays,
-            scales=known.scales,
+            known=known,
+            changes=tuple(changes),
+            rng=rng,
+            before=known.body_arrays,
+            scales_before=known.scales,
             weights=np.maximum(known.weights, 1e-300),  # their logarithms are taken
         )
 
@@ -228,45 +214,28 @@ class ChangeWeigher:
             for particles, share in named
         ]
         scales = np.concatenate([self.scales(particles) for particles in drawn])
-        return ChangeWeigher(
-            self.known,
-            self.changes,
-            self.rng,
-            bodies=Bodies.joined([self.bodies(particles) for particles in drawn]),
-            scales=scales,
+        return replace(
+            self,
+            before=Bodies.joined([self.bodies(particles) for particles in drawn]),
+            scales_before=scales,
             weights=np.full(len(scales), 1 / len(scales)),
         )
 
     def learning(self, log_fits: Array) -> ChangeWeigher:
         """Weigher that has learnt from unchanged bodies, with their log-likelihoods, shape (n,)."""
         log_ratios = np.maximum(log_fits - np.max(log_fits), -_HOPELESS)
-        return ChangeWeigher(
-            self.known,
-            self.changes,
-            self.rng,
-            bodies=self._bodies,
-            scales=self._scales,
-            weights=softmax(np.log(self._weights) + log_ratios),
-        )
+        return replace(self, weights=softmax(np.log(self.weights) + log_ratios))
 
     def bodies(self, particles: ChangeParticles) -> Bodies:
         """The bodies of particles."""
-        bodies = self.bodies_of(particles.rows)
+        bodies = self.before[particles.rows]
         if particles.change is None:
             return bodies
         return particles.change.changed(bodies, particles.theta)
 
-    def bodies_of(self, rows: Rows) -> Bodies:
-        """Bodies before any of the changes, by number."""
-        return self._bodies[rows]
-
     def scales(self, particles: ChangeParticles) -> Array:
         """Logarithms of the particles' noise factors, shape (n, 2)."""
-        return self.scales_of(particles.rows)
-
-    def scales_of(self, rows: Rows) -> Array:
-        """Logarithms of bodies' noise factors, by number, shape (n, 2)."""
-        scales: Array = self._scales[rows]
+        scales: Array = self.scales_before[particles.rows]
         return scales
 
     def rows_drawn(self, count: int, start: float) -> Rows:
@@ -276,7 +245,7 @@ class ChangeWeigher:
             count: Number of bodies.
             start: Offset between 0 and 1; expected counts are exact if it is drawn uniformly.
         """
-        return systematic(self._weights, count, start)
+        return systematic(self.weights, count, start)
 
     def prior(self, change: DetectableChange | None, count: int) -> ChangeParticles:
         """Draws ``count`` equally likely particles of a change before any reading."""
@@ -293,12 +262,12 @@ class ChangeWeigher:
 
     def as_before(self) -> ChangeParticles:
         """All bodies with their weights, as they are before any of the changes."""
-        rows = np.arange(len(self._weights))
+        rows = np.arange(len(self.weights))
         return ChangeParticles(
             change=None,
             rows=rows,
             theta=np.zeros(len(rows)),
-            weights=self._weights,
+            weights=self.weights,
             log_evidence=0.0,
         )
 
@@ -339,7 +308,7 @@ class ChangeWeigher:
         """Weighs all changes by all observations, from scratch."""
         priors = [self.prior(change, _PARTICLES) for change in self.changes]
         if not observations:
-            all_particles = [self.prior(None, len(self._weights)), *priors]
+            all_particles = [self.prior(None, len(self.weights)), *priors]
             return self._sorted(all_particles)
         bodies = Bodies.joined([self.bodies(particles) for particles in priors])
         scales = np.concatenate([self.scales(particles) for particles in priors])
@@ -358,7 +327,7 @@ class ChangeWeigher:
 
     def _unchanged(self, observations: Sequence[Observation]) -> ChangeParticles:
         particles = self.as_before()
-        logs = np.log(self._weights) + self.fits(particles, observations).sum(axis=1)
+        logs = np.log(self.weights) + self.fits(particles, observations).sum(axis=1)
         return replace(particles, weights=softmax(logs), log_evidence=float(logsumexp(logs)))
 
     def _refined(
@@ -375,7 +344,7 @@ class ChangeWeigher:
         assert change is not None
         rows, theta = first.rows, first.theta
         fits = self.fits(first, observations).sum(axis=1)
-        rounds = [_Round(len(rows), self._weights, None, 1.0)]
+        rounds = [_Round(len(rows), self.weights, None, 1.0)]
         particles = self._weighted(change, rows, theta, fits, rounds)
         for count in (*_ROUNDS, *_MORE_ROUNDS):
             is_more = len(rounds) > len(_ROUNDS)
@@ -385,8 +354,8 @@ class ChangeWeigher:
             if is_more and particles.effective_bodies >= LOW_ESS:
                 break
             weights = particles.weights
-            body_weights = np.bincount(rows, np.sqrt(weights), minlength=len(self._weights))
-            chances = _PRIOR * self._weights + (1 - _PRIOR) * body_weights / body_weights.sum()
+            body_weights = np.bincount(rows, np.sqrt(weights), minlength=len(self.weights))
+            chances = _PRIOR * self.weights + (1 - _PRIOR) * body_weights / body_weights.sum()
             centres = self._centres(theta, weights)
             spread = float(np.clip(np.std(np.abs(centres)), *_SPREADS))
             drawn = np.resize(centres, count)
@@ -434,7 +403,7 @@ class ChangeWeigher:
             + (prior if change.row.switch else one.log_density(theta, prior))
             for one in rounds
         ]
-        logs = fits + prior + np.log(self._weights[rows]) - logsumexp(np.array(drawn), 0)
+        logs = fits + prior + np.log(self.weights[rows]) - logsumexp(np.array(drawn), 0)
         return ChangeParticles(
             change=change,
             rows=rows,
