@@ -206,7 +206,7 @@ class PosteriorMethod:
     def _lengths_known(self, summary: StoredPosterior) -> bool:
         """Whether all leg lengths are known to ``PRECISE`` if the robot is as stated."""
         if summary.as_stated_m:
-            return all(ends.high - ends.low <= 2 * PRECISE for ends in summary.as_stated_m)
+            return all(ends.width <= 2 * PRECISE for ends in summary.as_stated_m)
         lengths = FittedPosterior.of_stored(self._store, summary, ()).leg_lengths
         low, high = np.quantile(lengths, (0.05, 0.95), axis=0)
         return bool(np.all(high - low <= 2 * PRECISE))

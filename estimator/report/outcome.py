@@ -97,7 +97,7 @@ def _how_sure(probability: float | None) -> str:
 
 def worst_length(posterior: PosteriorReport) -> float:
     """Half of the widest 90 % interval of a length, mm."""
-    return max((500 * (length.high - length.low) for length in posterior.lengths_m), default=0.0)
+    return max((500 * length.width for length in posterior.lengths_m), default=0.0)
 
 
 def print_result(

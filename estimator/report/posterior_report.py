@@ -239,18 +239,14 @@ def sums_of_lengths(lengths: Array, weights: Array) -> tuple[SumOfLengths, ...]:
         lengths: Lengths of the legs of each sample, m, shape (n, legs).
         weights: Weights of the samples, shape (n,).
     """
-    widths = [_width(_interval(column, weights)) for column in lengths.T]
+    widths = [_interval(column, weights).width for column in lengths.T]
     sums = []
     for first, second in combinations(range(lengths.shape[1]), 2):
         narrower = min(widths[first], widths[second])
         total = _interval(lengths[:, first] + lengths[:, second], weights)
-        if narrower > _VAGUE_WIDTH and _width(total) < _SUM_WIDTH * narrower:
+        if narrower > _VAGUE_WIDTH and total.width < _SUM_WIDTH * narrower:
             sums.append(SumOfLengths(legs=(first, second), length_m=total))
     return tuple(sums)
-
-
-def _width(interval: Interval) -> float:
-    return interval.high - interval.low
 
 
 def _parameters(fitted: FittedPosterior) -> tuple[ParameterEstimate, ...]:
@@ -260,7 +256,7 @@ def _parameters(fitted: FittedPosterior) -> tuple[ParameterEstimate, ...]:
         row = next(row for row in fitted.problem.table if row.name == name)
         interval = _interval(deviations, fitted.weights)
         excludes_zero = interval.low > 0 or interval.high < 0
-        is_learnt = excludes_zero or _width(interval) < LEARNT_WIDTH * PRIOR_WIDTH * row.narrow
+        is_learnt = excludes_zero or interval.width < LEARNT_WIDTH * PRIOR_WIDTH * row.narrow
         if row.switch or not row.narrow or not is_learnt:
             continue
         low, median, high = row.amounts(

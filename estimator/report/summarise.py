@@ -253,7 +253,7 @@ def _guessed(legs: Sequence[LegResult], posterior: PosteriorReport | None) -> It
     for index, leg in enumerate(legs):
         if leg.touched is False:
             length = None if posterior is None else posterior.lengths_m[index]
-            if length is None or length.high - length.low > _GUESSED * length.median:
+            if length is None or length.width > _GUESSED * length.median:
                 yield leg.joint
 
 

@@ -76,7 +76,7 @@ def as_stated_in_words(result: Result, posterior: PosteriorReport) -> str:
     if not posterior.as_stated_m:
         return ""
     listed = ", ".join(
-        f"{leg.joint} {mm(length.median)} ± {mm((length.high - length.low) / 2)}"
+        f"{leg.joint} {mm(length.median)} ± {mm(length.width / 2)}"
         for leg, length in zip(result.legs, posterior.as_stated_m, strict=True)
     )
     attached = ""

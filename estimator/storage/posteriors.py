@@ -169,6 +169,11 @@ class Interval(Record):
     median: Reading
     high: Reading
 
+    @property
+    def width(self) -> float:
+        """Distance between its ends."""
+        return self.high - self.low
+
 
 class Cause(Record):
     """What may make the robot otherwise than its problem says.
