@@ -25,15 +25,15 @@ from estimator.physics.backends import in_this_process
 from estimator.physics.statics import StaticsPhysics
 from estimator.report.canvas import as_png
 from estimator.report.evaluations import (
+    SCORE,
+    TRUTH,
     VALIDATION,
     print_score,
     print_validation,
     read_validation,
-    write_score,
-    write_validation,
 )
 from estimator.report.plots import LENGTHS, run_plots
-from estimator.report.result import PAGE
+from estimator.report.result import PAGE, write_document
 from estimator.report.run_files import LENGTHS_WITH_TRUTH, write_report
 from estimator.storage.store import RunStore
 from protocol.system.files import replace_bytes
@@ -58,7 +58,8 @@ def score(
             print_score(out, run_score)
         with unless_unwritable(directory):
             _plot_with_truth(store, run_score)
-            write_score(directory, run_score, truth)
+            replace_bytes(directory / TRUTH, truth.read_bytes())
+            write_document(directory / SCORE, run_score)
             write_report(store, page=True)
             if not as_json:
                 out.print(f"Plot: {directory / LENGTHS_WITH_TRUTH}", soft_wrap=True)
@@ -98,5 +99,5 @@ def validate(
             )
         print_validation(out, validation)
         with unless_unwritable(directory):
-            write_validation(directory, validation)
+            write_document(directory / VALIDATION, validation)
             out.print(f"Saved: {directory / VALIDATION}", soft_wrap=True)

@@ -9,9 +9,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final, TypeVar
+from typing import Final
 
-from pydantic import BaseModel, ValidationError
 from rich.console import Console
 from rich.text import Text
 
@@ -21,9 +20,8 @@ from estimator.evaluation.score import Score
 from estimator.evaluation.truth.urdf import Urdf, read_urdf
 from estimator.evaluation.validate import Validation
 from estimator.readings.modalities import MODALITIES, Quantity
-from estimator.report.result import Result, in_words
+from estimator.report.result import Result, in_words, read_document
 from estimator.report.tables import mm, number, plain_table
-from protocol.system.files import replace_bytes, replace_text
 
 SCORE: Final = "score.json"
 TRUTH: Final = "truth.urdf"
@@ -33,37 +31,11 @@ _MAX_WRONG: Final = 0.2  # largest share of programs (near forks) that a right b
 _NOT_IDENTIFIABLE: Final = Text("not identifiable", style="dim")
 _FORK_MARGIN: Final = 0.2  # degrees of path margin; docs/accuracy.md shows what happens below
 
-_Document = TypeVar("_Document", bound=BaseModel)
-
-
-def write_score(directory: Path, score: Score, truth: Path) -> None:
-    """Writes a run's score, and the body that it was scored against, to the run directory.
-
-    Raises:
-        OSError: The directory cannot be written.
-    """
-    replace_bytes(directory / TRUTH, truth.read_bytes())
-    replace_text(directory / SCORE, score.model_dump_json(indent=2) + "\n")
-
-
-def read_score(directory: Path) -> Score | None:
-    """Score of a run; ``None`` where there is none."""
-    return read_document(directory / SCORE, Score)
-
 
 def score_of(directory: Path, result: Result) -> Score | None:
     """Score of a run; ``None`` where there is none, or the run has gone on since."""
-    score, lengths = read_score(directory), [leg.length_m for leg in result.legs]
+    score, lengths = read_document(directory / SCORE, Score), [leg.length_m for leg in result.legs]
     return score if score and score.is_of(result.complete, lengths) else None
-
-
-def write_validation(directory: Path, validation: Validation) -> None:
-    """Writes a run's prediction errors to the run directory.
-
-    Raises:
-        OSError: The directory cannot be written.
-    """
-    replace_text(directory / VALIDATION, validation.model_dump_json(indent=2) + "\n")
 
 
 def read_validation(directory: Path) -> Validation | None:
@@ -76,14 +48,6 @@ def read_true_body(directory: Path) -> Urdf | None:
     try:
         return read_urdf(directory / TRUTH)
     except (OSError, TruthError):
-        return None
-
-
-def read_document(file: Path, kind: type[_Document]) -> _Document | None:
-    """Reads a document; ``None`` where the file is missing, damaged or of another version."""
-    try:
-        return kind.model_validate_json(file.read_bytes())
-    except (OSError, ValidationError):
         return None
 
 

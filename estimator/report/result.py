@@ -5,18 +5,22 @@ from __future__ import annotations
 import inspect
 import json
 import re
-from typing import Any, Final
+from pathlib import Path
+from typing import Any, Final, TypeVar
 
-from pydantic import ValidationError, computed_field
+from pydantic import BaseModel, ValidationError, computed_field
 
 from estimator.report.posterior_report import PosteriorReport
 from estimator.storage.posteriors import FitVerdict, Interval, Record
 from estimator.storage.records import BestFit
 from estimator.storage.store import RunStore
 from estimator.versions import versions
+from protocol.system.files import replace_text
 
 RESULT: Final = "result.json"
 PAGE: Final = "report.html"
+
+_Document = TypeVar("_Document", bound=BaseModel)
 
 MAIN_BODY: Final = "main body"
 """Name of the parent of parts that sit on the main body."""
@@ -212,11 +216,10 @@ class Result(Record):
         """
         if not (store.complete and (store.directory / PAGE).exists()):
             return None
-        try:
-            result = cls.model_validate_json((store.directory / RESULT).read_bytes())
-        except (OSError, ValidationError):
+        result = read_document(store.directory / RESULT, cls)
+        if result is None or not result.complete or result.versions != versions_of(store):
             return None
-        return result if result.complete and result.versions == versions_of(store) else None
+        return result
 
     @property
     def judged(self) -> PosteriorReport | FitReport | None:
@@ -233,6 +236,23 @@ class Result(Record):
             Interval(low=low, median=leg.length_m, high=high)
             for leg, (low, high) in zip(self.legs, ends, strict=True)
         )
+
+
+def read_document(file: Path, kind: type[_Document]) -> _Document | None:
+    """Reads a document; ``None`` where the file is missing, damaged or of another version."""
+    try:
+        return kind.model_validate_json(file.read_bytes())
+    except (OSError, ValidationError):
+        return None
+
+
+def write_document(file: Path, document: BaseModel) -> None:
+    """Writes a document, such as ``result.json``, in one step.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    replace_text(file, document.model_dump_json(indent=2) + "\n")
 
 
 def versions_of(store: RunStore) -> dict[str, str]:

@@ -16,7 +16,7 @@ from estimator.readings import readings_csv
 from estimator.report.canvas import as_png
 from estimator.report.page.run_page import run_page
 from estimator.report.plots import run_plots
-from estimator.report.result import PAGE, RESULT, Result
+from estimator.report.result import PAGE, RESULT, Result, write_document
 from estimator.report.summarise import summarise
 from estimator.storage.store import READINGS, ROBOT, RunStore
 from protocol.system.files import replace_bytes, replace_file, replace_text
@@ -77,7 +77,7 @@ def write_files(store: RunStore, result: Result, *, plots: bool = True, page: bo
             if picture is not None:
                 replace_bytes(store.directory / BODY, picture)
             replace_text(store.directory / PAGE, html)
-    replace_text(store.directory / RESULT, result.model_dump_json(indent=2) + "\n")
+    write_document(store.directory / RESULT, result)
 
 
 def write_samples(path: Path, fitted: FittedPosterior) -> None:

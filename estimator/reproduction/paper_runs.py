@@ -25,15 +25,8 @@ from estimator.identification.run import identify, reconnect, resume
 from estimator.physics.backends import REFERENCE, in_this_process
 from estimator.physics.statics import StaticsPhysics
 from estimator.problem.problem import Problem
-from estimator.report.evaluations import (
-    SCORE,
-    TRUTH,
-    read_document,
-    read_score,
-    read_validation,
-    write_validation,
-)
-from estimator.report.result import RESULT, Result
+from estimator.report.evaluations import SCORE, TRUTH, VALIDATION, read_validation
+from estimator.report.result import RESULT, Result, read_document, write_document
 from estimator.report.run_files import write_report
 from estimator.report.tables import number
 from estimator.reproduction import harness
@@ -43,7 +36,6 @@ from estimator.storage.run_config import RunConfig
 from estimator.storage.store import RunStore
 from estimator.workplaces import IN_THIS_PROCESS
 from protocol.errors import RobotUnreachableError
-from protocol.system.files import replace_text
 
 _ATTEMPTS: Final = 3  # at reaching the simulated robot, before a run counts as failed; not tuned
 
@@ -224,7 +216,7 @@ class PlannedRun:
             validation = validate(
                 store, physics, link, programs=self.predicts, saved=None, listener=listener
             )
-        write_validation(directory, validation)
+        write_document(directory / VALIDATION, validation)
 
     def _score(self, root: Path) -> None:
         directory = self.directory(root)
@@ -234,7 +226,7 @@ class PlannedRun:
             closing(in_this_process(store.settings.reference, store.world)) as reference,
         ):
             run_score = score(store, root / TRUTH, physics, reference)
-        replace_text(directory / SCORE, run_score.model_dump_json(indent=2) + "\n")
+        write_document(directory / SCORE, run_score)
 
 
 class _WorkOnly(Listener):
@@ -269,7 +261,8 @@ class Summary:
     def read(cls, run: PlannedRun, root: Path, failure: str | None = None) -> Self:
         """Reads the files of a run; ``failure`` is what is known of why it is not finished."""
         directory = run.directory(root)
-        result, score = read_document(directory / RESULT, Result), read_score(directory)
+        result = read_document(directory / RESULT, Result)
+        score = read_document(directory / SCORE, Score)
         validation = read_validation(directory)
         if result is None or score is None or (run.predicts and validation is None):
             return cls(run=run, failure=failure or "not finished")

@@ -20,8 +20,9 @@ from estimator.physics.pybullet import PyBulletPhysics
 from estimator.readings.modalities import MODALITIES, Clearance, Value
 from estimator.readings.observation import Observation, PredictedReadings
 from estimator.readings.readings_csv import read, write
-from estimator.report.evaluations import print_validation, write_validation
+from estimator.report.evaluations import VALIDATION, print_validation
 from estimator.report.page.run_page import run_page
+from estimator.report.result import write_document
 from estimator.report.summarise import summarise
 from tests.estimator.evaluation.test_score import make_ended_run
 from tests.estimator.evaluation.test_validate import Fresh, make_prediction
@@ -97,7 +98,7 @@ def test_its_own_limit_decides_what_is_as_predicted(clearance: float, as_predict
 def test_a_validated_run_reports_it(tmp_path: Path, physics: PyBulletPhysics) -> None:
     with make_ended_run(tmp_path, TRUE_LENGTHS) as run:
         validation = validate(run, physics, Fresh(), programs=2, saved=None, listener=Listener())
-        write_validation(run.directory, validation)
+        write_document(run.directory / VALIDATION, validation)
         html, _ = run_page(run, summarise(run))
     text = io.StringIO()
     print_validation(Console(file=text, width=200), validation)
