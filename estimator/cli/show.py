@@ -38,30 +38,26 @@ def show(
 ) -> None:
     """Show how far a run has come; writes the files of one that was broken off, if it can."""
     with errors_as_sentences(None), RunStore.open(directory, to_write=False) as store:
-        if form is not None:
-            FORMATS.load(form)  # one that there is not is refused before anything is computed
+        # A format that there is not is refused before anything is computed.
+        write = None if form is None else FORMATS.load(form)
         version = store.version
         is_worked_on = is_locked(directory, LOCK)  # asked first, since the writer may end meanwhile
         finished_result = Result.of_finished(store)
-        result = _summarised(store) if finished_result is None else finished_result
-        if form is None:
+        result = finished_result
+        if result is None:
+            result = importlib.import_module("estimator.report.summarise").summarise(store)
+        if write is None:
             print_result(out, result, directory, details=details)
         if finished_result is None and not is_worked_on and store.version == version:
             command = command_line("estimator", "show", directory)
             with unless_unwritable(directory, f"`{command}` writes them once it can."):
                 importlib.import_module("estimator.report.run_files").write_files(store, result)
-        if form is None:
+        if write is None:
             print_run_directory(directory)
         else:
-            write = FORMATS.load(form)
             text = write(result, directory)
             if not isinstance(text, str):
                 raise EstimatorError(
                     f"the {FORMATS.kind} {FORMATS.described(form)} gave {text!r}: it must give text"
                 )
             typer.echo(printable(text, keep="\n\t"))
-
-
-def _summarised(store: RunStore) -> Result:
-    result: Result = importlib.import_module("estimator.report.summarise").summarise(store)
-    return result

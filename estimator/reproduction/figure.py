@@ -71,7 +71,10 @@ def write_figure(
     """Writes the three files of a figure: table, numbers and picture."""
     write_csv(root / f"{name}.csv", header, rows)
     write_json(root / f"{name}.json", numbers)
-    write_png(root / f"{name}.png", picture)
+    replace_file(  # without the version of Matplotlib
+        root / f"{name}.png",
+        lambda fresh: picture.savefig(fresh, dpi=_DPI, metadata={"Software": None}),
+    )
 
 
 HISTORY: tuple[str, ...] = ("panel", "generation", "iteration", "quantity", "of", "value")
@@ -116,11 +119,6 @@ _DPI: Final = 150
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
     """Writes numbers for programs."""
     replace_text(path, json.dumps(content, indent=2, allow_nan=False) + "\n")
-
-
-def write_png(path: Path, figure: Figure) -> None:
-    """Writes a picture, without the version of Matplotlib."""
-    replace_file(path, lambda fresh: figure.savefig(fresh, dpi=_DPI, metadata={"Software": None}))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -177,7 +177,8 @@ class Server(Closable):
         self.request_stop()
         with self._running:
             if not self._closed:
-                self._dispose()
+                self._closed = True
+                self._resources.close()
 
     # --- the loop's steps -------------------------------------------------------------------------
 
@@ -305,25 +306,18 @@ class Server(Closable):
     def _send(self, action: Send) -> None:
         self._listener.send(action.peer, [action.frame])
 
-    def _dispose(self) -> None:
-        self._closed = True
-        self._resources.close()
-
 
 PERIOD: Final = 60.0
+"""Shortest time between two events of a kind that a ``LogLimiter`` lets through, s."""
 
 
 class LogLimiter:
     """Lets one event of a kind through, then at most one in each period, and counts the others.
 
     It remembers every kind, so there must be a bounded number of them.
-
-    Args:
-        period: Shortest time between two events of a kind that are let through, s.
     """
 
-    def __init__(self, period: float = PERIOD):
-        self._period = period
+    def __init__(self) -> None:
         self._kinds: dict[Hashable, tuple[float, int]] = {}
 
     def count(self, kind: Hashable, now: float) -> int | None:
@@ -334,7 +328,7 @@ class LogLimiter:
             ``None`` when this one is kept back too.
         """
         since, kept_back = self._kinds.get(kind, (-float("inf"), 0))
-        if now - since < self._period:
+        if now - since < PERIOD:
             self._kinds[kind] = since, kept_back + 1
             return None
         self._kinds[kind] = now, 0

@@ -379,7 +379,7 @@ def test_a_subscriber_skips_garbage_and_returns_the_newest(stack: ExitStack) -> 
 
 
 def test_one_in_a_period_is_let_through_with_the_number_kept_back() -> None:
-    limiter = LogLimiter(period=60)
+    limiter = LogLimiter()
     assert limiter.count("held", 0) == 0
     assert [limiter.count("held", second) for second in (1, 2, 59.9)] == [None] * 3
     assert limiter.count("busy", 2) == 0  # another kind
