@@ -319,7 +319,7 @@ def test_what_a_robot_has_otherwise_is_named_with_its_amount(
     more = Effort(levels=4, chains_per_level=32, steps=40, rounds=2, particles=256, samples=128)
     monkeypatch.setattr(posterior_method, "Effort", lambda: more)
     with serving(ModelRobot(travel=1.25)) as uri:
-        asked = changed(order(tmp_path, uri), interactions=4, seed=1)
+        asked = changed(order(tmp_path, uri), interactions=4, seed=2)
         run = tmp_path / "run"
         with pytest.raises(KeyboardInterrupt):
             identify(run, asked, IN_THIS_PROCESS, Interrupting(4), report=without_plots)
