@@ -10,7 +10,7 @@ from bench.known_attachments import KnownRun
 from bench.simulation_based_calibration import Robots
 
 
-@pytest.mark.parametrize(("robots", "dimensions"), [("exact", 4), ("built", 28)])
+@pytest.mark.parametrize(("robots", "dimensions"), [("exact", 4), ("built", 29)])
 def test_a_run_leaves_which_lengths_are_inside(
     tmp_path: Path, robots: Robots, dimensions: int
 ) -> None:
